@@ -19,7 +19,7 @@ from typing import Annotated, Final
 import tomlkit
 import typer
 
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.machine import Machine
 from analysis.model.settings import Settings
 from benchmarks.findings_rows import AXES, design, needed, own_machine, simulated
@@ -98,8 +98,8 @@ def applied(fault: Fault | Unlisted, seed: int) -> Applied:
         fault.name,
         seed,
         true_kg,
-        _mass(answer(before)),
-        _mass(answer(found.run)),
+        _mass(make_answer(before)),
+        _mass(make_answer(found.run)),
         sorted({each.cause for each in found.changes}),
         [(each.proposal.cause, each.why) for each in found.rejected],
     )

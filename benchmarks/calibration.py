@@ -17,10 +17,10 @@ import numpy as np
 import typer
 from scipy.stats import t as student_t
 
-from analysis.calibration.line.line_fit import fit_line_and_test
-from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_fit import fit_line_and_test_lack_of_fit
+from analysis.calibration.line.line_inversion import LineInversion
 from analysis.calibration.line.line_model import Points
-from analysis.calibration.line.point_errors import fit_error_line
+from analysis.calibration.line.point_errors import fit_error_slope_and_offset_kg
 from analysis.calibration.line.variance_components import WithinRunVariance
 from analysis.paper import printed_numbers
 from analysis.paper.torque_chain import TorqueChain
@@ -117,7 +117,7 @@ def drawn(dice: np.random.Generator, plan: Plan) -> Drawn:
 
 def of_19(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float, float]:
     """Slope and offset of (19), and their textbook deviations."""
-    line = fit_error_line(x, y)
+    line = fit_error_slope_and_offset_kg(x, y)
     assert line is not None
     alpha, beta = line
     left = y - alpha * x - beta
@@ -142,8 +142,8 @@ def outcome(one: Drawn) -> np.ndarray:
 
     Ours with the run's own uncertainty, without it; (19)'s; u(m̂) alone.
     """
-    line, _ = fit_line_and_test(one.points, one.day_known_kg)
-    found = Inversion.from_line(line).invert(
+    line, _ = fit_line_and_test_lack_of_fit(one.points, one.day_known_kg)
+    found = LineInversion.from_line(line).invert_mass_estimates(
         np.full(2, one.y_kg),
         np.full(2, float(one.readings)),
         np.array([one.u_random_kg, np.nan]),
@@ -239,11 +239,11 @@ def papers(dice: np.random.Generator) -> PaperRuns:
 
 def ours(points: Points, line: tuple[float, float]) -> tuple[float, float, float, float]:
     """Whether the intervals hold alpha and beta, and what they are over the truth."""
-    fitted, _ = fit_line_and_test(points, None)
-    inversion = Inversion.from_line(fitted)
+    fitted, _ = fit_line_and_test_lack_of_fit(points, None)
+    inversion = LineInversion.from_line(fitted)
     c0, c1 = line
     low, high = inversion.slope_interval(CONFIDENCE)
-    at_zero = inversion.invert_line_only(0.0, CONFIDENCE)
+    at_zero = inversion.invert_without_later_variance(0.0, CONFIDENCE)
     beta_kg = -c0 / c1
     found_kg = float(at_zero.mass_kg[0])
     holds_beta = at_zero.low_kg[0] <= beta_kg <= at_zero.high_kg[0]

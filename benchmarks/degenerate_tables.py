@@ -38,7 +38,7 @@ os.environ.setdefault("POLARS_MAX_THREADS", "1")
 import polars as pl
 import typer
 
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from benchmarks.drawn_tables import DrawnTable, draw
 from recordings import read_recording
 from replay.commands import progress_bar
@@ -236,7 +236,7 @@ def disagreements(
         text: without `--json`; None where it was not asked for.
     """
     can_weigh = said["verdict"]["can_weigh"]
-    kept = answer(read_recording(recording))
+    kept = make_answer(read_recording(recording))
     has_mass = any(load["mass_kg"] is not None for load in said["loads"])
     by_method = any(value is not None for value in said.get("mass_kg", {}).values())
     others = {

@@ -20,7 +20,7 @@ import typer
 from numpy.typing import NDArray
 
 from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyRow, compute_shift_energy
-from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
+from analysis.cycles.cycles_without_mass import find_spans_of_missing_channels_ns
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
@@ -95,7 +95,7 @@ def energies_beside_truth(
 ) -> list[tuple[EnergyRow, Floats]]:
     """Each row of the energy table, and its true parts in kWh."""
     frames, t0_ns = made.frames, made.provenance.t0_unix_ns
-    gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
+    gaps = find_spans_of_missing_channels_ns(frames["excitation"], frames["aligned"])
     digs = frames["digging"].select("start_t_ns", "end_t_ns").rows()
     true = TrueEnergy(scenario, [(s + t0_ns, e + t0_ns) for s, e in digs])
     found = compute_shift_energy(frames, machine, gaps)

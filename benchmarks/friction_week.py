@@ -15,7 +15,7 @@ import typer
 from recordings.review.week_page import (
     describe_friction_trends,
     fit_friction_trends,
-    format_date_of_day_number,
+    format_day_number,
     read_shifts_of_reviews,
 )
 from replay.review.review_shift import ReviewOptions, review_shift
@@ -72,7 +72,7 @@ def main(hours: float = 0.25, seed: int = 1, keep: Path | None = None) -> None:
         print(sentence)
     for trend in trends.values():
         inside = trend.reached_d is not None and trend.reached_d[0] <= true_d <= trend.reached_d[1]
-        print(f"true: {format_date_of_day_number(true_d)}; inside: {'yes' if inside else 'no'}")
+        print(f"true: {format_day_number(true_d)}; inside: {'yes' if inside else 'no'}")
 
 
 if __name__ == "__main__":

@@ -20,15 +20,15 @@ import typer
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
-    make_run_responses,
+    make_run_responses_to_learnt_means,
     read_campaign_runs,
 )
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
-from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.use.apply_calibration import calibrate_loads, describe_later_log
+from analysis.calibration.line.line_fit import fit_calibration_line
+from analysis.calibration.use.apply_calibration import calibrate_loads, collect_later_log_facts
 from analysis.calibration.use.learnt_priors import (
     apply_learnt_priors_to_machine,
-    pool_terms_over_logs,
+    pool_learnt_terms_over_logs,
     prepare_machine_for_later_log,
     select_learnable_terms,
 )
@@ -206,7 +206,7 @@ def calibrated(
         if not each.frames["loads"]["withheld"].any()
         for term in select_learnable_terms(str(number), each.frames["nuisances"])
     ]
-    machine = apply_learnt_priors_to_machine(raw[0][1], pool_terms_over_logs(said))
+    machine = apply_learnt_priors_to_machine(raw[0][1], pool_learnt_terms_over_logs(said))
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]
     again = [replayed(drawn, state, own, machine)[0] for state, own in logs]
     runs = [
@@ -220,14 +220,14 @@ def calibrated(
     responses = [
         one
         for each, about in zip(again, runs, strict=True)
-        for one in make_run_responses(each, [about], "joint_mass")
+        for one in make_run_responses_to_learnt_means(each, [about], "joint_mass")
     ]
     reference_kg = mass_kg * (1.0 + np.array(loads_1))
     known = pl.DataFrame({"load_id": [r.log for r in runs], "reference_kg": reference_kg})
     u_kg2 = np.eye(len(runs)) * (0.0001 * mass_kg) ** 2
     options = CalibrationOptions("joint_mass")
     try:
-        line = fit_calibration(pl.concat(tables), known, u_kg2, options, responses)
+        line = fit_calibration_line(pl.concat(tables), known, u_kg2, options, responses)
     except ValueError as fault:
         return str(fault)
     return line, prepare_machine_for_later_log(machine)
@@ -242,7 +242,7 @@ def later(
     """What the last load of a later log comes to."""
     line, machine = by
     made, own = replayed(drawn, states, dice, machine)
-    log = describe_later_log(made.frames, own.machine)
+    log = collect_later_log_facts(made.frames, own.machine)
     row = calibrate_loads(made.frames["loads"], line, log).row(-1, named=True)
     names = ["payload_kg", "payload_u_kg", "mass_kg", "u_kg"]
     names += [name for name in row if name.startswith("calibrated_")]

@@ -22,7 +22,7 @@ from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
 from estimators.joint.group_effects import GroupEffects
-from estimators.numerics.autocorrelation import student_to_normal_ratio
+from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
@@ -240,7 +240,7 @@ def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
             mean = np.bincount(state, weights=weight * found.level_kg) / total
             noise = np.bincount(state, weights=weight**2 * drawn.units.variance) / total**2
             between = np.bincount(state, weights=(weight * found.scatter_kg) ** 2) / total**2
-            variance = noise + between * student_to_normal_ratio(found.freedom) ** 2
+            variance = noise + between * compute_student_to_normal_ratio(found.freedom) ** 2
             errors = mean - level_kg
             masses += (errors / np.sqrt(variance)).tolist()
             payloads += ((errors[1:] - errors[0]) / np.sqrt(variance[1:] + variance[0])).tolist()

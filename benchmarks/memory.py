@@ -20,7 +20,7 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.diagnosis import CheckInputs, judge_checks
+from analysis.diagnosis import CheckInputs, judge_log_by_checks
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario
@@ -78,7 +78,7 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     estimates = trace_estimates(excitation, gated, settings)
     peak(f"trace, {len(METHODS)} methods")
     table = pool_by_manoeuvre(excitation, gated, settings)
-    judged = judge_checks(CheckInputs(excitation, gated, machine))
+    judged = judge_log_by_checks(CheckInputs(excitation, gated, machine))
     totals = summarise_masses(excitation, gated, estimates, machine)
     peak("segments, verdict, masses")
     frames = {

@@ -25,7 +25,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.settings import Settings
 from estimators.arrays import Floats
-from estimators.numerics.play import follow_with_play
+from estimators.numerics.play import apply_play_hysteresis
 from replay import open_log, run
 from replay.logs import TimeAxis
 
@@ -131,7 +131,7 @@ def logged(cell: Cell, seed: int, nuisance: dict[str, float] | None = None) -> p
     at = np.arange(_MARGIN_S, t[-1] - _MARGIN_S, 1.0 / cell.rate_hz)
     wheels = v * (1.0 + has("slip", 0.0) * force)
     share = 1.0 + has("gain_drift", 0.0) * np.linspace(-0.5, 0.5, t.size)
-    force = follow_with_play(force * share, has("force_play", 0.0))
+    force = apply_play_hysteresis(force * share, has("force_play", 0.0))
     force_read = np.interp(at - has("lag", 0.0), t, force)
     force_read += rng.normal(0.0, FORCE_N, at.size)
     speed_read = np.interp(at - (0.0 if cell.derived else has("speed_delay", 0.0)), t, wheels)

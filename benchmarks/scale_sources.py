@@ -32,9 +32,9 @@ import typer
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.learnt_priors import describe_contradicted_priors
+from analysis.calibration.use.learnt_priors import describe_contradicted_learnt_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
-from analysis.cycles.haul_spillage import subtract_spillage_in_columns
+from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
 from analysis.cycles.shift_totals import recompute_shift_totals
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -138,7 +138,7 @@ def _on_own_scale(cycles: pl.DataFrame) -> pl.DataFrame:
             pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2
         ).sqrt()
     )
-    return subtract_spillage_in_columns(unspilled)
+    return subtract_spillage_from_payload_columns(unspilled)
 
 
 def _campaign_of(log: ShiftLog, seed: int) -> tuple[Calibration, Machine] | str:
@@ -197,7 +197,7 @@ def scaled(seed: int, hours: float, *, clean: bool, wrong_scale: bool) -> Scaled
         else:
             line, learnt = evidence
             frames = replayed(machine_as_calibrated(machine, learnt)).frames
-            why = describe_contradicted_priors(frames["nuisances"])
+            why = describe_contradicted_learnt_priors(frames["nuisances"])
             errors = SharedErrors.from_frames(frames)
             for arm, raw in ((BOTH, frames["cycles"]), (EVIDENCE, _on_own_scale(frames["cycles"]))):
                 count(arm, frames, raw if why else calibrate_cycles(raw, line, errors))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.load_passes import Passes, find_load_passes
-from analysis.cycles.shift_totals import make_shift_totals
+from analysis.cycles.shift_totals import make_shift_totals_frame
 from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import PreviousEstimates
@@ -174,7 +174,9 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
         update={"machine": _MACHINE.machine.model_copy(update={"force_gain_u": GAIN_U})}
     )
     table = weigh_cycles(weighing, frames, machine, Verdict(()), known).cycles
-    summary = make_shift_totals(table, frames["excitation"], frames["aligned"]).row(0, named=True)
+    summary = make_shift_totals_frame(table, frames["excitation"], frames["aligned"]).row(
+        0, named=True
+    )
     found = known or find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
     return _compared(truth, table, summary, found, hat)
 

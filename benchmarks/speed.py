@@ -21,12 +21,12 @@ from numba import njit
 
 from estimators.arrays import Floats, Ints
 from estimators.methods import fgls, tls
-from estimators.numerics.mutual_information import sum_windows_with_correlation
+from estimators.numerics.mutual_information import sum_window_products_and_correlation
 from estimators.numerics.normal_equations import solve_packed_equations
 from estimators.numerics.recursive import (
     accumulate_discounted_products,
     iter_sample_chunks,
-    list_fed_samples,
+    list_samples_fed_after_window,
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import sum_window_products
@@ -122,7 +122,7 @@ def ols_and_rho(data: Data) -> Floats:
     out, index = np.empty((data.index.size, 3)), data.index
 
     def work(rows: slice) -> None:
-        products, rho, _ = sum_windows_with_correlation(data.A, data.f, WINDOW, index[rows])
+        products, rho, _ = sum_window_products_and_correlation(data.A, data.f, WINDOW, index[rows])
         out[rows, :2] = solve_packed_equations(products).theta.T
         out[rows, 2] = rho
 
@@ -152,7 +152,7 @@ def weighted(data: Data) -> Floats:
 
 def recursive(data: Data) -> Floats:
     """θ alone, from P₀ = I / ε and no first window, as padasip starts."""
-    fed, seen = list_fed_samples(np.arange(1, data.f.size), 2)
+    fed, seen = list_samples_fed_after_window(np.arange(1, data.f.size), 2)
     theta = np.empty((seen.size, 2))
     past = pad_entries_to_lanes(pack_symmetric_matrix(np.diag([EPSILON, EPSILON, 0.0])))
     accumulate_discounted_products(data.A, data.f, np.arange(2), 0.998, past)

@@ -19,7 +19,7 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.diagnosis import CheckInputs, judge_checks
+from analysis.diagnosis import CheckInputs, judge_log_by_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import make_planar_frames
@@ -76,7 +76,7 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
     noise = estimate_channel_noise(aligned, excitation, machine)
     gated = gate_windows(excitation, settings, noise)
-    opinion = Verdict.from_frame(judge_checks(CheckInputs(excitation, gated, machine)))
+    opinion = Verdict.from_frame(judge_log_by_checks(CheckInputs(excitation, gated, machine)))
     return make_planar_frames(excitation, gated, opinion, machine, noise)[0]
 
 

@@ -16,15 +16,15 @@ from scipy.stats import t as student_t
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
-    make_run_responses,
+    make_run_responses_to_learnt_means,
     read_campaign_runs,
 )
 from analysis.calibration.line.calibration import CalibrationOptions
-from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.use.apply_calibration import calibrate_loads, describe_later_log
+from analysis.calibration.line.line_fit import fit_calibration_line
+from analysis.calibration.use.apply_calibration import calibrate_loads, collect_later_log_facts
 from analysis.calibration.use.learnt_priors import (
     apply_learnt_priors_to_machine,
-    pool_terms_over_logs,
+    pool_learnt_terms_over_logs,
     select_learnable_terms,
 )
 from analysis.model.machine import Machine
@@ -138,7 +138,9 @@ def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
         for load_kg, each in zip(LOADS_KG, raw, strict=False)
         for term in select_learnable_terms(f"{load_kg:g}", each.frames["nuisances"])
     ]
-    narrow = replays(logs, apply_learnt_priors_to_machine(machine, pool_terms_over_logs(said)))
+    narrow = replays(
+        logs, apply_learnt_priors_to_machine(machine, pool_learnt_terms_over_logs(said))
+    )
     return {
         name: _outcomes(replayed, references)
         for name, replayed in (("learnt from its logs", narrow), ("of the machine file", raw))
@@ -153,14 +155,14 @@ def _outcomes(replayed: list[Run], references: pl.DataFrame) -> list[Outcome]:
     responses = [
         one
         for each, load_kg in zip(first, LOADS_KG, strict=True)
-        for one in make_run_responses(each, [run_of(load_kg)], "joint_mass")
+        for one in make_run_responses_to_learnt_means(each, [run_of(load_kg)], "joint_mass")
     ]
     options = CalibrationOptions("joint_mass")
-    line = fit_calibration(table, references, covariance, options, responses)
+    line = fit_calibration_line(table, references, covariance, options, responses)
     body = load_machine("cat262c.toml").machine
     found: list[Outcome] = []
     for each, load_kg in zip(later, LATER_KG, strict=True):
-        log = describe_later_log(each.frames, body)
+        log = collect_later_log_facts(each.frames, body)
         row = calibrate_loads(each.frames["loads"], line, log).row(0, named=True)
         true_kg = EMPTY_KG + load_kg
         if row["calibrated_kg"] is None:

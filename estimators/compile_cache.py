@@ -29,15 +29,15 @@ _LOOPS: Final = re.compile(rb"^from estimators\.(?:compiled|interpreted) import"
 _IMPORT: Final = re.compile(rb"^(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)|.*))?", re.M)
 
 
-def make_cache_folder(source: Path) -> Path:
+def make_cache_folder(module_file: Path) -> Path:
     """Make the folder for the compiled functions of a module, given the module's file.
 
     It is inside NUMBA_CACHE_DIR if that is set.
     """
-    inside = source.relative_to(_HOUSE)
+    inside = module_file.relative_to(_HOUSE)
     module = ".".join(inside.with_suffix("").parts)
     for parent in _list_cache_parents(inside.parts[0]):
-        folder = parent / module / _digest_source_and_imports(source)
+        folder = parent / module / _digest_source_and_imports(module_file)
         if _is_writable(folder):
             _remove_outdated_cache_folders(folder)
             return folder
@@ -47,22 +47,22 @@ def make_cache_folder(source: Path) -> Path:
 known_folder_of: Final = cache(make_cache_folder)
 
 
-def is_function_cached(source: Path, name: str) -> bool:
+def is_function_cached(module_file: Path, function_name: str) -> bool:
     """Whether a compiled form of a function is in the cache, given its module's file."""
-    return any(known_folder_of(source).glob(f"*/{source.stem}.{name}-*.nbi"))
+    return any(known_folder_of(module_file).glob(f"*/{module_file.stem}.{function_name}-*.nbi"))
 
 
-def are_all_compiled() -> bool:
-    """Whether `mark_all_compiled` was called with the present sources and numba."""
+def are_all_loops_cached() -> bool:
+    """Whether `record_that_all_loops_are_cached` was called with the present sources and numba."""
     try:
-        return _path_of_all_compiled_marker().read_text(encoding="utf-8") == _describe_cache_state()
+        return _path_of_all_cached_marker().read_text(encoding="utf-8") == _describe_cache_state()
     except OSError:
         return False
 
 
-def mark_all_compiled() -> None:
+def record_that_all_loops_are_cached() -> None:
     """Record that every compiled loop is in the cache."""
-    marker = _path_of_all_compiled_marker()
+    marker = _path_of_all_cached_marker()
     partial = marker.with_name(f"{marker.name}.{os.getpid()}")
     partial.write_text(_describe_cache_state(), encoding="utf-8")
     partial.replace(marker)
@@ -70,11 +70,11 @@ def mark_all_compiled() -> None:
 
 def find_persistent_cache_folder() -> Path | None:
     """Folder of the cache; None if no folder that outlasts the process is writable."""
-    folder = _path_of_all_compiled_marker().parent
+    folder = _path_of_all_cached_marker().parent
     return None if folder == _make_temporary_folder().parent else folder
 
 
-def _path_of_all_compiled_marker() -> Path:
+def _path_of_all_cached_marker() -> Path:
     return known_folder_of(_HOUSE / Path(__file__).parent.name / "compiled.py").parents[1] / "all"
 
 
@@ -84,13 +84,15 @@ def _describe_cache_state() -> str:
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
 
 
-def _has_compiled_loops(source: Path) -> bool:
+def _has_compiled_loops(module_file: Path) -> bool:
     """Whether a module of this repository contains compiled loops."""
-    inside = source.relative_to(_HOUSE).parts[0]
-    return (_HOUSE / inside / "__init__.py").exists() and bool(_LOOPS.search(source.read_bytes()))
+    inside = module_file.relative_to(_HOUSE).parts[0]
+    return (_HOUSE / inside / "__init__.py").exists() and bool(
+        _LOOPS.search(module_file.read_bytes())
+    )
 
 
-def clear_cache() -> list[Path]:
+def remove_compile_cache() -> list[Path]:
     """Remove the cache, because part of it is unreadable; returns the removed folders."""
     packages = [path.parent.name for path in _HOUSE.glob("*/__init__.py")]
     kept = {
@@ -129,12 +131,12 @@ class _Source(NamedTuple):
     imports: tuple[Path, ...]
 
 
-def _digest_source_and_imports(source: Path) -> str:
+def _digest_source_and_imports(module_file: Path) -> str:
     """Hash the sources of a module and of its imports from its own package and this one."""
-    packages = {Path(__file__).parent.name, _read_source_and_imports(source).package}
+    packages = {Path(__file__).parent.name, _read_source_and_imports(module_file).package}
     found: dict[Path, _Source] = {}
     # how it is compiled, which a loop that may be interpreted does not import
-    left = [source, _HOUSE / Path(__file__).parent.name / "compiled.py"]
+    left = [module_file, _HOUSE / Path(__file__).parent.name / "compiled.py"]
     while left:
         path = left.pop()
         if path not in found and (read := _read_source_and_imports(path)).package in packages:
@@ -147,9 +149,9 @@ def _digest_source_and_imports(source: Path) -> str:
 
 
 @cache
-def _read_source_and_imports(source: Path) -> _Source:
+def _read_source_and_imports(module_file: Path) -> _Source:
     """Hash the source of a module, and find the files of its imports."""
-    text, inside = source.read_bytes(), source.relative_to(_HOUSE)
+    text, inside = module_file.read_bytes(), module_file.relative_to(_HOUSE)
     modules: set[Path] = set()
     for package, names in _IMPORT.findall(text):
         home = _HOUSE.joinpath(*package.decode().split("."))

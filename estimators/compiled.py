@@ -56,7 +56,7 @@ def compiled_inline(function: F) -> F:
 
 
 def _compile_on_first_call(function: F, options: Mapping[str, Any]) -> F:
-    with _use_cache_folder(known_folder_of(Path(function.__code__.co_filename))):
+    with _cache_decorated_functions_in_folder(known_folder_of(Path(function.__code__.co_filename))):
         dispatcher = cast("Any", njit)(**options)(function)
     dispatcher._cache._cache_file.__class__ = _ContentNamedIndex  # noqa: SLF001 - numba has no other way
     return cast("F", dispatcher)
@@ -76,7 +76,7 @@ class _ContentNamedIndex(cast("Any", IndexDataCacheFile)):
 
 
 @contextmanager
-def _use_cache_folder(folder: Path) -> Generator[None]:
+def _cache_decorated_functions_in_folder(folder: Path) -> Generator[None]:
     """Cache functions decorated inside this context in a folder, and no others."""
     with _ONE_AT_A_TIME:
         usual = _SETTINGS.CACHE_DIR

@@ -46,7 +46,7 @@ _COMPILED, _WITHOUT_REFCOUNTS, _INLINED = (
 )
 
 
-def is_compiler_loaded() -> bool:
+def is_numba_imported() -> bool:
     """Whether this process has imported numba, as every replay does: it will compile anyway."""
     return "numba" in sys.modules
 
@@ -131,7 +131,7 @@ class Loop:
         if (
             self._at_first
             and _InterpreterBudget.seconds > 0
-            and not is_compiler_loaded()
+            and not is_numba_imported()
             and self._turns(*arguments) <= MOST_TURNS
         ):
             begin = thread_time()
@@ -141,7 +141,7 @@ class Loop:
                 _InterpreterBudget.seconds -= thread_time() - begin
         if (
             _ColdLoopRule.allowed
-            and self._may_interpret_while_uncached
+            and self._is_interpreting_allowed_while_uncached
             and self._turns(*arguments) <= self._most_cold
         ):
             begin = thread_time()
@@ -152,7 +152,7 @@ class Loop:
         return self.compiled(*arguments)
 
     @property
-    def _may_interpret_while_uncached(self) -> bool:
+    def _is_interpreting_allowed_while_uncached(self) -> bool:
         return self._cold_seconds > 0 and not self.is_cached
 
     def _run_interpreted(self, arguments: tuple[Any, ...]) -> Any:
@@ -165,11 +165,14 @@ class Loop:
         used = {name: names.get(name) for name in self._function.__code__.co_names}
         return {name: each for name, each in used.items() if isinstance(each, Loop | Primitive)}
 
-    def _with_replaced_globals(self, names: dict[str, Any]) -> Callable[..., Any]:
+    def _with_replaced_globals(self, replacements_by_name: dict[str, Any]) -> Callable[..., Any]:
         """The function with some of its global names replaced."""
         mine = self._function
         made = FunctionType(
-            mine.__code__, {**mine.__globals__, **names}, mine.__name__, mine.__defaults__
+            mine.__code__,
+            {**mine.__globals__, **replacements_by_name},
+            mine.__name__,
+            mine.__defaults__,
         )
         return update_wrapper(made, mine)
 

@@ -7,20 +7,20 @@ from typing import Final
 import polars as pl
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.shift_totals import estimate_min_detectable_load_kg, make_shift_totals
+from analysis.cycles.shift_totals import estimate_min_detectable_load_kg, make_shift_totals_frame
 from analysis.diagnosis import (
     CheckInputs,
     collect_raw_signals,
     compare_methods_with_joint_fit,
-    judge_checks,
-    refit_without_stretches,
+    judge_log_by_checks,
+    refit_without_failing_stretches,
     withhold_by_findings,
 )
 from analysis.findings import (
     FindingInputs,
     add_masked_findings,
     cut_to_first_hour,
-    drop_findings_explained_by_work,
+    drop_findings_explained_by_work_cycles,
     find_causes,
 )
 from analysis.model.loss import Loss
@@ -37,37 +37,37 @@ from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.digging import (
     add_digs_column,
     find_digging_starts,
-    refuse_windows_that_dig,
+    reject_windows_with_digging,
 )
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import estimate_channel_noise
-from analysis.stages.noise.channel_noise import write_noise_source_notes as noise_notes
+from analysis.stages.noise.channel_noise import list_noise_source_notes as noise_notes
 from analysis.stages.signals.align import align
-from analysis.stages.signals.align import write_alignment_notes as grid_notes
+from analysis.stages.signals.align import list_alignment_notes as grid_notes
 from analysis.stages.signals.copied_rows import (
     Copy,
     drop_copied_rows,
-    find_copied_rows,
-    write_copied_row_notes,
+    find_copied_rows_by_topic,
+    list_copied_row_notes,
 )
 from analysis.stages.signals.derive import derive, read_measured_channels
-from analysis.stages.signals.grid_rate import set_rate_from_log
+from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
-    drop_repeated_rows,
+    drop_rows_with_held_readings,
     find_held_channels,
-    write_held_reading_notes,
+    list_held_reading_notes,
 )
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.speed_threshold import (
-    drop_readings_below_threshold,
-    find_speed_thresholds,
-    write_speed_threshold_notes,
+    drop_zero_readings_beside_motion,
+    find_zero_speed_thresholds_m_s,
+    list_speed_threshold_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import note_outdated_weighbridge_ticket
+from analysis.weighing.empty_mass_datum import list_outdated_ticket_notes
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.learnt_means import make_learnt_mean_frames
 from analysis.weighing.load_frames import (
@@ -121,16 +121,18 @@ class _TopicChannels:
         cls, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
     ) -> "_TopicChannels":
         """Assign a time to every sample, and read the channels that the machine file names."""
-        copied = find_copied_rows(raw_frames)  # of a buffer that a logger wrote twice
+        copied = find_copied_rows_by_topic(raw_frames)  # of a buffer that a logger wrote twice
         placed, stamps, doubts = assign_timestamps(drop_copied_rows(raw_frames, copied))
         read, missing = read_measured_channels(placed, machine)
         held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
-        notes = [*write_copied_row_notes(copied), *write_held_reading_notes(read, held)]
-        read = drop_repeated_rows(read, held)
+        notes = [*list_copied_row_notes(copied), *list_held_reading_notes(read, held)]
+        read = drop_rows_with_held_readings(read, held)
         # an accelerometer sees a start that its speed does not
-        thresholds_m_s = find_speed_thresholds(read) if machine.differentiates_speed else {}
-        read = drop_readings_below_threshold(read, thresholds_m_s)
-        notes += write_speed_threshold_notes(thresholds_m_s)
+        thresholds_m_s = (
+            find_zero_speed_thresholds_m_s(read) if machine.differentiates_speed else {}
+        )
+        read = drop_zero_readings_beside_motion(read, thresholds_m_s)
+        notes += list_speed_threshold_notes(thresholds_m_s)
         return cls(read, stamps, [*doubts, *missing], notes, copied)
 
 
@@ -181,7 +183,7 @@ def run(
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channel_fields_and_losses(logs, machine)
     placed = _TopicChannels.from_topics(raw, machine)
-    machine, chosen = set_rate_from_log(placed.read, machine)  # what no setting gives
+    machine, chosen = choose_grid_rate_by_log(placed.read, machine)  # what no setting gives
     chosen = [*placed.notes, *chosen]
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
@@ -201,7 +203,7 @@ def run(
             excitation,
             machine,
             opinion,
-            FuelOnBoard.from_channel(machine.machine, seen.frames["aligned"]),
+            FuelOnBoard.integrate_fuel_rate(machine.machine, seen.frames["aligned"]),
         ),
         "manoeuvres": make_manoeuvre_frame(weighing, excitation, machine),
     }
@@ -216,7 +218,7 @@ def run(
             "planar_budget": plane_budget,
             **answer,
             "cycles": hauled.cycles,
-            "shift": make_shift_totals(
+            "shift": make_shift_totals_frame(
                 hauled.cycles,
                 excitation,
                 seen.frames["aligned"],
@@ -228,7 +230,7 @@ def run(
             "budget": make_budget_frame(weighing, machine),
             "masses": withhold_masses(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
-            "findings": drop_findings_explained_by_work(causes, hauled.cycles),
+            "findings": drop_findings_explained_by_work_cycles(causes, hauled.cycles),
         },
         provenance=make_provenance_of_inputs(
             logs,
@@ -243,9 +245,7 @@ def run(
                 *order_note(compute_log_offsets_ns(logs, list_channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *note_outdated_weighbridge_ticket(
-                    machine.machine, seen.case.check_inputs.t0_unix_ns
-                ),
+                *list_outdated_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),
@@ -276,17 +276,16 @@ def _run_stages(
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate_windows(excitation, settings, noise)
     digs = find_digging_starts(excitation, machine)  # what pushes back is no mass
-    gated = refuse_windows_that_dig(gated, excitation, digs, machine)
+    gated = reject_windows_with_digging(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
     seen = collect_raw_signals(raw_frames, read)
-    told = (
-        refit_without_stretches(  # nor is what repeats itself, if the answer is the same without it
-            seen,
-            (add_digs_column(aligned, digs), t0_unix_ns),
-            gated,
-            machine,
-            lambda grid: weigh(grid, excitation, gated, noise, machine),
-        )
+    # nor does what repeats itself count, if the answer is the same without it
+    told = refit_without_failing_stretches(
+        seen,
+        (add_digs_column(aligned, digs), t0_unix_ns),
+        gated,
+        machine,
+        lambda grid: weigh(grid, excitation, gated, noise, machine),
     )
     weighing, gated = told.weighing, told.gated
     release_freed_memory()  # of a shift a gigabyte
@@ -307,7 +306,7 @@ def _run_stages(
         noise,
         told.named,
     )
-    judged = judge_checks(evidence)
+    judged = judge_log_by_checks(evidence)
     contradicted = [
         each.method for each in compare_methods_with_joint_fit(evidence) if each.contradicted
     ]

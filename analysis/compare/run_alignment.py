@@ -19,30 +19,32 @@ _LEFT_OUT: Final = 0.25
 _ROW: Final = "_row"
 
 
-def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
+def match_manoeuvres_of_runs(
+    segments_a: pl.DataFrame, segments_b: pl.DataFrame
+) -> list[tuple[int, int]]:
     """Match the manoeuvres of two logs in order, by phase and duration.
 
     The alignment has the least cost (Needleman and Wunsch 1970), where a pair costs |ln| of the
     ratio of its durations and only manoeuvres of one phase pair.
 
     Args:
-        a: frame `segments` with start_t_ns, end_t_ns, phase.
-        b: the other frame.
+        segments_a: frame `segments` with start_t_ns, end_t_ns, phase.
+        segments_b: the other frame.
 
     Returns:
         The rows of each pair.
     """
-    cost = np.full((a.height + 1, b.height + 1), np.inf)
-    steps = _LEFT_OUT * np.arange(b.height + 1)
+    cost = np.full((segments_a.height + 1, segments_b.height + 1), np.inf)
+    steps = _LEFT_OUT * np.arange(segments_b.height + 1)
     cost[0] = steps
-    pair = compute_matching_costs(a, b)
-    for row in range(a.height):
+    pair = compute_manoeuvre_matching_costs(segments_a, segments_b)
+    for row in range(segments_a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
         # the rest of the row is what leaving out manoeuvres of B costs
         cost[row + 1] = np.minimum.accumulate(best - steps) + steps
     found: list[tuple[int, int]] = []
-    i, j = a.height, b.height
+    i, j = segments_a.height, segments_b.height
     while i and j:
         if cost[i, j] == cost[i - 1, j - 1] + pair[i - 1, j - 1]:
             i, j = i - 1, j - 1
@@ -54,17 +56,20 @@ def pair_manoeuvres(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     return found[::-1]
 
 
-def compute_matching_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+def compute_manoeuvre_matching_costs(
+    segments_a: pl.DataFrame, segments_b: pl.DataFrame
+) -> NDArray[np.float64]:
     """Cost (a, b) of matching two manoeuvres; infinite for different phases."""
     lengths = [
-        np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
+        np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1))
+        for each in (segments_a, segments_b)
     ]
-    phases = [each["phase"].cast(pl.String).to_numpy() for each in (a, b)]
+    phases = [each["phase"].cast(pl.String).to_numpy() for each in (segments_a, segments_b)]
     apart = np.abs(lengths[0][:, None] - lengths[1][None, :])
     return np.where(phases[0][:, None] == phases[1][None, :], apart, np.inf)
 
 
-def shift_run_to_time_line(a: Run, b: Run, *, one_log: bool) -> Run:
+def shift_run_b_to_time_of_a(a: Run, b: Run, *, one_log: bool) -> Run:
     """Run B on the time line of A.
 
     Args:
@@ -77,19 +82,19 @@ def shift_run_to_time_line(a: Run, b: Run, *, one_log: bool) -> Run:
         B, with A's start of time.
     """
     about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
-    zones = None if one_log else find_time_shifts(a, b)
+    zones = None if one_log else find_time_shifts_of_run_b(a, b)
     offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
     return Run(
         {name: shift_frame_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
     )
 
 
-def find_time_shifts(a: Run, b: Run) -> pl.DataFrame | None:
+def find_time_shifts_of_run_b(a: Run, b: Run) -> pl.DataFrame | None:
     """Spans of B's time with the shift of each; None if no manoeuvre matches."""
     tables = [run.frames.get("segments", pl.DataFrame()) for run in (a, b)]
     if any(table.is_empty() for table in tables):
         return None
-    pairs = pair_manoeuvres(*tables)
+    pairs = match_manoeuvres_of_runs(*tables)
     reach = [extend_spans_into_gaps(table) for table in tables]
     rows: list[dict[str, int]] = []
     for i, j in pairs:
@@ -100,26 +105,28 @@ def find_time_shifts(a: Run, b: Run) -> pl.DataFrame | None:
     return pl.DataFrame(rows) if rows else None
 
 
-def extend_spans_into_gaps(table: pl.DataFrame) -> list[tuple[int, int]]:
+def extend_spans_into_gaps(manoeuvres: pl.DataFrame) -> list[tuple[int, int]]:
     """Span of each manoeuvre to the middles of its gaps; a minute beyond the outer ones."""
-    starts, ends = table["start_t_ns"].to_list(), table["end_t_ns"].to_list()
+    starts, ends = manoeuvres["start_t_ns"].to_list(), manoeuvres["end_t_ns"].to_list()
     halves = [(end + start) // 2 for end, start in zip(ends[:-1], starts[1:], strict=True)]
     minute = 60 * 10**9
     return list(zip([starts[0] - minute, *halves], [*halves, ends[-1] + minute], strict=True))
 
 
 def shift_frame_times(
-    frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int
+    frame: pl.DataFrame, shift_by_time_span: pl.DataFrame | None, offset_ns: int
 ) -> pl.DataFrame:
     """Shift the times of a frame, by zone or by one offset."""
     times = [name for name in ("t_ns", "start_t_ns", "end_t_ns") if name in frame.columns]
     if not times:
         return frame
-    if zones is None:
+    if shift_by_time_span is None:
         return frame.with_columns(pl.col(name) + offset_ns for name in times)
     first = times[0]
     order = frame.with_row_index(_ROW).sort(first)
-    placed = order.join_asof(zones, left_on=first, right_on="from_ns", strategy="backward")
+    placed = order.join_asof(
+        shift_by_time_span, left_on=first, right_on="from_ns", strategy="backward"
+    )
     inside = placed.filter(pl.col(first) < pl.col("to_ns")).sort(_ROW)
     moved = inside.with_columns(pl.col(name) + pl.col("shift_ns") for name in times)
     if first == "t_ns" and "axis" not in frame.columns:
@@ -129,12 +136,12 @@ def shift_frame_times(
     return moved.select(frame.columns)
 
 
-def subtract_run(a: Run, b: Run) -> Run:
+def subtract_runs_in_common_rows(a: Run, b: Run) -> Run:
     """B minus A, in common rows: at equal times, or of overlapping manoeuvres and loads.
 
     Args:
         a: baseline run.
-        b: other run, in A's time (`shift_run_to_time_line`).
+        b: other run, in A's time (`shift_run_b_to_time_of_a`).
 
     Returns:
         A run with A's times, differences in the columns of numbers, and no standard deviations:
@@ -142,14 +149,16 @@ def subtract_run(a: Run, b: Run) -> Run:
     """
     period_ns = min(round(1e9 / run.provenance.settings.align.rate_hz) for run in (a, b))
     frames = {
-        name: subtract_frame(mine, b.frames[name], period_ns // 2)
+        name: subtract_frames_in_common_rows(mine, b.frames[name], period_ns // 2)
         for name, mine in a.frames.items()
         if name in b.frames
     }
     return Run({name: frame for name, frame in frames.items() if frame.height}, a.provenance)
 
 
-def subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
+def subtract_frames_in_common_rows(
+    a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int
+) -> pl.DataFrame:
     """B minus A in the rows that both frames share."""
     shared = [name for name in a.columns if name in b.columns]
     numbers = [name for name in shared if a.schema[name].is_float() and b.schema[name].is_float()]

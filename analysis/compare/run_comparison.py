@@ -4,7 +4,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from analysis.compare.stage_change import Replay, StageChange, compare_stage, find_frame_of_stage
+from analysis.compare.stage_change import (
+    Replay,
+    StageChange,
+    compare_frames_of_stage,
+    find_frame_of_stage,
+)
 from analysis.model.axes import X, Z
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance
@@ -93,40 +98,44 @@ class Comparison:
         return {"equal": self.equal, **plain}
 
 
-def has_same_inputs(a: Provenance, b: Provenance) -> bool:
+def do_runs_read_same_bytes(a: Provenance, b: Provenance) -> bool:
     """Whether two replays read the same bytes, under any file names."""
     digests = [sorted(each.sha256 for each in about.inputs) for about in (a, b)]
     return digests[0] == digests[1]
 
 
-def compare_runs(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Comparison:
+def compare_runs(
+    a: Replay, b: Replay, *, rtol: float = 0.0, rows_correspond: bool = True
+) -> Comparison:
     """Compare two replays.
 
     Args:
         a: baseline replay.
         b: replay to compare with it.
         rtol: relative tolerance of numbers; 0 compares bit for bit.
-        rows: whether the rows of stages correspond; for different logs only results of the whole
-            log are compared.
+        rows_correspond: whether the rows of stages correspond; for different logs only results of
+            the whole log are compared.
     """
     mine, theirs = a.provenance, b.provenance
     common = [name for name in a.stages if name in b.stages]
     compared = [
-        name for name in common if rows or find_frame_of_stage(name) in ("masses", "verdict")
+        name
+        for name in common
+        if rows_correspond or find_frame_of_stage(name) in ("masses", "verdict")
     ]
-    offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows else 0
-    changes = [compare_stage(a, b, name, rtol, offset_ns) for name in compared]
+    offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows_correspond else 0
+    changes = [compare_frames_of_stage(a, b, name, rtol, offset_ns) for name in compared]
     return Comparison(
         settings=tuple(_iter_setting_changes(mine, theirs)),
         inputs=tuple(_iter_input_changes(mine, theirs)),
-        versions=tuple(_iter_changed_entries(mine.versions, theirs.versions)),
-        provenance=tuple(_iter_provenance_changes(mine, theirs)) if rows else (),
+        versions=tuple(_iter_changed_values(mine.versions, theirs.versions)),
+        provenance=tuple(_iter_provenance_changes(mine, theirs)) if rows_correspond else (),
         only_a=tuple(name for name in a.stages if name not in b.stages),
         only_b=tuple(name for name in b.stages if name not in a.stages),
         stages=tuple(change for change in changes if change is not None),
         columns=sum(len({*a.stages[name], *b.stages[name]}) for name in compared),
         estimates=list_estimate_changes(a, b, rtol),
-        manoeuvres=list_manoeuvre_changes(a, b, rtol, offset_ns) if rows else (),
+        manoeuvres=list_manoeuvre_changes(a, b, rtol, offset_ns) if rows_correspond else (),
         checks=tuple(iter_changed_checks(a, b)),
     )
 
@@ -139,7 +148,7 @@ def _flatten_to_dotted_names(section: Mapping[str, Any], prefix: str) -> Iterato
             yield prefix + name, value
 
 
-def _iter_changed_entries(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
+def _iter_changed_values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
     for name in dict.fromkeys((*a, *b)):
         if a.get(name) != b.get(name):
             yield ValueChange(name, a.get(name), b.get(name))
@@ -151,19 +160,21 @@ def list_changed_settings_and_keys(a: Machine, b: Machine) -> list[ValueChange]:
     for machine in (a, b):
         plain = machine.model_dump(mode="json")
         del plain["settings"]
-        flat.append(_flatten_settings_and_keys(machine.settings, plain))
-    return list(_iter_changed_entries(flat[0], flat[1]))
+        flat.append(_flatten_settings_and_machine_keys(machine.settings, plain))
+    return list(_iter_changed_values(flat[0], flat[1]))
 
 
-def _flatten_settings_and_keys(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
+def _flatten_settings_and_machine_keys(
+    settings: Settings, machine: Mapping[str, Any]
+) -> dict[str, Any]:
     by_stage = {f"settings.{name}": value for name, value in settings.to_flat_dict().items()}
     return {**by_stage, **dict(_flatten_to_dotted_names(machine, ""))}
 
 
 def _iter_setting_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _iter_changed_entries(
-        _flatten_settings_and_keys(a.settings, a.machine),
-        _flatten_settings_and_keys(b.settings, b.machine),
+    yield from _iter_changed_values(
+        _flatten_settings_and_machine_keys(a.settings, a.machine),
+        _flatten_settings_and_machine_keys(b.settings, b.machine),
     )
 
 
@@ -171,13 +182,13 @@ def _iter_input_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     names = [", ".join(each.name for each in about.inputs) for about in (a, b)]
     if names[0] != names[1]:
         yield ValueChange("names", *names)
-    if not has_same_inputs(a, b):
+    if not do_runs_read_same_bytes(a, b):
         digests = [", ".join(each.sha256 for each in about.inputs) for about in (a, b)]
         yield ValueChange("contents", *digests)
 
 
 def _iter_provenance_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _iter_changed_entries(
+    yield from _iter_changed_values(
         {f"stamps of {topic}": kind for topic, kind in a.stamps.items()},
         {f"stamps of {topic}": kind for topic, kind in b.stamps.items()},
     )
@@ -227,14 +238,14 @@ def list_manoeuvre_changes(
             <= row["end_t_ns"]
         ]
         left = [other for other in left if not any(other is each for each in inside)]
-        found.append((_format_span(row, 0), row, inside[0] if inside else {}))
-        found += [(_format_span(other, offset_ns), {}, other) for other in inside[1:]]
-    found += [(_format_span(other, offset_ns), {}, other) for other in left]
+        found.append((_format_time_span_of_row(row, 0), row, inside[0] if inside else {}))
+        found += [(_format_time_span_of_row(other, offset_ns), {}, other) for other in inside[1:]]
+    found += [(_format_time_span_of_row(other, offset_ns), {}, other) for other in left]
     return select_differing_estimates(found, rtol)
 
 
-def _format_span(row: Mapping[str, Any], offset_ns: int) -> str:
-    begin, end = ((row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
+def _format_time_span_of_row(spanned_row: Mapping[str, Any], offset_ns: int) -> str:
+    begin, end = ((spanned_row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
     return f"{begin:.2f} to {end:.2f} s"
 
 
@@ -270,4 +281,4 @@ def iter_changed_checks(a: Replay, b: Replay) -> Iterator[ValueChange]:
         {row["check"]: row["passed"] for row in _read_stage_rows(each, "verdict")}
         for each in (a, b)
     ]
-    yield from _iter_changed_entries(passed[0], passed[1])
+    yield from _iter_changed_values(passed[0], passed[1])

@@ -92,29 +92,29 @@ def find_frame_of_stage(stage: str) -> str:
     return stage.partition("/")[0]
 
 
-def compare_stage(
-    a: Replay, b: Replay, name: str, rtol: float, offset_ns: int
+def compare_frames_of_stage(
+    a: Replay, b: Replay, stage: str, rtol: float, offset_ns: int
 ) -> StageChange | None:
     """Compare a stage that both replays have.
 
     Args:
         a: baseline replay.
         b: replay to compare with it.
-        name: name of the stage.
+        stage: name of the stage.
         rtol: relative tolerance of numbers; 0 compares bit for bit.
         offset_ns: shift of B's times to A's.
 
     Returns:
         The differences; None without any.
     """
-    has = a.stages[name], b.stages[name]
+    has = a.stages[stage], b.stages[stage]
     key = [
         column
-        for column in _KEYS.get(find_frame_of_stage(name), ())
+        for column in _KEYS.get(find_frame_of_stage(stage), ())
         if all(column in c for c in has)
     ]
-    ids = [read_shifted_row_keys(a, name, key, 0), read_shifted_row_keys(b, name, key, offset_ns)]
-    pairs = None if ids[0].equals(ids[1]) else match_rows(ids[0], ids[1], key)
+    ids = [read_shifted_row_keys(a, stage, key, 0), read_shifted_row_keys(b, stage, key, offset_ns)]
+    pairs = None if ids[0].equals(ids[1]) else match_rows_by_key(ids[0], ids[1], key)
     height = ids[0].height
     faults = [
         ColumnChange(column, 0, 0, 0, None, None, None, f"only in {'AB'[which]}")
@@ -122,40 +122,42 @@ def compare_stage(
         for column in has[which]
         if column not in has[1 - which]
     ]
-    seconds = find_row_times_s(ids[0], pairs)
+    seconds = compute_times_of_matched_rows_s(ids[0], pairs)
     changes: list[ColumnChange] = []
     for part in iter_column_batches([column for column in has[0] if column in has[1]], height):
-        mine, theirs = a.read(name, part), b.read(name, part)
+        mine, theirs = a.read(stage, part), b.read(stage, part)
         for column in part:
             x, y = mine[column], theirs[column]
             if offset_ns and column in _TIMES:
                 y = y + offset_ns
             if pairs is not None:
                 x, y = x.gather(pairs["row_a"]), y.gather(pairs["row_b"])
-            changes += iter_column_change(x, y, rtol, seconds)
+            changes += compare_values_of_column(x, y, rtol, seconds)
     common = height if pairs is None else pairs.height
     order = list(has[0]) != list(has[1]) and not faults
     if not (faults or changes or order or common != height or ids[1].height != common):
         return None
-    return StageChange(name, height, ids[1].height, common, (*faults, *changes), order)
+    return StageChange(stage, height, ids[1].height, common, (*faults, *changes), order)
 
 
 def read_shifted_row_keys(
-    replay: Replay, name: str, key: Sequence[str], offset_ns: int
+    replay: Replay, frame_name: str, key_columns: Sequence[str], offset_ns: int
 ) -> pl.DataFrame:
     """Key of each row in A's time; the row number if the frame has no key."""
-    columns = list(key) or [replay.stages[name][0]] if replay.stages[name] else []
-    frame = replay.read(name, columns) if columns else pl.DataFrame()
-    if not key:
+    columns = (
+        list(key_columns) or [replay.stages[frame_name][0]] if replay.stages[frame_name] else []
+    )
+    frame = replay.read(frame_name, columns) if columns else pl.DataFrame()
+    if not key_columns:
         return frame.select(pl.int_range(pl.len()).alias("row"))
     return frame.with_columns(
-        pl.col(column) + offset_ns for column in key if offset_ns and column in _TIMES
+        pl.col(column) + offset_ns for column in key_columns if offset_ns and column in _TIMES
     ).with_columns(pl.col(pl.Enum).cast(pl.String))
 
 
-def match_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame:
+def match_rows_by_key(a: pl.DataFrame, b: pl.DataFrame, key_columns: Sequence[str]) -> pl.DataFrame:
     """Corresponding rows of A and B, as `row_a` and `row_b`."""
-    on = list(key) or ["row"]
+    on = list(key_columns) or ["row"]
     nth = pl.int_range(pl.len()).over(on).alias("_nth")  # of several about the same
     left = a.with_row_index("row_a").with_columns(nth)
     right = b.with_row_index("row_b").with_columns(nth)
@@ -163,13 +165,15 @@ def match_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataF
     return found.select("row_a", "row_b").sort("row_a")
 
 
-def find_row_times_s(row_keys: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
+def compute_times_of_matched_rows_s(
+    row_keys: pl.DataFrame, matched_rows: pl.DataFrame | None
+) -> pl.Series | None:
     """Time in s of each common row; None without times."""
     column = next((name for name in _TIMES if name in row_keys.columns), None)
     if column is None:
         return None
     times = row_keys[column] / 1e9
-    return times if pairs is None else times.gather(pairs["row_a"])
+    return times if matched_rows is None else times.gather(matched_rows["row_a"])
 
 
 def iter_column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
@@ -179,23 +183,27 @@ def iter_column_batches(columns: Sequence[str], height: int) -> Iterator[Sequenc
         yield columns[begin : begin + size]
 
 
-def iter_column_change(
-    x: pl.Series, y: pl.Series, rtol: float, seconds: pl.Series | None
+def compare_values_of_column(
+    values_a: pl.Series, values_b: pl.Series, rtol: float, row_times_s: pl.Series | None
 ) -> Iterator[ColumnChange]:
     """Yield the change of a column, if there is one."""
-    if x.dtype != y.dtype:
-        fault = f"{x.dtype} in A, {y.dtype} in B"
-        yield ColumnChange(x.name, 0, 0, 0, None, None, None, fault)
+    if values_a.dtype != values_b.dtype:
+        fault = f"{values_a.dtype} in A, {values_b.dtype} in B"
+        yield ColumnChange(values_a.name, 0, 0, 0, None, None, None, fault)
         return
-    differs = normalise_bits(x).ne_missing(normalise_bits(y))
+    differs = normalise_zero_and_nan_bits(values_a).ne_missing(
+        normalise_zero_and_nan_bits(values_b)
+    )
     if not differs.any():
         return
     size = change = pl.Series(dtype=pl.Float64)
-    if x.dtype.is_numeric():
-        both = pl.DataFrame({"x": x.cast(pl.Float64), "y": y.cast(pl.Float64)}).fill_nan(None)
+    if values_a.dtype.is_numeric():
+        both = pl.DataFrame(
+            {"x": values_a.cast(pl.Float64), "y": values_b.cast(pl.Float64)}
+        ).fill_nan(None)
         change = both["y"] - both["x"]
         size = change.abs() / both.select(pl.max_horizontal(pl.all().abs())).to_series()
-        if x.dtype.is_float() and rtol:
+        if values_a.dtype.is_float() and rtol:
             differs &= ~((size <= rtol) | (change == 0.0)).fill_null(value=False)
             if not differs.any():
                 return
@@ -204,17 +212,17 @@ def iter_column_change(
     relative = size.filter(differs).fill_nan(None).max() if size.len() else None
     first = differs.arg_true()[0] if where is None else where
     yield ColumnChange(
-        name=x.name,
+        name=values_a.name,
         rows=int(differs.sum()),
-        only_a=int((differs & x.is_not_null() & y.is_null()).sum()),
-        only_b=int((differs & x.is_null() & y.is_not_null()).sum()),
+        only_a=int((differs & values_a.is_not_null() & values_b.is_null()).sum()),
+        only_b=int((differs & values_a.is_null() & values_b.is_not_null()).sum()),
         largest=None if where is None else float(change[where]),
         largest_relative=None if relative is None else float(relative),  # pyright: ignore
-        at_s=None if seconds is None else float(seconds[first]),
+        at_s=None if row_times_s is None else float(row_times_s[first]),
     )
 
 
-def normalise_bits(series: pl.Series) -> pl.Series:
+def normalise_zero_and_nan_bits(series: pl.Series) -> pl.Series:
     """A column in which equal values have equal bits: 0.0 is not -0.0, and all NaN are equal."""
     if isinstance(series.dtype, pl.Enum):
         return series.cast(pl.String)

@@ -31,7 +31,7 @@ class BoomDump(NamedTuple):
     end_ns: int
     bucket_emptied_ns: int
 
-    def is_near(self, times_ns: Ints, tolerance_ns: int = LIMITS.one_dump_ns) -> bool:
+    def is_near_any_time(self, times_ns: Ints, tolerance_ns: int = LIMITS.one_dump_ns) -> bool:
         """Whether one of these times is within `tolerance_ns` of the dump."""
         after, before = self.start_ns - tolerance_ns, self.end_ns + tolerance_ns
         return bool(((after <= times_ns) & (times_ns <= before)).any())
@@ -57,7 +57,7 @@ class BoomDumps:
         """Dumps with the boom out in a time span, since a creeping machine may dump earlier."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
-    def excludes_dump(self, start_ns: int, end_ns: int) -> bool:
+    def can_exclude_dump(self, start_ns: int, end_ns: int) -> bool:
         """Whether the boom reliably shows that there is no dump in a time span."""
         return self.shows_dumps and not self.select_dumps_with_boom_out(start_ns, end_ns)
 
@@ -78,17 +78,17 @@ def find_boom_dumps(
             and the boom dumps where it reaches up.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), column_values(aligned, "boom_rad")
-    slow = mark_standing_or_creeping(excitation)
+    slow = mark_standing_or_creeping_samples(excitation)
     whole = np.isfinite(boom)
     driving = whole & ~slow
     if not driving.any() or not (slow & whole).any():
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if unloading_spans is None:
-        reached = np.array([signed_dumping_reach_rad(away[slow & whole])])
+        reached = np.array([orient_dumping_reach_rad(away[slow & whole])])
     else:
         reached = np.array(
-            [farthest_reach_rad(away, slow & whole, t_ns, span) for span in unloading_spans]
+            [find_farthest_reach_rad(away, slow & whole, t_ns, span) for span in unloading_spans]
         )
     typical_rad = float(np.median(reached)) if reached.size else 0.0
     if abs(typical_rad) < LIMITS.boom_min_reach_rad or (
@@ -113,7 +113,7 @@ def find_boom_dumps(
     return BoomDumps(shows_dumps=True, dumps=tuple(dumps))
 
 
-def mark_standing_or_creeping(excitation: pl.DataFrame) -> Bools:
+def mark_standing_or_creeping_samples(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps, (n,)."""
     stands = mark_standing_samples(excitation)
     speed = np.abs(column_values(excitation, "speed_x_m_s"))
@@ -131,7 +131,7 @@ def mark_standing_samples(excitation: pl.DataFrame) -> Bools:
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
-def signed_dumping_reach_rad(deflection_rad: Floats) -> float:
+def orient_dumping_reach_rad(deflection_rad: Floats) -> float:
     """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
 
     A boom that moves during driving is far from its usual position both at the dump and at the
@@ -144,14 +144,16 @@ def signed_dumping_reach_rad(deflection_rad: Floats) -> float:
     return float(high if high > LIMITS.boom_upward_fraction * abs(low) else low)
 
 
-def farthest_reach_rad(deflection_rad: Floats, is_slow: Bools, t_ns: Ints, span: Span) -> float:
+def find_farthest_reach_rad(
+    deflection_rad: Floats, is_slow: Bools, t_ns: Ints, span: Span
+) -> float:
     """Largest deflection of the boom (n,) in a span while slow, with its sign; 0 if unknown."""
     first, last = np.searchsorted(t_ns, span)
     inside = deflection_rad[first : last + 1][is_slow[first : last + 1]]
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
-def times_with_boom_up_ns(times_ns: Ints, reach_rad: Floats, span: Span) -> Ints:
+def find_times_with_boom_up_ns(times_ns: Ints, reach_rad: Floats, span: Span) -> Ints:
     """Times in a span at which the boom is about as far out as it gets there."""
     first, end = np.searchsorted(times_ns, span[0]), np.searchsorted(times_ns, span[1], "right")
     inside = reach_rad[first:end]
@@ -160,7 +162,7 @@ def times_with_boom_up_ns(times_ns: Ints, reach_rad: Floats, span: Span) -> Ints
 
 def find_emptying_time_ns(reach_rad: Floats, t_ns: Ints, span: Span) -> int:
     """Time in ns when the bucket is emptied: soon after the boom's farthest reach in a span."""
-    up_ns = times_with_boom_up_ns(t_ns, reach_rad, span)
+    up_ns = find_times_with_boom_up_ns(t_ns, reach_rad, span)
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
@@ -202,11 +204,11 @@ def trim_span_to_standstills(span: Span, standstills_ns: Ints, reach_rad: Floats
         standstills_ns: (n,) times with the boom out at a stand.
         reach_rad: (n,) how far it is out.
     """
-    up_ns = times_with_boom_up_ns(standstills_ns, reach_rad, span)
+    up_ns = find_times_with_boom_up_ns(standstills_ns, reach_rad, span)
     return (int(up_ns[0]), int(up_ns[-1])) if up_ns.size else span
 
 
-def find_load_borders_at_dumps(
+def find_load_change_indices_at_dumps(
     loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps
 ) -> list[int]:
     """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""

@@ -10,8 +10,8 @@ from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
-from analysis.cycles.haul_spillage import subtract_spillage_in_columns
-from analysis.model.schema import MOVED, QUALITY, column_values, conform_to_schema
+from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
+from analysis.model.schema import MOVED, QUALITY, column_values, conform_frame_to_schema
 from estimators.errors import DataError, suggest_choice
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
@@ -49,7 +49,8 @@ def calibrate_cycles(
     payload_kg = column_values(cycles, "payload_kg") / scale_1
     on_line = calibrate_mass_differences(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
-        on_line.common_u_beside_line_kg(column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON
+        on_line.common_u_not_absorbed_by_line_kg(column_values(cycles, f"own_u_{n}_kg"))
+        for n in _COMMON
     )
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
@@ -63,14 +64,15 @@ def calibrate_cycles(
         "payload_u_kg": np.hypot(random_kg, common_kg),
         "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.size_1),
     }
-    on_scale = subtract_spillage_in_columns(
+    on_scale = subtract_spillage_from_payload_columns(
         cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())
     )
-    if is_empty_mass_scale_better(cycles, on_scale, tuple(found)):
+    if is_empty_mass_scale_more_certain(cycles, on_scale, tuple(found)):
         return cycles
     off_kg, u_kg = estimate_mean_line_offset_and_u_kg(calibration, shared_errors)
     reasons = pl.Series(
-        "reason", [_exclusion_reason(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
+        "reason",
+        [_explain_inapplicable_line(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()],
     )
     refused = pl.col("reason") != ""
     said = on_scale.with_columns(reasons).with_columns(
@@ -79,7 +81,7 @@ def calibrate_cycles(
         counted=pl.col("counted") & ~refused,
         withheld_for=pl.when(refused).then("reason").otherwise("withheld_for"),
     )
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "cycles",
         said.drop("reason").with_columns(
             scale_from=pl.when(pl.col("payload_kg").is_not_null()).then(pl.lit(BY_CALIBRATION))
@@ -87,7 +89,7 @@ def calibrate_cycles(
     )
 
 
-def is_empty_mass_scale_better(
+def is_empty_mass_scale_more_certain(
     cycles: pl.DataFrame, line_payloads: pl.DataFrame, names: Sequence[str]
 ) -> bool:
     """Whether the empty machine gives the sum of payloads a smaller uncertainty than the line.
@@ -128,19 +130,22 @@ def estimate_mean_line_offset_and_u_kg(
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
     return shared_errors.line_offset_and_u_kg(
-        moved_kg, shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
+        moved_kg, shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
     )
 
 
-def _exclusion_reason(
-    row: Mapping[str, Any], calibration: Calibration, line_offset_kg: float, driving_u_kg: float
+def _explain_inapplicable_line(
+    cycle_row: Mapping[str, Any],
+    calibration: Calibration,
+    line_offset_kg: float,
+    driving_u_kg: float,
 ) -> str:
     """Why the line does not apply to a cycle; "" if it does, or if there is no mass."""
     name = "loaded" if calibration.method == _OF_MASS else "payload"
-    mass_kg, u_kg = row[f"{name}_kg"], row["loaded_u_kg"]
-    if row["payload_kg"] is None:
+    mass_kg, u_kg = cycle_row[f"{name}_kg"], cycle_row["loaded_u_kg"]
+    if cycle_row["payload_kg"] is None:
         return ""
-    count = row["manoeuvres"]
+    count = cycle_row["manoeuvres"]
     return calibration.calibrate_estimate(
         mass_kg - line_offset_kg, u_kg, count, driving_u_kg
     ).reason

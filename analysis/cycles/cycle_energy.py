@@ -29,10 +29,10 @@ from analysis.cycles.energy_integrals import (
 from analysis.cycles.energy_terms import (
     ForceModel,
     perturb_terms_one_by_one,
-    split_relative_mass_uncertainty,
-    work_scale_u_and_missing_settings,
+    relative_work_u_and_missing_settings,
+    split_mass_u_into_common_and_own,
 )
-from analysis.cycles.fitted_drive import FittedDrive, fit_drive
+from analysis.cycles.fitted_drive import FittedDrive, collect_fitted_drive
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.weighing.friction_warming import WARMING
@@ -109,7 +109,7 @@ def compute_shift_energy(
         frames: frames of the run: aligned, excitation, digging, cycles, manoeuvres, loads,
             nuisances, budget.
         machine: machine of the replay.
-        holes_ns: see `cycles_without_mass.find_channel_gaps_ns`.
+        holes_ns: see `cycles_without_mass.find_spans_of_missing_channels_ns`.
 
     Returns:
         The energies; without rows if there is no mass or no cycle.
@@ -119,15 +119,15 @@ def compute_shift_energy(
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
-    drive = fit_drive(frames, machine)
-    found = drive.integrate(spans)
-    value = split_energy_by_phase(found, drive.model)
+    drive = collect_fitted_drive(frames, machine)
+    found = drive.integrate_over_phases(spans)
+    value = split_energy_by_phase_and_part(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
-    gain_u_1, unknown = work_scale_u_and_missing_settings(machine)
-    common_1, random_1 = split_relative_mass_uncertainty(frames)
+    gain_u_1, unknown = relative_work_u_and_missing_settings(machine)
+    common_1, random_1 = split_mass_u_into_common_and_own(frames)
     common = [*compute_energy_sensitivities(drive, spans, found, value), gain_u_1 * value]
-    common.append(common_1 * energy_change_by_mass_error(found))
+    common.append(common_1 * compute_energy_change_by_mass_error(found))
     random = estimate_random_energy_u(found, value, drive.model, random_1, spans)
     fuel_L = sum_fuel_litres(drive.samples, spans)
     rows = _make_energy_rows(spans, value, np.array(common), random, fuel_L)
@@ -148,17 +148,23 @@ def compute_energy_sensitivities(
         for each in perturb_terms_one_by_one(drive.errors, drive.errors_u)
     ]
     earlier, later = (
-        split_energy_by_phase(replace(drive, samples=each).integrate(spans), model) - energy_J
+        split_energy_by_phase_and_part(
+            replace(drive, samples=each).integrate_over_phases(spans), model
+        )
+        - energy_J
         for each in (delay_force_samples(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
-        *(split_energy_by_phase(integrals, each) - energy_J for each in forces),
-        *(split_energy_by_phase(each.integrate(spans), model) - energy_J for each in moved),
+        *(split_energy_by_phase_and_part(integrals, each) - energy_J for each in forces),
+        *(
+            split_energy_by_phase_and_part(each.integrate_over_phases(spans), model) - energy_J
+            for each in moved
+        ),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
-        energy_change_by_slope(integrals, model),
-        mean_residual_work(integrals, energy_J, model),
-        drive.speed_u_1 * energy_change_by_speed_error(energy_J),
+        compute_energy_change_by_slope(integrals, model),
+        average_residual_work(integrals, energy_J, model),
+        drive.speed_u_1 * compute_energy_change_by_speed_error(energy_J),
     ]
 
 
@@ -183,17 +189,17 @@ def split_cycles_into_phases(
     return spans
 
 
-def list_phase_edges_ns(row: Mapping[str, Any]) -> list[int] | None:
+def list_phase_edges_ns(cycle_row: Mapping[str, Any]) -> list[int] | None:
     """Begins of a cycle's phases and end of the last, in ns; None if some were not seen."""
-    if row["dig_t_ns"] is None or row["load_s"] is None or row["haul_s"] is None:
+    if cycle_row["dig_t_ns"] is None or cycle_row["load_s"] is None or cycle_row["haul_s"] is None:
         return None
-    loaded = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
-    hauled = loaded + int(row["haul_s"] * NS_PER_S)
-    edges = [row["start_t_ns"], row["dig_t_ns"], loaded, hauled, row["end_t_ns"]]
+    loaded = cycle_row["dig_t_ns"] + int(cycle_row["load_s"] * NS_PER_S)
+    hauled = loaded + int(cycle_row["haul_s"] * NS_PER_S)
+    edges = [cycle_row["start_t_ns"], cycle_row["dig_t_ns"], loaded, hauled, cycle_row["end_t_ns"]]
     return edges if sorted(edges) == edges else None
 
 
-def split_energy_by_phase(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
+def split_energy_by_phase_and_part(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Energy by phase and part, (phases, parts) in J."""
     drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
     straight = compute_drive_work(drive, model)
@@ -232,7 +238,7 @@ def compute_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floa
     return compute_mass_and_friction_work(integrals, model) + integrals["slip"]
 
 
-def energy_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
+def compute_energy_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Change of the energy if a slope shifts weight like an acceleration, (phases, parts) in J.
 
     The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
@@ -243,7 +249,7 @@ def energy_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floa
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
 
 
-def energy_change_by_speed_error(energy_J: Floats) -> Floats:
+def compute_energy_change_by_speed_error(energy_J: Floats) -> Floats:
     """Change of the energy by a relative speed error of 1, (phases, parts) in J.
 
     Torque times wheel speed stays, and so does the work of lifting, since the masses are lighter as
@@ -256,15 +262,17 @@ def energy_change_by_speed_error(energy_J: Floats) -> Floats:
 
 
 def trade_viscous_for_coulomb(
-    integrals: PhaseIntegrals, model: ForceModel, coulomb_N: float
+    integrals: PhaseIntegrals, model: ForceModel, additional_coulomb_N: float
 ) -> ForceModel:
     """Force model with more Coulomb and less viscous friction, equal at the drive's mean."""
     way_m, viscous = (integrals.drive[name].sum() for name in ("direction", "viscous"))
-    less_N_s_m = coulomb_N * way_m / viscous if viscous else 0.0
-    return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
+    less_N_s_m = additional_coulomb_N * way_m / viscous if viscous else 0.0
+    return replace(
+        model, direction=model.direction + additional_coulomb_N, viscous=model.viscous - less_N_s_m
+    )
 
 
-def mean_residual_work(integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel) -> Floats:
+def average_residual_work(integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel) -> Floats:
     """Mean residual work of the fit without digging, (phases, parts) in J."""
     left_N = compute_unexplained_work(integrals, energy_J, model).sum() / max(
         integrals.drive["direction"].sum(), 1.0
@@ -282,7 +290,7 @@ def compute_unexplained_work(
     return compute_drive_work(integrals.drive, model) - explained
 
 
-def energy_change_by_mass_error(integrals: PhaseIntegrals) -> Floats:
+def compute_energy_change_by_mass_error(integrals: PhaseIntegrals) -> Floats:
     """Change of the energy by a relative error of 1 of all masses, (phases, parts) in J."""
     lifted = integrals.drive["mass"] - integrals.kinetic_J
     dug = -integrals.dig["mass"]
@@ -297,7 +305,7 @@ def estimate_random_energy_u(
     integrals: PhaseIntegrals,
     energy_J: Floats,
     model: ForceModel,
-    mass_u_1: float,
+    relative_mass_u: float,
     spans: list[PhaseSpan],
 ) -> Floats:
     """Random uncertainty from cycle to cycle, of masses and fit residual, (phases, parts) in J."""
@@ -309,7 +317,7 @@ def estimate_random_energy_u(
     scatter_N = (
         float(left_N.std(ddof=1)) if left_N.size >= LIMITS.friction_scatter_min_cycles else 0.0
     )
-    mass = abs(mass_u_1 * energy_change_by_mass_error(integrals))
+    mass = abs(relative_mass_u * compute_energy_change_by_mass_error(integrals))
     ways = np.zeros_like(energy_J)
     ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m
     ways[:, PARTS.index("digging")] = dig["direction"]

@@ -8,13 +8,21 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import mark_standing_or_creeping, mark_standing_samples
+from analysis.cycles.boom_dumps import mark_standing_or_creeping_samples, mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import column_values
 from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Bools, Floats, Ints
+
+
+class DumpStandstill(NamedTuple):
+    """Standstill of a dump in ns, and whether the boom moves during it."""
+
+    begin_ns: int
+    end_ns: int
+    does_boom_move: bool
 
 
 class DriveSummary(NamedTuple):
@@ -126,12 +134,12 @@ class CycleParts:
             return "no empty pass to compare with"
         return ""
 
-    def pass_weights(self, weight_of_tare_before: Floats, pass_count: int) -> Floats:
+    def pass_coefficients(self, tare_coefficient_before: Floats, pass_count: int) -> Floats:
         """(passes,) weights of the passes' masses in the payload.
 
         Args:
-            weight_of_tare_before: (passes,) weight of the empty pass before each load, if there is
-                one after as well.
+            tare_coefficient_before: (passes,) weight of the empty pass before each load, if there
+                is one after as well.
             pass_count: number of passes.
         """
         weights = np.zeros(pass_count)
@@ -139,8 +147,8 @@ class CycleParts:
         weights[self.loaded_pass] = 1.0
         before, after = self.empty_pass_before, self.empty_pass_after
         if before is not None and after is not None:
-            weights[before] -= weight_of_tare_before[self.loaded_pass]
-            weights[after] -= 1.0 - weight_of_tare_before[self.loaded_pass]
+            weights[before] -= tare_coefficient_before[self.loaded_pass]
+            weights[after] -= 1.0 - tare_coefficient_before[self.loaded_pass]
         else:
             weights[after if before is None else before] = -1.0
         return weights
@@ -176,7 +184,7 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
                 and now.haul_ns is not None
                 and (
                     start_ns < now.haul_ns[1]
-                    or passes.dumps.excludes_dump(now.haul_ns[0], start_ns)
+                    or passes.dumps.can_exclude_dump(now.haul_ns[0], start_ns)
                 )
             )
             if again and now is not None and now.dig_ns is not None:
@@ -209,7 +217,7 @@ def _add_nearest_empty_passes(cycles: list[CycleParts], passes: Passes) -> list[
     return cycles
 
 
-def add_dump_times(
+def fill_in_dump_times(
     cycles: list[CycleParts], passes: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
 ) -> None:
     """Find the dump time of each load by the boom.
@@ -224,10 +232,10 @@ def add_dump_times(
         excitation: frame with the phases.
     """
     t_ns = excitation["t_ns"].to_numpy()
-    stands, stops = mark_standing_samples(excitation), mark_standing_or_creeping(excitation)
+    stands, stops = mark_standing_samples(excitation), mark_standing_or_creeping_samples(excitation)
     boom = column_values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
-        ready = last_loaded_time_ns(cycle, passes)
+        ready = find_last_loaded_time_ns(cycle, passes)
         over = [int(ns) for ns in passes.start_ns[np.searchsorted(passes.start_ns, ready) :][:1]]
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
@@ -236,7 +244,7 @@ def add_dump_times(
         if not dumped and cycle.loaded_pass is None and over and not passes.dumps.shows_dumps:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
-            cycle.dump_ns = find_longest_standstill(stops[inside], t_ns[inside])
+            cycle.dump_ns = find_longest_standstill_ns(stops[inside], t_ns[inside])
             cycle.bucket_emptied_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded_pass is None or not over):
             continue
@@ -246,17 +254,19 @@ def add_dump_times(
             cycle.dump_ns = extend_span_to_standstills(dumped[0][:2], stands[part], t_ns[part])
             cycle.bucket_emptied_ns = dumped[0].bucket_emptied_ns
             continue
-        stand = choose_dump_standstill(stands[part], boom[part], t_ns[part])
-        by_boom = stand is not None and stand[2]
-        hole = None if by_boom else find_longest_data_gap(t_ns[part])
+        stand = choose_standstill_of_dump(stands[part], boom[part], t_ns[part])
+        by_boom = stand is not None and stand.does_boom_move
+        hole = None if by_boom else find_longest_data_gap_ns(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
         cycle.dump_ns, cycle.bucket_emptied_ns = found_ns, sum(found_ns) // 2
         if stand is not None and by_boom:
-            cycle.bucket_emptied_ns = boom_out_midpoint_ns(boom[part], t_ns[part], *stand[:2])
+            cycle.bucket_emptied_ns = find_middle_of_boom_out_time_ns(
+                boom[part], t_ns[part], *stand[:2]
+            )
 
 
-def last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
+def find_last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
     """Last time with the load, in ns: end of its pass, or of its digging."""
     if cycle.loaded_pass is not None:
         return int(passes.end_ns[cycle.loaded_pass])
@@ -277,7 +287,7 @@ def extend_span_to_standstills(
     return int(t_ns[first]), int(t_ns[last])
 
 
-def find_longest_data_gap(t_ns: Ints) -> tuple[int, int] | None:
+def find_longest_data_gap_ns(t_ns: Ints) -> tuple[int, int] | None:
     """Begin and end in ns of the longest time without samples; None if it is short."""
     steps = np.diff(t_ns)
     if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
@@ -286,9 +296,9 @@ def find_longest_data_gap(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def find_longest_standstill(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
+def find_longest_standstill_ns(standstills: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """Longest standstill or creep, without idling; None if there is none."""
-    begins, ends = find_flagged_runs(stops)
+    begins, ends = find_flagged_runs(standstills)
     length = t_ns[ends] - t_ns[begins]
     length[length > LIMITS.idle_s * NS_PER_S] = 0
     if not length.any():
@@ -297,32 +307,29 @@ def find_longest_standstill(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[begins[best]]), int(t_ns[ends[best]])
 
 
-def choose_dump_standstill(
+def choose_standstill_of_dump(
     standstills: Bools, boom_rad: NDArray[np.float64], t_ns: Ints
-) -> tuple[int, int, bool] | None:
-    """Choose the standstill of a dump: that in which the boom moves most, or else the longest.
+) -> DumpStandstill | None:
+    """Choose the standstill in which the boom moves most, or else the longest; None without any.
 
     Args:
         standstills: (n,) samples that stand.
         boom_rad: (n,) boom angle in rad.
         t_ns: (n,) time.
-
-    Returns:
-        Begin and end in ns, and whether the boom moves during it; None without a standstill.
     """
     begins, ends = find_flagged_runs(standstills)
     if not begins.size:
         return None
     moves = np.array(
-        [_peak_to_peak(boom_rad[b : e + 1]) for b, e in zip(begins, ends, strict=True)]
+        [_peak_to_peak_of_known(boom_rad[b : e + 1]) for b, e in zip(begins, ends, strict=True)]
     )
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
     by_boom = bool(moves.max() > LIMITS.boom_min_reach_rad)
     best = int(np.argmax(moves if by_boom else length))
-    return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
+    return DumpStandstill(int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom)
 
 
-def boom_out_midpoint_ns(
+def find_middle_of_boom_out_time_ns(
     boom_rad: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int
 ) -> int:
     """Middle of the time in which the boom is more than half out.
@@ -339,7 +346,7 @@ def boom_out_midpoint_ns(
     return int(dump[0] + dump[-1]) // 2
 
 
-def _peak_to_peak(x: NDArray[np.float64]) -> float:
+def _peak_to_peak_of_known(x: NDArray[np.float64]) -> float:
     known = x[np.isfinite(x)]
     return float(np.ptp(known)) if known.size else 0.0
 
@@ -352,7 +359,7 @@ def summarise_cycle_motion(
     Args:
         cycles: the frame `cycles`.
         excitation: frame with times, phases and speed.
-        holes_ns: see `cycles_without_mass.find_channel_gaps_ns`.
+        holes_ns: see `cycles_without_mass.find_spans_of_missing_channels_ns`.
     """
     samples = _DriveSamples.from_excitation(excitation)
     found: list[CycleMotion] = []

@@ -15,15 +15,15 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.cycle_parts import CycleParts, add_dump_times, split_cycles_into_parts
+from analysis.cycles.cycle_parts import CycleParts, fill_in_dump_times, split_cycles_into_parts
 from analysis.cycles.cycles_without_mass import add_boom_cycles, does_digging_contradict_boom
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
-    clean_machine_mass_and_u_kg,
     estimate_carry_back_variance_kg2,
-    pass_weights_by_state,
+    estimate_clean_machine_mass_and_u_kg,
+    pass_mass_coefficients,
     weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
@@ -31,9 +31,9 @@ from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
-from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
+from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
 from analysis.model.verdict import Verdict
-from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, payload_uncertainty_sources
+from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine, list_payload_uncertainties
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
@@ -76,16 +76,16 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def payload_uncertainty_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+    def payload_u_parts_kg(self, coefficients: Floats, payload_kg: float) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
-            weights: (passes,) weight of each pass in the payload.
+            coefficients: (passes,) weight of each pass in the payload.
             payload_kg: the payload.
         """
-        weights = weights + payload_kg * self.empty
-        moved = self.factor @ weights
-        own = float(moved @ moved + max(weights @ self.covariance @ weights, 0.0))
+        coefficients = coefficients + payload_kg * self.empty
+        moved = self.factor @ coefficients
+        own = float(moved @ moved + max(coefficients @ self.covariance @ coefficients, 0.0))
         shared_kg = self.shared_1 * abs(payload_kg)
         return max(float(np.hypot(np.sqrt(own), self.other_1 * payload_kg)), shared_kg), shared_kg
 
@@ -114,7 +114,7 @@ def weigh_cycles(
     twice = passes is None and does_digging_contradict_boom(found, digs)
     found = NO_PASSES if twice else found
     parts = split_cycles_into_parts(found, digs)
-    add_dump_times(parts, found, *motion)
+    fill_in_dump_times(parts, found, *motion)
     contradicts = False
     if passes is None:
         parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
@@ -124,32 +124,32 @@ def weigh_cycles(
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
-    fuel = FuelOnBoard.from_channel(machine.machine, motion[0])
+    fuel = FuelOnBoard.integrate_fuel_rate(machine.machine, motion[0])
     empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.contradiction_text if empty else "")
-    share = preceding_tare_weights(found)
+    share = choose_preceding_tare_coefficients(found)
     worth = compute_shared_payload_uncertainty(
-        weighing, machine, found, make_payload_sum_weights(found, parts, share), empty
+        weighing, machine, found, make_payload_sum_coefficients(found, parts, share), empty
     )
-    clean = clean_machine_mass_and_u_kg(found)
+    clean = estimate_clean_machine_mass_and_u_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
     )
-    of_states = pass_weights_by_state(weighing.fit, found) if weighing and known_sums else None
+    of_states = pass_mass_coefficients(weighing.fit, found) if weighing and known_sums else None
     sums, ready_ns = dict[int, Floats](), int(motion[1]["t_ns"][0])
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
-        row: dict[str, object] = {"cycle": number, **_list_cycle_times(part, ready_ns)}
+        row: dict[str, object] = {"cycle": number, **_make_cycle_time_columns(part, ready_ns)}
         reason = withheld or part.missing_mass_reason
         if not reason:
-            weights = part.pass_weights(share, found.mass_kg.size)
+            weights = part.pass_coefficients(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
             row |= _make_payload_uncertainty_columns(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded_pass])
-        row["quality"], row["counted"] = _judge_payload(row, part)
+        row["quality"], row["counted"] = _judge_if_payload_counts(row, part)
         row["withheld_for"] = reason or _make_cycle_note(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = part.end_of_last_part_ns
@@ -165,7 +165,7 @@ def _make_cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     return build_frame("cycles", columns)
 
 
-def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
+def _make_cycle_time_columns(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
     """Times and parts of a cycle, from one dump to the next."""
     dig, haul, dump = cycle.dig_ns, cycle.haul_ns, cycle.dump_ns
     seen = [span for span in (dig, haul, dump) if span]
@@ -181,15 +181,15 @@ def _list_cycle_times(cycle: CycleParts, ready_ns: int) -> dict[str, object]:
     }
 
 
-def _make_cycle_note(row: dict[str, object]) -> str:
+def _make_cycle_note(cycle_row: dict[str, object]) -> str:
     return {
         "weak": "uncertainty above a quarter of the payload",
         "not dumped": "the recording ends before it is dumped",
-    }.get(str(row["quality"]), "")
+    }.get(str(cycle_row["quality"]), "")
 
 
-def _judge_payload(row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
-    payload_kg, u_kg = row.get("payload_kg"), row.get("payload_u_kg")
+def _judge_if_payload_counts(cycle_row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
+    payload_kg, u_kg = cycle_row.get("payload_kg"), cycle_row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
     if cycle.dump_ns is None:
@@ -198,7 +198,7 @@ def _judge_payload(row: dict[str, object], cycle: CycleParts) -> tuple[str, bool
 
 
 def _make_payload_row(
-    cycle: CycleParts, passes: Passes, share: Floats, cleanest: tuple[float, float]
+    cycle: CycleParts, passes: Passes, tare_coefficients: Floats, clean: tuple[float, float]
 ) -> dict[str, object]:
     row: dict[str, object] = {}
     for name, number in (
@@ -210,9 +210,10 @@ def _make_payload_row(
             row[f"{name}_id"] = number
             row[f"{name}_kg"] = float(passes.mass_kg[number])
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
-    weights = cycle.pass_weights(share, passes.mass_kg.size)
+    weights = cycle.pass_coefficients(tare_coefficients, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
-    variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_variance_kg2(cycle, passes, share)
+    carry_back_kg2 = carry_back_variance_kg2(cycle, passes, tare_coefficients)
+    variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_kg2
     row |= {
         "tare_before_1": 0.0
         if cycle.empty_pass_before is None
@@ -222,26 +223,26 @@ def _make_payload_row(
     }
     if cycle.empty_pass_after is not None:
         row["carry_back_kg"] = (
-            float(passes.drift_corrected_masses_kg[cycle.empty_pass_after]) - cleanest[0]
+            float(passes.drift_corrected_masses_kg[cycle.empty_pass_after]) - clean[0]
         )
-        row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[cycle.empty_pass_after], cleanest[1]))
+        row["carry_back_u_kg"] = float(np.hypot(passes.u_kg[cycle.empty_pass_after], clean[1]))
     return row
 
 
 def _make_payload_uncertainty_columns(
-    row: dict[str, object], shared_uncertainty: "_SharedUncertainty", weights: Floats
+    cycle_row: dict[str, object], shared_uncertainty: "_SharedUncertainty", coefficients: Floats
 ) -> dict[str, object]:
     """Common, shared and total uncertainty of a payload.
 
     A calibration needs the values of the log alone in addition to those by the empty machine.
     """
-    own_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
+    own_kg, random_kg = cycle_row["payload_kg"], cycle_row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = shared_uncertainty.own.payload_uncertainty_kg(weights, own_kg)
+    own_common_kg, own_shared_kg = shared_uncertainty.own.payload_u_parts_kg(coefficients, own_kg)
     common_kg, shared_kg = (
         shared_uncertainty.scale_1 * u
-        for u in shared_uncertainty.on_empty_scale.payload_uncertainty_kg(weights, own_kg)
+        for u in shared_uncertainty.on_empty_scale.payload_u_parts_kg(coefficients, own_kg)
     )
     random_kg *= shared_uncertainty.scale_1
     return {
@@ -257,7 +258,7 @@ def _make_payload_uncertainty_columns(
     }
 
 
-def preceding_tare_weights(passes: Passes) -> Floats:
+def choose_preceding_tare_coefficients(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
     empties = np.flatnonzero(~passes.loaded)
@@ -290,8 +291,8 @@ def carry_back_variance_kg2(
     return variance * (before**2 + after**2)
 
 
-def make_payload_sum_weights(
-    passes: Passes, cycle_parts: list[CycleParts], tare_weights: Floats
+def make_payload_sum_coefficients(
+    passes: Passes, cycle_parts: list[CycleParts], tare_coefficients: Floats
 ) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
     whole = [
@@ -299,7 +300,7 @@ def make_payload_sum_weights(
         for p in cycle_parts
         if p.loaded_pass is not None and (p.empty_pass_before, p.empty_pass_after) != (None, None)
     ]
-    weights = [part.pass_weights(tare_weights, passes.mass_kg.size) for part in whole]
+    weights = [part.pass_coefficients(tare_coefficients, passes.mass_kg.size) for part in whole]
     return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
 
 
@@ -324,7 +325,7 @@ def compute_shared_payload_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     passes: Passes,
-    weights: Floats,
+    coefficients: Floats,
     empty: EmptyMachine | None,
 ) -> _SharedUncertainty:
     """Compute the uncertainty shared by the payloads.
@@ -333,33 +334,37 @@ def compute_shared_payload_uncertainty(
         weighing: the joint fit.
         machine: machine file, for the scale.
         passes: the passes.
-        weights: (passes,) weights in the sum of payloads.
+        coefficients: (passes,) weights in the sum of payloads.
         empty: empty machine as weighed by the empty passes.
     """
-    if weighing is None or weighing.fit.states is None or empty is None or not weights.any():
+    if weighing is None or weighing.fit.states is None or empty is None or not coefficients.any():
         count = passes.mass_kg.size
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
-    datum = empty.make_payload_datum(pass_weights_by_state(weighing.fit, passes) @ weights)
-    own = compute_common_payload_uncertainty(weighing, machine, passes, weights, None)
+    datum = empty.make_payload_datum(pass_mass_coefficients(weighing.fit, passes) @ coefficients)
+    own = compute_common_payload_uncertainty(weighing, machine, passes, coefficients, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
-    sources = payload_uncertainty_sources(weighing, machine, datum, empty.weights)
-    unknown = unknown_scale_source_names(sources)
+    sources = list_payload_uncertainties(weighing, machine, datum, empty.weights)
+    unknown = list_scale_sources_without_u(sources)
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
         return _SharedUncertainty(own, own, 1.0, scale)
     return _SharedUncertainty(
         own,
-        compute_common_payload_uncertainty(weighing, machine, passes, weights, datum),
+        compute_common_payload_uncertainty(weighing, machine, passes, coefficients, datum),
         datum.scale_1,
         scale,
     )
 
 
 def compute_common_payload_uncertainty(
-    weighing: Weighing, machine: Machine, passes: Passes, weights: Floats, datum: EmptyDatum | None
+    weighing: Weighing,
+    machine: Machine,
+    passes: Passes,
+    coefficients: Floats,
+    datum: EmptyDatum | None,
 ) -> _CommonUncertainty:
     """Uncertainty common to the uncalibrated payloads, with the fit's correlations.
 
@@ -367,19 +372,18 @@ def compute_common_payload_uncertainty(
     single payload also has nuisance errors of its own starts.
     """
     fit = weighing.fit
-    of_states = pass_weights_by_state(fit, passes)
-    summed = of_states @ weights
-    sources = payload_uncertainty_sources(weighing, machine, datum, summed)
+    of_states = pass_mass_coefficients(fit, passes)
+    summed = of_states @ coefficients
+    sources = list_payload_uncertainties(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
-    total_kg = max(abs(float(weights @ passes.mass_kg)), 1e-9)
-    kept = (combine_u(sources, "random") / by_1) ** 2 - float(weights**2 @ passes.u_kg**2)
+    total_kg = max(abs(float(coefficients @ passes.mass_kg)), 1e-9)
+    kept = (combine_u(sources, "random") / by_1) ** 2 - float(coefficients**2 @ passes.u_kg**2)
     common = combine_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
     responses_kg, drift = fit.term_responses, weighing.significant_empty_mass_drift
-    if drift is not None:
-        # unlike other scales, it moves early and late payloads differently
+    if drift is not None:  # unlike other scales, it moves early and late payloads differently
         names.add("drifted_gain")
-        responses_kg = np.vstack([responses_kg, drift.mass_responses_kg(fit.masses_kg)])
+        responses_kg = np.vstack([responses_kg, drift.mass_responses_to_gain_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.mass_count)
     covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states

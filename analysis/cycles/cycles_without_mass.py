@@ -69,7 +69,7 @@ def add_boom_cycles(
     told = any(part.loaded_pass is not None for part in parts)
     # no mass can change where none is known on either side: before the first pass, after the last
     agree = [
-        each.is_near(times, LIMITS.dump_match_ns)
+        each.is_near_any_time(times, LIMITS.dump_match_ns)
         for each in seen.dumps
         if told and passes.end_ns[0] <= each.end_ns and each.start_ns <= passes.start_ns[-1]
     ]
@@ -85,12 +85,12 @@ def add_boom_cycles(
     missed = [
         CycleParts(dump_ns=(each.start_ns, each.end_ns), bucket_emptied_ns=each.bucket_emptied_ns)
         for each in passes.dumps.dumps
-        if not each.is_near(times, max(LIMITS.one_dump_ns, apart_ns))
+        if not each.is_near_any_time(times, max(LIMITS.one_dump_ns, apart_ns))
     ]
-    return sorted([*parts, *missed], key=_first_evidence_ns), False
+    return sorted([*parts, *missed], key=_find_first_evidence_ns), False
 
 
-def _first_evidence_ns(cycle: CycleParts) -> int:
+def _find_first_evidence_ns(cycle: CycleParts) -> int:
     """Time of the first evidence of a cycle."""
     return next(span[0] for span in (cycle.dig_ns, cycle.haul_ns, cycle.dump_ns) if span)
 
@@ -149,9 +149,9 @@ def estimate_uncounted_cycle_count(
     boom = find_boom_dumps(
         aligned, excitation, [(t - LIMITS.one_dump_ns, t + LIMITS.one_dump_ns) for t in times]
     )
-    likely, common_u = estimate_cycle_probabilities_and_u(cycles, boom)
+    likely, common_u = estimate_massless_cycle_probabilities(cycles, boom)
     if not boom.shows_dumps and not is_digging_reliable(cycles):
-        likely += missed_cycle_probabilities(np.array(sorted(times), np.int64), excitation)
+        likely += estimate_missed_cycle_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
     if on_board.height:
@@ -204,16 +204,18 @@ class _Reliability(NamedTuple):
     u: float
 
     @classmethod
-    def from_trials(cls, prior: float, confirmed_count: int = 0, denied_count: int = 0) -> Self:
+    def from_trials(
+        cls, prior_mean: float, confirmed_count: int = 0, denied_count: int = 0
+    ) -> Self:
         """Posterior mean and standard deviation of a beta distribution.
 
         Args:
-            prior: mean before the trials; worth `LIMITS.witness_prior_trials` of them.
+            prior_mean: mean before the trials; worth `LIMITS.witness_prior_trials` of them.
             confirmed_count: number of its cycles that masses confirm.
             denied_count: number of its cycles that they deny.
         """
         trials = LIMITS.witness_prior_trials + confirmed_count + denied_count
-        mean = (LIMITS.witness_prior_trials * prior + confirmed_count) / trials
+        mean = (LIMITS.witness_prior_trials * prior_mean + confirmed_count) / trials
         return cls(mean, float(np.sqrt(mean * (1.0 - mean) / (trials + 1.0))))
 
 
@@ -221,7 +223,7 @@ class _Reliability(NamedTuple):
 _CERTAIN: Final = _Reliability(1.0, 0.0)
 
 
-def estimate_cycle_probabilities_and_u(
+def estimate_massless_cycle_probabilities(
     cycles: pl.DataFrame, boom_dumps: BoomDumps
 ) -> tuple[list[float], float]:
     """Probability that each row without a mass was a cycle, and the common u of their number."""
@@ -254,8 +256,8 @@ def _estimate_boom_reliability(cycles: pl.DataFrame, boom_dumps: BoomDumps) -> _
     every = cycles["dump_t_ns"].drop_nulls().to_numpy()
     return _Reliability.from_trials(
         LIMITS.sole_witness_probability,
-        confirmed_count=sum(dump.is_near(weighed) for dump in boom_dumps.dumps),
-        denied_count=sum(not dump.is_near(every) for dump in boom_dumps.dumps),
+        confirmed_count=sum(dump.is_near_any_time(weighed) for dump in boom_dumps.dumps),
+        denied_count=sum(not dump.is_near_any_time(every) for dump in boom_dumps.dumps),
     )
 
 
@@ -266,7 +268,7 @@ def is_digging_reliable(cycles: pl.DataFrame) -> bool:
     return dug >= LIMITS.digging_witness_fraction * max(counted.height, 1)
 
 
-def missed_cycle_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
+def estimate_missed_cycle_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
     """Probability of each cycle missing in the rhythm, by the rhythm's regularity.
 
     Args:
@@ -309,7 +311,9 @@ class LostCycles(NamedTuple):
     payload_u_kg: float
 
 
-def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, int]]:
+def find_spans_of_missing_channels_ns(
+    excitation: pl.DataFrame, aligned: pl.DataFrame
+) -> list[tuple[int, int]]:
     """Spans of a second or more with a missing channel, in ns, between its samples.
 
     Args:
@@ -334,7 +338,7 @@ def estimate_cycles_lost_in_gaps(cycles: pl.DataFrame, gaps: list[tuple[int, int
 
     Args:
         cycles: the frame `cycles`.
-        gaps: gaps from `find_channel_gaps_ns`.
+        gaps: gaps from `find_spans_of_missing_channels_ns`.
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()

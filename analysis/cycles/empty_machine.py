@@ -40,15 +40,15 @@ class MixedMachines:
     before_kg: float
     after_kg: float
 
-    def warning_text(self, name: str) -> str:
+    def warning_text(self, log_name: str) -> str:
         """Warning about the jump.
 
         Args:
-            name: name of the log with the jump.
+            log_name: name of the log with the jump.
         """
         more = self.after_kg / self.before_kg - 1.0
         return (
-            f"the empty machine weighs {self.before_kg:,.0f} kg before {name} and "
+            f"the empty machine weighs {self.before_kg:,.0f} kg before {log_name} and "
             f"{self.after_kg:,.0f} kg from then on ({more:+.0%}): the logs may come from two "
             "machines; review the logs of each machine separately"
         )
@@ -71,7 +71,7 @@ class ShiftScale(NamedTuple):
     gain_u_1: float | None = None
 
 
-def pass_weights_by_state(fit: JointFit, passes: Passes) -> Floats:
+def pass_mass_coefficients(fit: JointFit, passes: Passes) -> Floats:
     """(states, passes) weights of the states' masses in the passes' masses."""
     assert fit.states is not None
     weights = np.zeros((fit.mass_count, passes.mass_kg.size))
@@ -88,7 +88,7 @@ def estimate_carry_back_variance_kg2(passes: Passes) -> float:
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
-def clean_machine_mass_and_u_kg(passes: Passes) -> tuple[float, float]:
+def estimate_clean_machine_mass_and_u_kg(passes: Passes) -> tuple[float, float]:
     """Mass of the machine with a clean bucket, and its uncertainty, in kg.
 
     The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
@@ -121,26 +121,28 @@ def weigh_empty_machine(
         return None
     share = np.where(empty, 1.0 / passes.u_kg**2, 0.0)
     share /= share.sum()
-    least_kg, least_u_kg = clean_machine_mass_and_u_kg(passes)
+    least_kg, least_u_kg = estimate_clean_machine_mass_and_u_kg(passes)
     carried_kg = max(float(share @ passes.drift_corrected_masses_kg) - least_kg, 0.0)
     # the noise of the passes is in their own masses
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
-    weights = pass_weights_by_state(weighing.fit, passes) @ share
+    weights = pass_mass_coefficients(weighing.fit, passes) @ share
     middles_ns = (passes.start_ns + passes.end_ns) / 2.0
-    fuel_kg = (0.0, 0.0) if fuel is None else fuel.extra_fuel_mass_and_u_kg(middles_ns, share)
+    fuel_kg = (
+        (0.0, 0.0) if fuel is None else fuel.fuel_mass_since_ticket_and_u_kg(middles_ns, share)
+    )
     return EmptyMachine(weighing, machine, weights, carried, fuel_kg)
 
 
-def find_empty_mass_jump(
-    manoeuvres: pl.DataFrame, begins_ns: Sequence[int]
+def find_machine_change_by_empty_mass(
+    manoeuvres: pl.DataFrame, log_begins_ns: Sequence[int]
 ) -> MixedMachines | None:
     """Find the log from which on the empty machine has another mass.
 
     Args:
         manoeuvres: the frame `manoeuvres`.
-        begins_ns: (logs,) begin of each log since the first aligned sample, ascending.
+        log_begins_ns: (logs,) begin of each log since the first aligned sample, ascending.
 
     Returns:
         The largest jump; None if there is none, or too few starts on either side.
@@ -152,9 +154,12 @@ def find_empty_mass_jump(
         known[name].to_numpy() for name in ("mass_kg", "mass_std_kg", "start_t_ns")
     )
     found: list[tuple[float, MixedMachines]] = []
-    for number, border_ns in enumerate(begins_ns[1:], 1):
+    for number, border_ns in enumerate(log_begins_ns[1:], 1):
         later = start_ns >= border_ns
-        sides = [lightest_mass_and_std_kg(mass_kg[side], std_kg[side]) for side in (~later, later)]
+        sides = [
+            average_lightest_starts_and_std_kg(mass_kg[side], std_kg[side])
+            for side in (~later, later)
+        ]
         if sides[0] is None or sides[1] is None:
             continue
         (before_kg, u_kg), (after_kg, other_u_kg) = sides[0], sides[1]
@@ -167,7 +172,9 @@ def find_empty_mass_jump(
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
-def lightest_mass_and_std_kg(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
+def average_lightest_starts_and_std_kg(
+    mass_kg: Floats, std_kg: Floats
+) -> tuple[float, float] | None:
     """Mass of the lightest starts, and its standard deviation; None if none is known empty."""
     if mass_kg.size < LIMITS.border_side_min_starts:
         return None

@@ -21,7 +21,7 @@ from analysis.stages.motion.forces import (
     compute_yaw_torque,
 )
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.motion_samples import ground_to_wheel_speed_ratio
+from analysis.weighing.motion_samples import compute_ground_to_wheel_speed_ratio
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -110,7 +110,7 @@ def collect_energy_samples(
     smooth_N, smooth_m_s = (
         centre_trailing_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
     )
-    turning = np.where(known, compute_turning_power(aligned, machine.machine), 0.0)
+    turning = np.where(known, compute_turning_power_watts(aligned, machine.machine), 0.0)
     stands, turns = (
         mark_phase_samples(excitation, name, machine, value_if_unknown=unknown)
         for name, unknown in (("standstill", True), ("spinning", False))
@@ -194,13 +194,13 @@ def advance_force_samples(samples: EnergySamples, force_late_s: float) -> Energy
     return delay_force_samples(samples, -rows)
 
 
-def delay_force_samples(samples: EnergySamples, rows: int) -> EnergySamples:
+def delay_force_samples(samples: EnergySamples, delay_rows: int) -> EnergySamples:
     """Delay the driving stretches by a number of rows.
 
     A motor releases gradually, so the end of its force is known to half the moving mean at best.
     """
     drives, digs, slows = (
-        np.roll(each, rows) for each in (samples.drives, samples.digs, samples.slows)
+        np.roll(each, delay_rows) for each in (samples.drives, samples.digs, samples.slows)
     )
     return replace(samples, drives=drives, digs=digs, slows=slows)
 
@@ -214,25 +214,28 @@ def compute_centred_speed_and_acceleration(
     return speed, acceleration
 
 
-def centre_trailing_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
+def centre_trailing_mean(excitation: pl.DataFrame, column_name: str, machine: Machine) -> Floats:
     """Column after the trailing mean, advanced by half its length, (n,); 0 where unknown."""
-    return np.roll(np.nan_to_num(column_values(excitation, name)), -excitation_delay_rows(machine))
+    return np.roll(
+        np.nan_to_num(column_values(excitation, column_name)),
+        -count_delay_rows_of_excitation(machine),
+    )
 
 
 def mark_phase_samples(
-    excitation: pl.DataFrame, name: str, machine: Machine, *, value_if_unknown: bool
+    excitation: pl.DataFrame, phase_column: str, machine: Machine, *, value_if_unknown: bool
 ) -> Bools:
     """Samples in a phase, (n,), corrected for the delay of the trailing mean."""
-    found = (excitation["phase"] == name).fill_null(value=value_if_unknown).to_numpy()
-    return np.roll(found, -excitation_delay_rows(machine))
+    found = (excitation["phase"] == phase_column).fill_null(value=value_if_unknown).to_numpy()
+    return np.roll(found, -count_delay_rows_of_excitation(machine))
 
 
-def excitation_delay_rows(machine: Machine) -> int:
+def count_delay_rows_of_excitation(machine: Machine) -> int:
     """Delay of the excitation's trailing mean, in rows."""
     return (machine.settings.smooth.samples - 1) // 2
 
 
-def compute_turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
+def compute_turning_power_watts(aligned: pl.DataFrame, body: Body) -> Floats:
     """Power of the yaw torque, (n,) in W, if both sides are measured."""
     torque = compute_yaw_torque(aligned, body)
     if torque is None or "yaw_rate_rad_s" not in aligned.columns:
@@ -286,12 +289,12 @@ class PhaseIntegrals:
     turning_J: Floats
 
 
-def integrate_phases(
+def integrate_drive_over_phases(
     samples: EnergySamples,
     spans: list[PhaseSpan],
     mass_kg: Floats,
     rotating_kg: float,
-    errors: MotionErrors,
+    motion_errors: MotionErrors,
     ground_N: Floats,
 ) -> PhaseIntegrals:
     """Integrate over each phase.
@@ -301,14 +304,14 @@ def integrate_phases(
         spans: the phases.
         mass_kg: (n,) mass of machine and load, on the scale of the measured force.
         rotating_kg: equivalent rotating mass.
-        errors: errors of force and speed.
+        motion_errors: errors of force and speed.
         ground_N: (n,) force between tyres and ground without digging.
     """
-    force = advance_sample_column(samples, "force_N", errors.force_late_s)
-    wheels = advance_sample_column(samples, "speed_m_s", errors.speed_late_s)
+    force = advance_sample_column(samples, "force_N", motion_errors.force_late_s)
+    wheels = advance_sample_column(samples, "speed_m_s", motion_errors.speed_late_s)
     # brakes slip as well, and leave no measured force
     slipping_N = np.where(samples.digs, force, ground_N)
-    speed = wheels * ground_to_wheel_speed_ratio(wheels, slipping_N, errors.slip_1_N)
+    speed = wheels * compute_ground_to_wheel_speed_ratio(wheels, slipping_N, motion_errors.slip_1_N)
     step_s, fast = samples.step_s, np.abs(speed)
     # half the difference of squares on either side: what a stretch gains is what its ends differ by
     squares = np.pad(speed**2, 1, mode="edge")
@@ -352,9 +355,9 @@ def integrate_phases(
     )
 
 
-def advance_sample_column(samples: EnergySamples, name: str, delay_s: float) -> Floats:
+def advance_sample_column(samples: EnergySamples, column_name: str, delay_s: float) -> Floats:
     """A column advanced by its delay, (n,)."""
-    x: Floats = getattr(samples, name)
+    x: Floats = getattr(samples, column_name)
     if not delay_s:
         return x
     t_s = samples.t_ns / NS_PER_S

@@ -75,7 +75,7 @@ def read_force_model_and_u(
     offset, offset_u = term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * high_force_quantile(excitation)
+    wrong_N = priors.const_share * high_quantile_of_force(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
@@ -93,7 +93,9 @@ def read_force_model_and_u(
         "transfer": term_value_and_std("load_transfer"),
         "gain_drift": term_value_and_std("gain_drift"),
         "const": (const, const_u),
-        "offset": combine_force_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
+        "offset": combine_fitted_and_standstill_force_offset(
+            (wrong_1 * const + offset, offset_u), excitation, mass_kg
+        ),
         "viscous": (viscous[0], viscous_u),
         **{name: term_value_and_std(name) for name in WARMING},
         "direction": (term_value_and_std("direction")[0], direction_u),
@@ -103,7 +105,7 @@ def read_force_model_and_u(
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
 
 
-def unfitted_coulomb_std(
+def estimate_unfitted_coulomb_std(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine
 ) -> float:
     """Standard deviation of Coulomb friction if the fit has no such term, in N.
@@ -117,17 +119,17 @@ def unfitted_coulomb_std(
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return friction_force_prior_std(high_force_quantile(frames["excitation"]), weight_N, priors)
+    return friction_force_prior_std(high_quantile_of_force(frames["excitation"]), weight_N, priors)
 
 
-def high_force_quantile(excitation: pl.DataFrame) -> float:
+def high_quantile_of_force(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(column_values(driving, "force_x_N"))
     return float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
 
 
-def combine_force_offsets(
+def combine_fitted_and_standstill_force_offset(
     fitted_offset_and_u: tuple[float, float], excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float]:
     """Combine the force offsets of the fit and of the standstills, in N, with the uncertainty.
@@ -197,16 +199,16 @@ def read_motion_errors_and_u(
     return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
 
 
-def perturb_terms_one_by_one(column_values: Terms, stds: Terms) -> list[Terms]:
+def perturb_terms_one_by_one(term_values: Terms, stds: Terms) -> list[Terms]:
     """Copies of the values, each with one term changed by its standard uncertainty."""
-    names = [each.name for each in fields(column_values) if getattr(stds, each.name)]
+    names = [each.name for each in fields(term_values) if getattr(stds, each.name)]
     return [
-        replace(column_values, **{name: getattr(column_values, name) + getattr(stds, name)})
+        replace(term_values, **{name: getattr(term_values, name) + getattr(stds, name)})
         for name in names
     ]
 
 
-def work_scale_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
+def relative_work_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     """Relative standard uncertainty of the measured work, and the settings missing for it.
 
     Torque times the speed of the same wheels needs no radius.
@@ -225,7 +227,7 @@ def work_scale_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
 
 
-def split_relative_mass_uncertainty(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
+def split_mass_u_into_common_and_own(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
     """Relative standard uncertainty of masses on the force's scale: common, and individual."""
     loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
     budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")

@@ -15,15 +15,15 @@ from analysis.cycles.energy_integrals import (
     advance_force_samples,
     collect_energy_samples,
     compute_centred_speed_and_acceleration,
-    excitation_delay_rows,
-    integrate_phases,
+    count_delay_rows_of_excitation,
+    integrate_drive_over_phases,
     subtract_braked_drive,
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
+    estimate_unfitted_coulomb_std,
     read_force_model_and_u,
     read_motion_errors_and_u,
-    unfitted_coulomb_std,
 )
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -59,14 +59,14 @@ class FittedDrive:
     coulomb_N: float
     speed_u_1: float
 
-    def integrate(self, spans: list[PhaseSpan]) -> PhaseIntegrals:
+    def integrate_over_phases(self, spans: list[PhaseSpan]) -> PhaseIntegrals:
         """Integrals over each phase."""
-        return integrate_phases(
+        return integrate_drive_over_phases(
             self.samples, spans, self.mass_kg, self.rotating_kg, self.errors, self.ground_N
         )
 
 
-def ground_force(
+def compute_ground_force_newtons(
     excitation: pl.DataFrame, machine: Machine, mass_kg: Floats, model: ForceModel
 ) -> Floats:
     """Force that accelerates the masses against friction, including brakes, (n,) in N.
@@ -79,35 +79,37 @@ def ground_force(
     return mass_kg * a + model.acting_constant_force + resisted
 
 
-def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDrive:
+def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDrive:
     """Collect samples, masses and force of a log from the joint fit."""
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
-    mass_kg = total_mass_at_samples_kg(collect_energy_samples(*grids, machine), cycles, manoeuvres)
+    mass_kg = estimate_total_mass_of_samples_kg(
+        collect_energy_samples(*grids, machine), cycles, manoeuvres
+    )
     model, model_u = read_force_model_and_u(frames, mass_kg, machine.settings.priors)
     errors, errors_u = read_motion_errors_and_u(frames["nuisances"], model, machine)
     samples = collect_energy_samples(*grids, machine, model.offset)
-    mass_kg = total_mass_at_samples_kg(samples, cycles, manoeuvres)
+    mass_kg = estimate_total_mass_of_samples_kg(samples, cycles, manoeuvres)
     samples = advance_force_samples(samples, errors.force_late_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(
         subtract_braked_drive(samples, frames["excitation"], machine, mass_kg, *friction),
-        max(excitation_delay_rows(machine), 1),
+        max(count_delay_rows_of_excitation(machine), 1),
         mass_kg,
         machine.machine.rotating_mass_kg,
-        ground_force(frames["excitation"], machine, mass_kg, model),
+        compute_ground_force_newtons(frames["excitation"], machine, mass_kg, model),
         model,
         model_u,
         errors,
         errors_u,
-        unfitted_coulomb_std(frames, mass_kg, machine),
+        estimate_unfitted_coulomb_std(frames, mass_kg, machine),
         # a speed that is wrong beside an acceleration of the wheels is wrong in both
         machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )
 
 
-def total_mass_at_samples_kg(
+def estimate_total_mass_of_samples_kg(
     samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
 ) -> Floats:
     """Mass of machine and load, (n,), by the nearest start with the load; grows in digging."""
@@ -118,7 +120,7 @@ def total_mass_at_samples_kg(
     order = np.argsort(middle)
     starts = _StartMasses(middle[order], by_state[state][order])
     t_ns = samples.t_ns
-    mass_kg = starts.nearest_masses(t_ns)
+    mass_kg = starts.masses_of_nearest_starts_kg(t_ns)
     for row in cycles.iter_rows(named=True):
         if row["dig_t_ns"] is None or row["load_s"] is None:
             continue
@@ -126,12 +128,14 @@ def total_mass_at_samples_kg(
         digs, filled = row["dig_t_ns"], row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
         begin, first, last, stop = np.searchsorted(t_ns, [start, digs, filled, end])
         # the cycle's own starts on either side of the pile, else what its neighbours weighed
-        before = starts.select_between(start, digs, row["empty_before_kg"] or row["empty_after_kg"])
-        after = starts.select_between(filled, end, row["loaded_kg"])
+        before = starts.select_starts_between(
+            start, digs, row["empty_before_kg"] or row["empty_after_kg"]
+        )
+        after = starts.select_starts_between(filled, end, row["loaded_kg"])
         if before is None or after is None:
             continue
-        mass_kg[begin:first] = before.nearest_masses(t_ns[begin:first])
-        mass_kg[last:stop] = after.nearest_masses(t_ns[last:stop])
+        mass_kg[begin:first] = before.masses_of_nearest_starts_kg(t_ns[begin:first])
+        mass_kg[last:stop] = after.masses_of_nearest_starts_kg(t_ns[last:stop])
         filling = samples.digs[first:last]
         # the bucket fills while the machine pushes into the pile
         grown = np.cumsum(filling) / max(int(filling.sum()), 1)
@@ -146,7 +150,7 @@ class _StartMasses(NamedTuple):
     middle_ns: Floats
     mass_kg: Floats
 
-    def select_between(
+    def select_starts_between(
         self, begin_ns: int, end_ns: int, default_kg: float | None
     ) -> "_StartMasses | None":
         """Starts between two times; without any, one of `default_kg`, or None if that is None."""
@@ -157,7 +161,7 @@ class _StartMasses(NamedTuple):
             return None
         return _StartMasses(np.array([float(begin_ns)]), np.array([default_kg]))
 
-    def nearest_masses(self, t_ns: Ints) -> Floats:
+    def masses_of_nearest_starts_kg(self, t_ns: Ints) -> Floats:
         """Mass of the nearest start to each time, (n,)."""
         halfway = (self.middle_ns[1:] + self.middle_ns[:-1]) / 2.0
         return self.mass_kg[np.searchsorted(halfway, t_ns)]

@@ -79,7 +79,7 @@ class FrictionPart(NamedTuple):
     std_N_s_m: float
 
 
-def fit_friction_by_shift_part(
+def fit_viscous_friction_by_shift_part(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[FrictionPart, ...]:
     """Fit the viscous friction b in F - m·a - constants = b·v, for each part of a shift.
@@ -96,7 +96,9 @@ def fit_friction_by_shift_part(
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count() or nuisances.is_empty():
         return ()
-    crossed, squared = sum_friction_products(excitation, manoeuvres, nuisances, settings)
+    crossed, squared = sum_speed_force_products_by_start(
+        excitation, manoeuvres, nuisances, settings
+    )
     t_ns = excitation["t_ns"].to_numpy()
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     since_s = (middle - t_ns[0]) / NS_PER_S
@@ -123,7 +125,7 @@ def fit_friction_by_shift_part(
     return tuple(found)
 
 
-def sum_friction_products(
+def sum_speed_force_products_by_start(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """Sums of speed times remaining force, and of squared speed, (manoeuvres,) each."""
@@ -140,7 +142,7 @@ def sum_friction_products(
     )
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
     driving &= np.isfinite(rest) & np.isfinite(acceleration) & np.isfinite(speed)
-    mass_kg = state_masses_of_manoeuvres_kg(manoeuvres)
+    mass_kg = look_up_state_mass_of_manoeuvres_kg(manoeuvres)
     t_ns = excitation["t_ns"].to_numpy()
     spans = manoeuvres.select("start_t_ns", "end_t_ns").iter_rows()
     crossed, squared = np.zeros(mass_kg.size), np.zeros(mass_kg.size)
@@ -153,14 +155,16 @@ def sum_friction_products(
     return crossed, squared
 
 
-def state_masses_of_manoeuvres_kg(manoeuvres: pl.DataFrame) -> Floats:
+def look_up_state_mass_of_manoeuvres_kg(manoeuvres: pl.DataFrame) -> Floats:
     """Mass of the load state of each manoeuvre, (manoeuvres,)."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
     return weighted_means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]
 
 
-def fit_friction_trend(daily_friction: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
+def fit_daily_friction_trend(
+    daily_friction: Sequence[FrictionDay], limit_N_s_m: float
+) -> FrictionTrend:
     """Fit the trend, and estimate the day on which it reaches the limit.
 
     Args:

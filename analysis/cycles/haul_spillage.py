@@ -15,7 +15,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.machine_body import Body
-from analysis.model.schema import column_values, conform_to_schema
+from analysis.model.schema import column_values, conform_frame_to_schema
 from estimators.arrays import Floats
 
 #: Columns that are in proportion to the payload.
@@ -27,7 +27,7 @@ _IN_PROPORTION: Final = (
 
 def subtract_spillage(
     cycles: pl.DataFrame,
-    parts: Sequence[CycleParts],
+    cycle_parts: Sequence[CycleParts],
     passes: Passes,
     frames: Mapping[str, pl.DataFrame],
     body: Body,
@@ -36,19 +36,19 @@ def subtract_spillage(
 
     Args:
         cycles: frame with payloads as weighed.
-        parts: begin of each haul, and stop for its dump.
+        cycle_parts: begin of each haul, and stop for its dump.
         passes: manoeuvres that weigh each load.
         frames: the frames `manoeuvres` and `excitation`.
         body: machine body with its spillage.
     """
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
-    progress = haul_fractions_when_weighed(
-        parts, passes, frames["manoeuvres"], frames["excitation"]
+    progress = find_haul_fractions_when_weighed(
+        cycle_parts, passes, frames["manoeuvres"], frames["excitation"]
     )
-    arriving, u = arriving_fraction_and_u(progress, body)
+    arriving, u = compute_arriving_fraction_and_u(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
-    return subtract_spillage_in_columns(
+    return subtract_spillage_from_payload_columns(
         cycles.with_columns(
             arriving_1=pl.Series(np.where(known, arriving, np.nan)).fill_nan(None),
             arriving_u_1=pl.Series(np.where(known, u, np.nan)).fill_nan(None),
@@ -56,7 +56,7 @@ def subtract_spillage(
     )
 
 
-def arriving_fraction_and_u(haul_fraction: Floats, body: Body) -> tuple[Floats, Floats]:
+def compute_arriving_fraction_and_u(haul_fraction: Floats, body: Body) -> tuple[Floats, Floats]:
     """Fraction of the weighed load that arrives, and its standard uncertainty.
 
     If a fraction s of a load L is spilled evenly over the haul, L (1 - s p) is weighed at the
@@ -74,7 +74,7 @@ def arriving_fraction_and_u(haul_fraction: Floats, body: Body) -> tuple[Floats, 
     return (1.0 - spilled) / weighed, np.hypot(by_share, by_place)
 
 
-def subtract_spillage_in_columns(cycles: pl.DataFrame) -> pl.DataFrame:
+def subtract_spillage_from_payload_columns(cycles: pl.DataFrame) -> pl.DataFrame:
     """Subtract the spillage in columns `arriving_1` and `arriving_u_1` from payloads."""
     if cycles["arriving_1"].null_count() == cycles.height:
         return cycles
@@ -86,11 +86,14 @@ def subtract_spillage_in_columns(cycles: pl.DataFrame) -> pl.DataFrame:
         (common**2 + added_kg**2).sqrt(), (shared**2 + added_kg**2).sqrt()
     )
     u_kg = (pl.col("payload_u_random_kg") ** 2 + common**2).sqrt()
-    return conform_to_schema("cycles", widened.with_columns(payload_u_kg=u_kg))
+    return conform_frame_to_schema("cycles", widened.with_columns(payload_u_kg=u_kg))
 
 
-def haul_fractions_when_weighed(
-    parts: Sequence[CycleParts], passes: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
+def find_haul_fractions_when_weighed(
+    cycle_parts: Sequence[CycleParts],
+    passes: Passes,
+    manoeuvres: pl.DataFrame,
+    excitation: pl.DataFrame,
 ) -> Floats:
     """Fraction of the haul at which each load is weighed, (cycles,).
 
@@ -111,8 +114,8 @@ def haul_fractions_when_weighed(
         (moments[last] - moments[first]) / np.maximum(whole, LIMITS.min_acceleration_square),
         driven[first],
     )
-    progress = np.zeros(len(parts))
-    for number, part in enumerate(parts):
+    progress = np.zeros(len(cycle_parts))
+    for number, part in enumerate(cycle_parts):
         if part.loaded_pass is None or part.haul_ns is None or part.dump_ns is None:
             continue
         begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))

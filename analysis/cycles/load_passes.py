@@ -14,7 +14,7 @@ from analysis.cycles.boom_dumps import (
     NO_DUMPS,
     BoomDumps,
     find_boom_dumps,
-    find_load_borders_at_dumps,
+    find_load_change_indices_at_dumps,
     mark_manoeuvres_while_dumping,
 )
 from analysis.cycles.cycle_limits import LIMITS
@@ -108,12 +108,12 @@ def find_load_passes(
         # one who creeps to the dump may have emptied the bucket before the start ends
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
-        of_state = correct_loaded_at_dumps(of_state, begin, end, digs, dumps)
-    one_filling_ns = longest_refill_pause_ns(of_state, begin, end, digs)
+        of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digs, dumps)
+    one_filling_ns = max_refill_pause_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
     parts[find_borders_before_refills(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
-        parts[find_load_borders_at_dumps(of_state, begin, end, dumps)] = True
+        parts[find_load_change_indices_at_dumps(of_state, begin, end, dumps)] = True
     hauls_nothing = mark_short_hauls(of_state, parts, begin, end, digs)
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
@@ -145,7 +145,7 @@ def find_load_passes(
 
 
 def mark_short_hauls(
-    loaded: Bools, borders: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
+    loaded: Bools, is_border: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Bools:
     """Mark very short hauls of a load without a filling, (manoeuvres,).
 
@@ -155,13 +155,13 @@ def mark_short_hauls(
 
     Args:
         loaded: (manoeuvres,) whether each is loaded.
-        borders: (manoeuvres - 1,) borders between passes.
+        is_border: (manoeuvres - 1,) borders between passes.
         begin_ns: (manoeuvres,) begin of each.
         end_ns: (manoeuvres,) end of each.
         digs: the frame `digging`.
     """
     found = np.zeros(loaded.size, np.bool_)
-    first = np.flatnonzero(np.append(True, borders))
+    first = np.flatnonzero(np.append(True, is_border))
     last = np.append(first[1:] - 1, loaded.size - 1)
     # the first and the last load of a log may be cut off
     inner = np.flatnonzero(loaded[first[1:-1]]) + 1
@@ -178,7 +178,7 @@ def mark_short_hauls(
     return found
 
 
-def longest_refill_pause_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
+def max_refill_pause_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
     """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
@@ -199,7 +199,7 @@ def find_borders_before_refills(
     end_ns: Ints,
     digs: pl.DataFrame,
     dumps: BoomDumps,
-    one_filling_ns: int,
+    max_filling_pause_ns: int,
 ) -> list[int]:
     """Borders before which a loaded machine digs again, so that it must have been empty in between.
 
@@ -207,7 +207,7 @@ def find_borders_before_refills(
     enough time passed.
     """
     found: list[int] = []
-    last_ns = -one_filling_ns
+    last_ns = -max_filling_pause_ns
     for start, stop in digs.select("start_t_ns", "end_t_ns").sort("start_t_ns").iter_rows():
         after = int(np.searchsorted(begin_ns, start, "left"))
         if 0 < after < loaded.size and loaded[after - 1] and loaded[after]:
@@ -216,13 +216,13 @@ def find_borders_before_refills(
             since_ns = max(int(begin_ns[first]), last_ns)
             dumped = bool(dumps.select_dumps(int(end_ns[after - 1]), start))
             # what drives while it is seen to dig is no haul
-            if (start - since_ns > one_filling_ns or dumped) and end_ns[after - 1] <= start:
+            if (start - since_ns > max_filling_pause_ns or dumped) and end_ns[after - 1] <= start:
                 found.append(after - 1)
         last_ns = stop
     return found
 
 
-def correct_loaded_at_dumps(
+def correct_loaded_flags_at_dumps(
     loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
@@ -284,14 +284,14 @@ def classify_loaded_states(
         times_ns: (manoeuvres,) begins, and ends.
         digs: the frame `digging`: a digging start separates empty before from loaded after.
     """
-    label = label_states_by_digging(mass_kg, u_kg, state, *times_ns, digs)
+    label = label_state_loaded_by_digging(mass_kg, u_kg, state, *times_ns, digs)
     possible = mark_plausible_masses(mass_kg)
-    found = classify_by_mass_border(mass_kg[possible], u_kg[possible], label[possible])
+    found = classify_loaded_by_threshold(mass_kg[possible], u_kg[possible], label[possible])
     # a mass that no machine has tells of no change of the load
     return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]
 
 
-def label_states_by_digging(
+def label_state_loaded_by_digging(
     mass_kg: Floats, u_kg: Floats, state: Ints, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Ints:
     """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
@@ -309,7 +309,7 @@ def label_states_by_digging(
     return label
 
 
-def classify_by_mass_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
+def classify_loaded_by_threshold(mass_kg: Floats, u_kg: Floats, loaded_label: Ints) -> Bools | None:
     """Classify each state as loaded or not, (states,), by a mass border between two classes.
 
     If loads are smaller than the states' standard deviations, digging decides, or whether nearly
@@ -317,11 +317,11 @@ def classify_by_mass_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools
     """
     if mass_kg.size < 2:
         return None
-    told = (label == 0).any() and (label == 1).any()
-    border = find_median_border(mass_kg)
+    told = (loaded_label == 0).any() and (loaded_label == 1).any()
+    border = find_threshold_between_medians(mass_kg)
     light, heavy = mass_kg <= border, mass_kg > border
     if told:
-        light, heavy = label == 0, label == 1
+        light, heavy = loaded_label == 0, loaded_label == 1
     a, b = float(np.median(mass_kg[light])), float(np.median(mass_kg[heavy]))
     least_kg = float(np.median(u_kg))
     spread_kg = robust_std(mass_kg[light], least_kg)
@@ -330,21 +330,21 @@ def classify_by_mass_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools
     )
     if not parted:
         # a load that changes without digging is dumped
-        label = label if told else label_states_by_alternation(mass_kg)
-        light, heavy = label == 0, label == 1
+        loaded_label = loaded_label if told else label_state_loaded_by_alternation(mass_kg)
+        light, heavy = loaded_label == 0, loaded_label == 1
         if not do_class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
             return None
         # a load between others that is not seen to be dug is told by its mass
-        undug = (label < 0) & (mass_kg > (a + b) / 2.0)
+        undug = (loaded_label < 0) & (mass_kg > (a + b) / 2.0)
         undug[[0, -1]] = False
         return heavy | undug
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
     high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
-    return mass_kg > (choose_mass_border_kg(mass_kg, label, border) if told else border)
+    return mass_kg > (fit_loaded_threshold_kg(mass_kg, loaded_label, border) if told else border)
 
 
-def label_states_by_alternation(mass_kg: Floats) -> Ints:
+def label_state_loaded_by_alternation(mass_kg: Floats) -> Ints:
     """1 if heavier than the state before, 0 if lighter, (states,); -1 if they do not alternate."""
     rises = np.diff(mass_kg) > 0.0
     turns = rises[1:] != rises[:-1]
@@ -368,16 +368,13 @@ def do_class_means_differ(light_kg: Floats, heavy_kg: Floats, least_kg: float) -
     )
 
 
-def choose_mass_border_kg(mass_kg: Floats, label: Ints, initial_border_kg: float) -> float:
-    """Border in kg that contradicts the fewest labels (states,), among several the nearest."""
+def fit_loaded_threshold_kg(mass_kg: Floats, loaded_label: Ints, initial_kg: float) -> float:
+    """Mass in kg between empty and loaded that contradicts the fewest labels, (states,)."""
     order = np.sort(mass_kg)
-    choices = np.append((order[1:] + order[:-1]) / 2.0, initial_border_kg)
-    wrong = [
-        int(np.sum((label == 0) & (mass_kg > choice)) + np.sum((label == 1) & (mass_kg <= choice)))
-        for choice in choices
-    ]
+    choices = np.append((order[1:] + order[:-1]) / 2.0, initial_kg)
+    wrong = [int(np.sum(loaded_label == np.where(mass_kg > choice, 0, 1))) for choice in choices]
     best = choices[np.array(wrong) == min(wrong)]
-    return float(best[np.argmin(np.abs(best - initial_border_kg))])
+    return float(best[np.argmin(np.abs(best - initial_kg))])
 
 
 def robust_std(values: Floats, min_std: float) -> float:
@@ -385,7 +382,7 @@ def robust_std(values: Floats, min_std: float) -> float:
     return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), min_std)
 
 
-def find_median_border(values: Floats) -> float:
+def find_threshold_between_medians(values: Floats) -> float:
     """Border with the least sum of distances to the medians on both sides.
 
     With squared distances (Otsu 1979), two masses far above the others would be a class of their

@@ -29,7 +29,9 @@ class TargetCheck(NamedTuple):
     keeps: bool
 
 
-def judge_payload_target(counted_cycles: pl.DataFrame, target_kg: float) -> TargetCheck | None:
+def compare_payloads_with_target(
+    counted_cycles: pl.DataFrame, target_kg: float
+) -> TargetCheck | None:
     """Judge the counted payloads; None without any.
 
     Args:

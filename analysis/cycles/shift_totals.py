@@ -16,7 +16,7 @@ from analysis.cycles.cycles_without_mass import (
     estimate_cycles_lost_in_gaps,
     estimate_uncounted_cycle_count,
     estimate_unweighed_load_and_u_kg,
-    find_channel_gaps_ns,
+    find_spans_of_missing_channels_ns,
 )
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
@@ -42,7 +42,7 @@ class LabelTotal(NamedTuple):
     payload_u_kg: float
 
 
-def make_shift_totals(
+def make_shift_totals_frame(
     cycles: pl.DataFrame,
     excitation: pl.DataFrame,
     aligned: pl.DataFrame,
@@ -58,7 +58,7 @@ def make_shift_totals(
         scale: source of the payloads' scale.
         min_detectable_kg: smallest load that one start tells from none, if known.
     """
-    gaps = find_channel_gaps_ns(excitation, aligned)
+    gaps = find_spans_of_missing_channels_ns(excitation, aligned)
     lost, more = (
         estimate_cycles_lost_in_gaps(cycles, gaps),
         estimate_uncounted_cycle_count(cycles, excitation, aligned),
@@ -66,7 +66,7 @@ def make_shift_totals(
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
     gap_s = sum(end - start for start, end in gaps) / NS_PER_S
-    idle_s = idle_time_s(excitation)
+    idle_s = sum_idle_time_s(excitation)
     row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
         "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
@@ -114,19 +114,19 @@ def estimate_min_detectable_load_kg(manoeuvres: pl.DataFrame, loads: pl.DataFram
 
 
 def recompute_shift_totals(
-    summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
+    shift_frame: pl.DataFrame, cycles: pl.DataFrame, rejected_cycles: Collection[int] = ()
 ) -> pl.DataFrame:
     """Recompute the totals for other cycles: calibrated, or without rejected ones.
 
     Args:
-        summary: frame `shift`.
+        shift_frame: frame `shift`.
         cycles: frame `cycles`.
-        rejected: numbers of cycles to exclude.
+        rejected_cycles: numbers of cycles to exclude.
     """
-    sums = sum_counted_cycles(cycles, rejected)
-    mean_kg = summary["payload_mean_kg"][0]
+    sums = sum_counted_cycles(cycles, rejected_cycles)
+    mean_kg = shift_frame["payload_mean_kg"][0]
     scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
-    row = summary.row(0, named=True)
+    row = shift_frame.row(0, named=True)
     # a payload that the calibration refuses was dumped all the same
     refused = int(sums["cycles_without_mass"] or 0) - int(row["cycles_without_mass"] or 0)
     found = sums | {
@@ -137,25 +137,27 @@ def recompute_shift_totals(
     if (cycles["scale_from"] == BY_CALIBRATION).any():
         found |= {"scale_from": BY_CALIBRATION, "scale_unknown": ""}
     found |= sum_total_payload_with_u(row | found)
-    return summary.with_columns(
-        pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
+    return shift_frame.with_columns(
+        pl.lit(value).cast(shift_frame.schema[name]).alias(name) for name, value in found.items()
     )
 
 
-def sum_total_payload_with_u(row: Mapping[str, Any]) -> dict[str, float]:
+def sum_total_payload_with_u(shift_row: Mapping[str, Any]) -> dict[str, float]:
     """Total dumped in the shift: counted, uncounted and lost, with one uncertainty.
 
     Cycles without a mass share the common uncertainty of the payloads that they are estimated from.
     """
-    counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
-    number_u = row["uncounted_cycles_u"] or 0.0
-    known = (row["payload_mean_kg"], row["payload_std_kg"], row["cycles_counted"])
+    counted_kg, lost_kg = shift_row["payload_kg"], shift_row["lost_kg"] or 0.0
+    number_u = shift_row["uncounted_cycles_u"] or 0.0
+    known = (shift_row["payload_mean_kg"], shift_row["payload_std_kg"], shift_row["cycles_counted"])
     more_kg, more_u_kg = estimate_unweighed_load_and_u_kg(
-        row["uncounted_cycles"] or 0.0, number_u, *known
+        shift_row["uncounted_cycles"] or 0.0, number_u, *known
     )
     total_kg = counted_kg + more_kg + lost_kg
-    common_kg = row["payload_u_common_kg"] * (total_kg / counted_kg if counted_kg > 0.0 else 1.0)
-    parts = (row["payload_u_random_kg"], common_kg, more_u_kg, row["lost_u_kg"] or 0.0)
+    common_kg = shift_row["payload_u_common_kg"] * (
+        total_kg / counted_kg if counted_kg > 0.0 else 1.0
+    )
+    parts = (shift_row["payload_u_random_kg"], common_kg, more_u_kg, shift_row["lost_u_kg"] or 0.0)
     return {
         "uncounted_kg": more_kg,
         "uncounted_u_kg": more_u_kg,
@@ -164,16 +166,16 @@ def sum_total_payload_with_u(row: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def sum_counted_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
+def sum_counted_cycles(cycles: pl.DataFrame, rejected_cycles: Collection[int]) -> dict[str, Any]:
     """Totals of the cycles.
 
     Random parts of the passes add in squares, each with its total weight in the sum, since an empty
     pass is part of the payload before and after it. Common parts add linearly.
     """
-    out = pl.col("cycle").is_in(list(rejected))
+    out = pl.col("cycle").is_in(list(rejected_cycles))
     counted = cycles.filter(pl.col("counted") & ~out)
     payload, back = counted["payload_kg"], counted["carry_back_kg"]
-    random_kg = random_payload_sum_u_kg(counted)
+    random_kg = random_u_of_payload_sum_kg(counted)
     common_kg = float(counted["payload_u_shared_kg"].sum())
     return {
         "cycles": cycles.height,
@@ -184,26 +186,26 @@ def sum_counted_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_kg": float(np.hypot(random_kg, common_kg)),
-        "payload_mean_kg": _finite_or_none(payload.mean()),
-        "payload_std_kg": _finite_or_none(payload.std()),
-        "carry_back_mean_kg": _finite_or_none(back.mean()),
-        "arriving_1": _finite_or_none(counted["arriving_1"].mean()),
-        "arriving_u_1": _finite_or_none(counted["arriving_u_1"].mean()),
+        "payload_mean_kg": _replace_nonfinite_by_none(payload.mean()),
+        "payload_std_kg": _replace_nonfinite_by_none(payload.std()),
+        "carry_back_mean_kg": _replace_nonfinite_by_none(back.mean()),
+        "arriving_1": _replace_nonfinite_by_none(counted["arriving_1"].mean()),
+        "arriving_u_1": _replace_nonfinite_by_none(counted["arriving_u_1"].mean()),
         # that of the cleanest is in all of them, and not known apart
-        "carry_back_u_kg": _finite_or_none(counted["carry_back_u_kg"].mean()),
+        "carry_back_u_kg": _replace_nonfinite_by_none(counted["carry_back_u_kg"].mean()),
     }
 
 
-def _finite_or_none(value: object) -> float | None:
+def _replace_nonfinite_by_none(value: object) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def random_payload_sum_u_kg(counted: pl.DataFrame) -> float:
+def random_u_of_payload_sum_kg(counted_cycles: pl.DataFrame) -> float:
     """Random standard uncertainty of the sum of payloads, in kg."""
     weight: dict[int, float] = {}
     u_kg: dict[int, float] = {}
     carried = 0.0
-    for row in counted.iter_rows(named=True):
+    for row in counted_cycles.iter_rows(named=True):
         before_1 = row["tare_before_1"]
         shares = (
             ("loaded", 1.0),
@@ -222,7 +224,7 @@ def random_payload_sum_u_kg(counted: pl.DataFrame) -> float:
     return float(np.sqrt(sum((weight[n] * u_kg[n]) ** 2 for n in weight) + carried))
 
 
-def idle_time_s(excitation: pl.DataFrame) -> float:
+def sum_idle_time_s(excitation: pl.DataFrame) -> float:
     """Total time in s of standstills that are long enough to be idling."""
     if excitation.is_empty():
         return 0.0
@@ -234,7 +236,7 @@ def idle_time_s(excitation: pl.DataFrame) -> float:
 
 
 def sum_cycles_by_label(
-    cycles: pl.DataFrame, labels: Sequence[str], rejected: Collection[int] = ()
+    cycles: pl.DataFrame, cycle_labels: Sequence[str], rejected_cycles: Collection[int] = ()
 ) -> list[LabelTotal]:
     """Totals by label; none if no cycle has a label.
 
@@ -243,15 +245,15 @@ def sum_cycles_by_label(
 
     Args:
         cycles: frame `cycles`.
-        labels: label of each row; empty for none.
-        rejected: numbers of cycles to exclude.
+        cycle_labels: label of each row; empty for none.
+        rejected_cycles: numbers of cycles to exclude.
     """
-    if not any(labels):
+    if not any(cycle_labels):
         return []
     found: list[LabelTotal] = []
-    named = cycles.with_columns(pl.Series("label", labels, dtype=pl.String))
-    for label in sorted(set(labels), key=lambda each: (each == "", each)):
-        sums = sum_counted_cycles(named.filter(label=label).drop("label"), rejected)
+    named = cycles.with_columns(pl.Series("label", cycle_labels, dtype=pl.String))
+    for label in sorted(set(cycle_labels), key=lambda each: (each == "", each)):
+        sums = sum_counted_cycles(named.filter(label=label).drop("label"), rejected_cycles)
         total = LabelTotal(label, sums["cycles_counted"], sums["payload_kg"], sums["payload_u_kg"])
         if total.loads:
             found.append(total)

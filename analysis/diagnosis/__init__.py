@@ -1,8 +1,8 @@
 """Diagnosis: whether a log can weigh. The table of checks is `analysis.diagnosis.checks.CHECKS`."""
 
 from analysis.diagnosis.check_inputs import CheckInputs
-from analysis.diagnosis.checks import CHECKS, judge_checks, withhold_by_findings
-from analysis.diagnosis.excluded_stretches import refit_without_stretches
+from analysis.diagnosis.checks import CHECKS, judge_log_by_checks, withhold_by_findings
+from analysis.diagnosis.excluded_stretches import refit_without_failing_stretches
 from analysis.diagnosis.fit_checks import compare_methods_with_joint_fit
 from analysis.diagnosis.measured_channels import collect_raw_signals
 
@@ -11,7 +11,7 @@ __all__ = [
     "CheckInputs",
     "collect_raw_signals",
     "compare_methods_with_joint_fit",
-    "judge_checks",
-    "refit_without_stretches",
+    "judge_log_by_checks",
+    "refit_without_failing_stretches",
     "withhold_by_findings",
 ]

@@ -8,7 +8,7 @@ reveals it. The difference is judged by its standard uncertainty, including the 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 import polars as pl
@@ -19,7 +19,7 @@ from analysis.diagnosis.measured_channels import RawSignals
 from analysis.diagnosis.side_comparison import SideDifference, compare_sides
 from analysis.model.axes import (
     Z,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     make_spin_regressor_and_torque,
     make_straight_regressor_and_force,
 )
@@ -27,7 +27,7 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combine_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import sign_of_yaw_rate_change
-from analysis.weighing.empty_mass_datum import factor_names_without_uncertainty
+from analysis.weighing.empty_mass_datum import list_factors_without_uncertainty
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
@@ -121,14 +121,6 @@ class EmptyMassDifference:
         return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 
 
-class UngatedFit(NamedTuple):
-    """A fit over every moving sample: first parameter, its standard deviation and R²."""
-
-    value: float
-    std: float
-    r_squared: float
-
-
 @dataclass(frozen=True)
 class AxisMotion:
     """Samples of one axis: A (n, p), f (n,), and (n,) flags.
@@ -150,9 +142,9 @@ class AxisMotion:
     speeding: Bools
 
     @cached_property
-    def fit(self) -> UngatedFit:
+    def fit(self) -> fit_quality.UngatedFit:
         """Fit of the axis' model to every moving sample."""
-        return UngatedFit(*fit_quality.fit_ungated(self.A, self.f, self.moving))
+        return fit_quality.fit_ungated(self.A, self.f, self.moving)
 
     @property
     def speed(self) -> Floats:
@@ -186,13 +178,13 @@ class CheckInputs:
     noise: pl.DataFrame | None = None
     left_out: Mapping[str, ExcludedStretches] = field(default_factory=dict[str, ExcludedStretches])
 
-    def has_columns(self, *columns: str) -> bool:
+    def has_grid_columns(self, *columns: str) -> bool:
         """Whether the log has all of these columns."""
         return set(columns) <= set(self.excitation.columns)
 
-    def is_phase(self, *names: str) -> Bools:
+    def mark_samples_in_phases(self, *phases: str) -> Bools:
         """Samples in one of the named phases, (n,)."""
-        return self.excitation["phase"].is_in(names).fill_null(False).to_numpy()
+        return self.excitation["phase"].is_in(phases).fill_null(False).to_numpy()
 
     @cached_property
     def position_dependent_force(self) -> Floats | None:
@@ -202,7 +194,7 @@ class CheckInputs:
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
         """Lightest load compared with the empty mass; None if either is missing."""
-        return compare_empty_mass(self.weighing, self.machine)
+        return compare_lightest_load_with_empty_mass(self.weighing, self.machine)
 
     @cached_property
     def side_differences(self) -> Mapping[str, SideDifference]:
@@ -222,29 +214,31 @@ class CheckInputs:
             A,
             f,
             known,
-            moving=known & self.is_phase("accelerating", "cruising", *welcome),
-            braking=known & self.is_phase("braking"),
-            speeding=known & self.is_phase("accelerating"),
+            moving=known & self.mark_samples_in_phases("accelerating", "cruising", *welcome),
+            braking=known & self.mark_samples_in_phases("braking"),
+            speeding=known & self.mark_samples_in_phases("accelerating"),
         )
 
     @cached_property
     def spins(self) -> AxisMotion | None:
         """Samples of spins; None if the channels do not allow it or there are too few."""
-        if Z not in list_available_axes(self.excitation):
+        if Z not in list_axes_allowed_by_channels(self.excitation):
             return None
         A, f = make_spin_regressor_and_torque(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
-        spinning = known & self.is_phase("spinning")
+        spinning = known & self.mark_samples_in_phases("spinning")
         changes = sign_of_yaw_rate_change(A[:, 1], self.machine.settings)
         braking = spinning & (changes < 0)
         welcome = not self.machine.settings.gate.exclude_braking
         moving = spinning if welcome else spinning & ~braking
-        if not fit_quality.has_enough_samples(A, moving):
+        if not fit_quality.has_enough_moving_samples(A, moving):
             return None
         return AxisMotion(A, f, spinning, moving, braking, speeding=spinning & (changes > 0))
 
 
-def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMassDifference | None:
+def compare_lightest_load_with_empty_mass(
+    weighing: Weighing | None, machine: Machine
+) -> EmptyMassDifference | None:
     """Compare the lightest load with the empty machine.
 
     Args:
@@ -259,9 +253,9 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = make_mass_budget(weighing, machine, fit.weights_of_state(lightest))
+    sources = make_mass_budget(weighing, machine, fit.coefficients_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
-    unknown = bool(factor_names_without_uncertainty(sources))
+    unknown = bool(list_factors_without_uncertainty(sources))
     scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0
     u_kg = float(np.linalg.norm([combine_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:

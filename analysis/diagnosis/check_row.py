@@ -9,11 +9,11 @@ from analysis.model.verdict import Consequence, EvidenceSubject
 from analysis.model.verdict_limits import VerdictLimits
 
 
-def _applies_always(_: CheckInputs, __: AxisMotion) -> bool:
+def _is_always_applicable(_: CheckInputs, __: AxisMotion) -> bool:
     return True
 
 
-def _return_none(_: CheckInputs, __: AxisMotion) -> None:
+def _return_no_mass_change(_: CheckInputs, __: AxisMotion) -> None:
     return None
 
 
@@ -47,11 +47,11 @@ class CheckRow:
     meaning: str
     minimum: str | None = None
     maximum: str | None = None
-    applies: Callable[[CheckInputs, AxisMotion], bool] = _applies_always
+    applies: Callable[[CheckInputs, AxisMotion], bool] = _is_always_applicable
     optional: bool = False
     subject_text: Callable[[CheckInputs, AxisMotion], str] = _return_empty_text
     consequence: Consequence = "withhold"
-    moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _return_none
+    moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _return_no_mass_change
     remedy: str = ""
 
     def __post_init__(self) -> None:

@@ -21,8 +21,11 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
-from analysis.stages.gating.gate import mark_samples_to_pool
-from analysis.stages.motion.phases import average_over_speed_rate_span, count_speed_rate_rows
+from analysis.stages.gating.gate import mark_samples_for_pooling
+from analysis.stages.motion.phases import (
+    average_acceleration_over_rate_span,
+    count_rows_of_speed_rate_span,
+)
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
@@ -36,7 +39,7 @@ _SCALE_REMEDY: Final = (
 )
 
 
-def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
+def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
     """Judge the log by every check of the table.
 
     Returns:
@@ -78,7 +81,7 @@ def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
     return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
+def _signed_force_acceleration_correlation(_: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
@@ -89,7 +92,7 @@ def driving_force_correlation(inputs: CheckInputs, motion: AxisMotion) -> float:
         LIMITS.correlation_min_moving_s, rate_hz, SIGNAL_LIMITS.window_min_readings
     )
     few = np.count_nonzero(motion.moving) < fewest
-    return np.nan if few else _partial_correlation(inputs, motion)
+    return np.nan if few else _signed_force_acceleration_correlation(inputs, motion)
 
 
 def _relative_ungated_mass_std(_: CheckInputs, motion: AxisMotion) -> float:
@@ -97,7 +100,7 @@ def _relative_ungated_mass_std(_: CheckInputs, motion: AxisMotion) -> float:
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _explained_force_variance(_: CheckInputs, motion: AxisMotion) -> float:
+def _explained_force_variance_fraction(_: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.r_squared
 
 
@@ -115,9 +118,9 @@ def _driving_force_fraction(_: CheckInputs, motion: AxisMotion) -> float:
 
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
-    used = motion.complete & inputs.is_phase("accelerating", "cruising", "braking")
+    used = motion.complete & inputs.mark_samples_in_phases("accelerating", "cruising", "braking")
     measured = column_values(inputs.excitation, "specific_force_x_m_s2")
-    imu = average_over_speed_rate_span(measured, inputs.machine.settings)
+    imu = average_acceleration_over_rate_span(measured, inputs.machine.settings)
     rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
     return fit_quality.fit_slope_with_noisy_x(
         rate, imu, used, wheel_acceleration_noise_variance(inputs)
@@ -136,11 +139,11 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
         return 0.0
     # both ends of its span are moving means
     of_mean = float(known.covariance(settings.smooth.samples)[1, 1])
-    return 2.0 * of_mean * (settings.align.rate_hz / count_speed_rate_rows(settings)) ** 2
+    return 2.0 * of_mean * (settings.align.rate_hz / count_rows_of_speed_rate_span(settings)) ** 2
 
 
 def _count_accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
-    accepted = mark_samples_to_pool(inputs.excitation, inputs.gated, inputs.machine.settings)
+    accepted = mark_samples_for_pooling(inputs.excitation, inputs.gated, inputs.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 
@@ -165,7 +168,7 @@ def empty_mass_difference_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if withheld else abs(found.difference_over_u)
 
 
-def _describe_empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_ratio_to_empty_mass(inputs: CheckInputs, _: AxisMotion) -> str:
     """Text on the ratio to the empty mass, if it is beyond its limit."""
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
@@ -199,7 +202,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}partial_correlation",
             subject,
-            _partial_correlation,
+            _signed_force_acceleration_correlation,
             f"correlation of {wording.acceleration} and {force} with "
             f"the {wording.speed}'s share taken "
             "out of both",
@@ -216,7 +219,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}r_squared",
             subject,
-            _explained_force_variance,
+            _explained_force_variance_fraction,
             f"share of the {force}'s variance that {wording.parameter} and friction explain",
             minimum="r_squared_min",
         ),
@@ -263,7 +266,7 @@ CHECKS: Final = (
         "accelerometer over the derivative of the wheel speed; 1: they agree",
         minimum="acceleration_gain_min",
         maximum="acceleration_gain_max",
-        applies=lambda inputs, _: inputs.has_columns("specific_force_x_m_s2"),
+        applies=lambda inputs, _: inputs.has_grid_columns("specific_force_x_m_s2"),
     ),
     CheckRow(
         "accepted_stretches",
@@ -289,7 +292,7 @@ CHECKS: Final = (
         "the scale's",
         maximum="negative_payload_max_u",
         optional=True,
-        subject_text=_describe_empty_mass_factor,
+        subject_text=_describe_ratio_to_empty_mass,
         remedy=_SCALE_REMEDY,
     ),
     CheckRow(
@@ -300,7 +303,7 @@ CHECKS: Final = (
         "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
-        subject_text=_describe_empty_mass_factor,
+        subject_text=_describe_ratio_to_empty_mass,
         consequence="tell",
         remedy=_SCALE_REMEDY,
     ),
@@ -317,7 +320,7 @@ CHECKS: Final = (
         "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "
         "off it, mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",
-        applies=lambda inputs, _: inputs.has_columns(
+        applies=lambda inputs, _: inputs.has_grid_columns(
             "specific_force_x_m_s2", "specific_force_y_m_s2"
         ),
     ),

@@ -16,9 +16,9 @@ from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flag_windows
-from analysis.stages.gating.gate import refuse_windows_with_rows
-from analysis.stages.motion.phases import count_speed_rate_rows
-from analysis.weighing.weigh import Weighing, mean_mass_difference_kg
+from analysis.stages.gating.gate import reject_windows_with_rows
+from analysis.stages.motion.phases import count_rows_of_speed_rate_span
+from analysis.weighing.weigh import Weighing, average_mass_difference_kg
 from estimators.arrays import Bools
 
 
@@ -68,48 +68,49 @@ class RefitWithoutStretches:
     named: Mapping[str, ExcludedStretches]
 
 
-def refit_without_stretches(
+def refit_without_failing_stretches(
     signals: RawSignals,
-    grid: tuple[pl.DataFrame, int],
+    aligned_grid: tuple[pl.DataFrame, int],
     gated: pl.DataFrame,
     machine: Machine,
-    weighed: Callable[[pl.DataFrame], Weighing | None],
+    weigh_grid: Callable[[pl.DataFrame], Weighing | None],
 ) -> RefitWithoutStretches:
     """Fit with and without the stretches that checks of the readings name.
 
     Args:
         signals: raw channels.
-        grid: `aligned` and the Unix time of its first row in ns.
+        aligned_grid: `aligned` and the Unix time of its first row in ns.
         gated: frame with the accepted windows.
         machine: machine file with settings.
-        weighed: computes the joint fit of a grid without the excluded rows.
+        weigh_grid: computes the joint fit of a grid without the excluded rows.
     """
-    aligned, t0_unix_ns = grid
-    weighing = weighed(aligned)
+    aligned, t0_unix_ns = aligned_grid
+    weighing = weigh_grid(aligned)
     rows = np.zeros(aligned.height, np.bool_)
     named: dict[str, ExcludedStretches] = {}
-    for check, spans, why in _iter_failing_check_stretches(signals, machine.settings.verdict):
-        held = mark_rows_in_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
+    for check, spans, why in _iter_stretches_to_exclude_by_check(signals, machine.settings.verdict):
+        held = mark_grid_rows_in_spans(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
-        fitted = int(np.count_nonzero(held & mark_weighed_samples(weighing)))
+        fitted = int(np.count_nonzero(held & mark_fitted_or_growing_load_samples(weighing)))
         found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
-            without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = ExcludedStretches(found.fitted_s, compute_mass_shift_over_u(weighing, without))
+            without = weigh_grid(aligned.with_columns(left_out=pl.Series(rows | held)))
+            found = ExcludedStretches(found.fitted_s, compute_mass_change_over_u(weighing, without))
             weighing = without if found.is_harmless else weighing
         named[check] = found
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
             seen = flag_windows(
-                held, count_speed_rate_rows(machine.settings) + machine.settings.smooth.samples
+                held,
+                count_rows_of_speed_rate_span(machine.settings) + machine.settings.smooth.samples,
             )
-            gated = refuse_windows_with_rows(gated, seen, why, machine.settings)
+            gated = reject_windows_with_rows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 
 
-def _iter_failing_check_stretches(
+def _iter_stretches_to_exclude_by_check(
     signals: RawSignals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Name, stretches by channel, and rejection reason of each failing check."""
@@ -119,25 +120,29 @@ def _iter_failing_check_stretches(
         yield "clipped_share", signals.clipped_spans, "saturated"
 
 
-def mark_weighed_samples(weighing: Weighing) -> Bools:
+def mark_fitted_or_growing_load_samples(weighing: Weighing) -> Bools:
     """Samples of the fit and of manoeuvres whose load appears to change, (n,)."""
     motion = weighing.fit.motion
     return motion.is_fittable | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def compute_mass_shift_over_u(fit_with_all: Weighing, fit_without: Weighing | None) -> float:
+def compute_mass_change_over_u(fit_with_all: Weighing, fit_without: Weighing | None) -> float:
     """Change of the mass without the stretches, in its standard uncertainty."""
     if fit_without is None:
         return np.inf
-    moved_u = abs(mean_mass_difference_kg(fit_without.fit, fit_with_all.fit)) / fit_without.fit.u_kg
+    moved_u = (
+        abs(average_mass_difference_kg(fit_without.fit, fit_with_all.fit)) / fit_without.fit.u_kg
+    )
     return moved_u if np.isfinite(moved_u) else np.inf
 
 
-def mark_rows_in_spans(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:
+def mark_grid_rows_in_spans(
+    spans_by_channel: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine
+) -> Bools:
     """Grid rows that a stretch of any channel overlaps, (n,)."""
     reach_ns = int(LIMITS.smeared_periods / machine.settings.filter.cutoff_hz * 1e9)
     held = np.zeros(unix_ns.size, np.bool_)
-    for begin, end in (span for each in spans.values() for span in each):
+    for begin, end in (span for each in spans_by_channel.values() for span in each):
         first, last = np.searchsorted(unix_ns, [begin - reach_ns, end + reach_ns])
         held[first:last] = True
     return held

@@ -9,8 +9,8 @@ from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.schema import column_values
-from analysis.weighing.mass_budget import relative_mass_uncertainty
-from analysis.weighing.other_motion import wheel_imu_disagreement
+from analysis.weighing.mass_budget import relative_load_mass_u
+from analysis.weighing.other_motion import measure_wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
@@ -36,7 +36,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
-    modelled = _list_shared_nuisances(inputs)
+    modelled = _list_nuisances_shared_with_methods(inputs)
     shows = any(
         t > LIMITS.term_min_std for term, t in fit.term_t_values.items() if term not in modelled
     )
@@ -64,14 +64,14 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     return out
 
 
-def _list_shared_nuisances(inputs: CheckInputs) -> set[str]:
+def _list_nuisances_shared_with_methods(inputs: CheckInputs) -> set[str]:
     """Nuisances that the methods also model: the Coulomb term, or a constant for one direction."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()
     return {"direction" if inputs.weighing.fit.motion.drives_both_ways else "const"}
 
 
-def _make_weighing_getter(
+def _make_joint_fit_quantity_function(
     quantity: Callable[[Weighing], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
     """Number of a check, computed from the joint fit; NaN without one."""
@@ -82,7 +82,7 @@ def _make_weighing_getter(
     return compute_value
 
 
-def _make_wheel_getter(
+def _make_wheel_quantity_function(
     quantity: Callable[[WheelKinematics], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
     """Number of a check, computed from wheels against accelerometer."""
@@ -94,7 +94,7 @@ def _make_wheel_getter(
     return compute_value
 
 
-def _has_fit(inputs: CheckInputs, _: AxisMotion) -> bool:
+def _has_joint_fit(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None
 
 
@@ -107,7 +107,7 @@ def relative_mass_u_of_main_load(inputs: CheckInputs, _: AxisMotion) -> float:
     weighing = inputs.weighing
     if weighing is None:
         return np.nan
-    return relative_mass_uncertainty(weighing, inputs.machine, weighing.fit.most_frequent_state)
+    return relative_load_mass_u(weighing, inputs.machine, weighing.fit.most_frequent_state)
 
 
 def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
@@ -119,12 +119,12 @@ def _describe_missing_answer(inputs: CheckInputs, _: AxisMotion) -> str:
     return "" if inputs.weighing is not None else NOTHING_FITTED
 
 
-def _name_farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
+def _name_term_farthest_from_prior(inputs: CheckInputs, _: AxisMotion) -> str:
     widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_deviations_by_term
     return max(widths, key=widths.__getitem__, default="")
 
 
-def _friction_t_value(weighing: Weighing) -> float:
+def _viscous_friction_t_value(weighing: Weighing) -> float:
     """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
     fit = weighing.fit
     value, std = fit.viscous_friction_and_std
@@ -132,25 +132,25 @@ def _friction_t_value(weighing: Weighing) -> float:
     return value / std if share < -WEIGHING_LIMITS.falling_friction_1 else max(value / std, 0.0)
 
 
-def _braking_mass_fraction(weighing: Weighing) -> float:
+def _relative_mass_change_by_braking(weighing: Weighing) -> float:
     """Change of the mass by braking, over the mass."""
     return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
 
 
-def _between_manoeuvre_scatter(weighing: Weighing) -> float:
+def _manoeuvre_scatter_over_noise(weighing: Weighing) -> float:
     """Scatter of manoeuvres over that which their noise explains."""
     states = weighing.fit.states
     return np.nan if states is None else states.birge_ratio
 
 
-def _other_motion_mass_shift_over_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
+def _mass_change_by_swapped_motion_over_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
     """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
     return None if other is None else other.mass_shift_over_u
 
 
-def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_fit_by_swapped_motion(inputs: CheckInputs, _: AxisMotion) -> str:
     weighing = inputs.weighing
     if weighing is None or weighing.other_motion is None:
         return ""
@@ -161,7 +161,7 @@ def _describe_other_motion(inputs: CheckInputs, _: AxisMotion) -> str:
     )
 
 
-def _count_contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
+def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _: AxisMotion) -> float:
     return float(sum(each.contradicted for each in compare_methods_with_joint_fit(inputs)))
 
 
@@ -189,7 +189,9 @@ def make_term_presence_check(name: str, term: str, meaning: str) -> CheckRow:
     return CheckRow(
         name,
         "mass",
-        _make_weighing_getter(lambda weighing: weighing.own_fit.term_t_values.get(term, np.nan)),
+        _make_joint_fit_quantity_function(
+            lambda weighing: weighing.own_fit.term_t_values.get(term, np.nan)
+        ),
         meaning,
         maximum="term_t_max",
         applies=lambda inputs, _: (
@@ -214,20 +216,20 @@ FIT_CHECKS: Final = (
     CheckRow(
         "term_beyond_prior",
         "mass",
-        _make_weighing_getter(
+        _make_joint_fit_quantity_function(
             lambda weighing: max(weighing.own_fit.prior_deviations_by_term.values())
         ),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
-        applies=_has_fit,
-        subject_text=_name_farthest_term,
+        applies=_has_joint_fit,
+        subject_text=_name_term_farthest_from_prior,
         remedy="the cause that findings name, or settings.priors: what the machine may have",
     ),
     CheckRow(
         "filling",
         "mass",
-        _make_weighing_getter(lambda weighing: weighing.filling.significance),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.filling.significance),
         "evidence for a load that grows during every start, in standard deviations; 0 where it "
         "moves neither a mass nor the mean payload by its uncertainty",
         maximum="filling_max",
@@ -237,36 +239,36 @@ FIT_CHECKS: Final = (
     CheckRow(
         "friction_sign",
         "mass",
-        _make_weighing_getter(_friction_t_value),
+        _make_joint_fit_quantity_function(_viscous_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical. Friction "
         f"that falls with the speed by at most {WEIGHING_LIMITS.falling_friction_1:.0%} of the "
         "largest force counts as 0",
         minimum="friction_t_min",
-        applies=_has_fit,
+        applies=_has_joint_fit,
         remedy="channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong",
     ),
     CheckRow(
         "channel_noise",
         "mass",
-        _make_weighing_getter(lambda weighing: weighing.fit.fit.noise_share),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
-        applies=_has_fit,
+        applies=_has_joint_fit,
         remedy="an accelerometer, a lower settings.filter.cutoff_hz, or stronger starts",
     ),
     CheckRow(
         "force_delay_s",
         "mass",
-        _make_weighing_getter(lambda weighing: abs(weighing.fit.lag_s)),
+        _make_joint_fit_quantity_function(lambda weighing: abs(weighing.fit.lag_s)),
         "estimated delay of the force, s, of either sign",
         maximum="lag_max_s",
-        applies=_has_fit,
+        applies=_has_joint_fit,
         remedy="channels.force_x_N.delay_s (or of both torques)",
     ),
     CheckRow(
         "speed_delay_s",
         "mass",
-        _make_wheel_getter(lambda wheels: abs(wheels.delay_s[0])),
+        _make_wheel_quantity_function(lambda wheels: abs(wheels.delay_s[0])),
         "estimated delay of the speed against the accelerometer, s, of either sign",
         maximum="lag_max_s",
         applies=_has_wheel_kinematics,
@@ -275,7 +277,9 @@ FIT_CHECKS: Final = (
     CheckRow(
         "wheel_imu_gain_error",
         "mass",
-        _make_wheel_getter(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
+        _make_wheel_quantity_function(
+            lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0
+        ),
         "gain difference of wheel speed and accelerometer; either may be wrong",
         maximum="gain_max",
         applies=_has_wheel_kinematics,
@@ -285,22 +289,25 @@ FIT_CHECKS: Final = (
     CheckRow(
         "wheel_imu_residual",
         "mass",
-        _make_weighing_getter(lambda weighing: wheel_imu_disagreement(weighing.fit)),
+        _make_joint_fit_quantity_function(
+            lambda weighing: measure_wheel_imu_disagreement(weighing.fit)
+        ),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
         applies=_has_wheel_kinematics,
-        subject_text=_describe_other_motion,
-        moved_u=_other_motion_mass_shift_over_u,
+        subject_text=_describe_fit_by_swapped_motion,
+        moved_u=_mass_change_by_swapped_motion_over_u,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(
         "manoeuvre_scatter",
         "mass",
-        _make_weighing_getter(_between_manoeuvre_scatter),
+        _make_joint_fit_quantity_function(_manoeuvre_scatter_over_noise),
         "scatter of manoeuvres about their load over what their noise explains",
         maximum="scatter_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and np.isfinite(_between_manoeuvre_scatter(inputs.weighing))
+            inputs.weighing is not None
+            and np.isfinite(_manoeuvre_scatter_over_noise(inputs.weighing))
         ),
         consequence="widen",
         remedy="machine.repeatability_kg, where it is known; starts that are alike",
@@ -308,7 +315,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "common_misfit",
         "mass",
-        _make_weighing_getter(lambda weighing: weighing.fit.fit.misfit_ratio),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
         maximum="misfit_max",
         applies=lambda inputs, _: (
@@ -320,17 +327,17 @@ FIT_CHECKS: Final = (
     CheckRow(
         "force_nonlinearity",
         "mass",
-        _make_weighing_getter(lambda weighing: abs(weighing.curvature.t)),
+        _make_joint_fit_quantity_function(lambda weighing: abs(weighing.curvature.t)),
         "t-value of a force in a·|a|: the force is not linear in the acceleration",
         maximum="curvature_t_max",
-        applies=_has_fit,
+        applies=_has_joint_fit,
         consequence="widen",
         remedy="force measured on all wheels, machine.force_share",
     ),
     CheckRow(
         "braking_bias",
         "mass",
-        _make_weighing_getter(_braking_mass_fraction),
+        _make_joint_fit_quantity_function(_relative_mass_change_by_braking),
         "relative change of the mass when braking is included; the force may not see all brakes",
         maximum="braking_max",
         optional=True,
@@ -340,7 +347,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "disagreeing_methods",
         "mass",
-        _count_contradicted_methods,
+        _count_methods_contradicted_by_joint_fit,
         "methods that disagree with the joint fit, or whose standard deviation is too small here",
         maximum="methods_max",
         applies=lambda inputs, _: (

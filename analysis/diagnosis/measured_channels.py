@@ -12,11 +12,11 @@ import polars as pl
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.windows import find_flagged_runs
 from analysis.stages.signals.filters import median_period_ns
-from analysis.stages.signals.speed_threshold import SPEEDS, estimate_speed_threshold_m_s
+from analysis.stages.signals.speed_threshold import SPEEDS, estimate_zero_speed_threshold_m_s
 from analysis.stages.signals.timestamps import (
     RelativeDrift,
-    find_largest_relative_drift,
-    measure_clock_drifts,
+    find_largest_relative_clock_drift,
+    measure_clock_drifts_by_topic,
 )
 from estimators.arrays import Floats, Ints
 
@@ -60,7 +60,7 @@ class RawSignals:
         return self.drift.drift_ppm * 1e-6 * self.span_s
 
     @cached_property
-    def _repeated_readings(self) -> dict[str, list[RepeatedReading]]:
+    def _repeated_readings_by_channel(self) -> dict[str, list[RepeatedReading]]:
         """Stretches in which a force or motion channel repeats itself while another changes."""
         told = (*_FORCES, *_MOTION, *_BESIDE)
         looked = {name: series for name, series in self.channels.items() if name in told}
@@ -77,8 +77,8 @@ class RawSignals:
         """
         return {
             name: {
-                **find_repeated_extremes(x),
-                **find_clipping_levels(self._repeated_readings[name], x),
+                **find_fraction_at_repeated_extremes(x),
+                **find_fraction_at_clipping_levels(self._repeated_readings_by_channel[name], x),
             }
             for name, (_, x) in self.channels.items()
             if name in _FORCES
@@ -93,7 +93,7 @@ class RawSignals:
                 for run in runs
                 if run.value not in self.force_limits.get(name, {})
             ]
-            for name, runs in self._repeated_readings.items()
+            for name, runs in self._repeated_readings_by_channel.items()
         }
 
     @cached_property
@@ -141,7 +141,10 @@ class RawSignals:
         names = [name for name in _FORCES if name in self.channels]
         if not names:
             return None
-        return np.sum([_interpolate_at(*self.channels[name], unix_ns) for name in names], axis=0)
+        return np.sum(
+            [_interpolate_reading_at_stamps(*self.channels[name], unix_ns) for name in names],
+            axis=0,
+        )
 
 
 def collect_raw_signals(
@@ -155,54 +158,56 @@ def collect_raw_signals(
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
     return RawSignals(
-        channels, find_largest_relative_drift(measure_clock_drifts(raw)), span_ns / 1e9
+        channels,
+        find_largest_relative_clock_drift(measure_clock_drifts_by_topic(raw)),
+        span_ns / 1e9,
     )
 
 
-def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
+def _interpolate_reading_at_stamps(t_ns: Ints, readings: Floats, at_ns: Ints) -> Floats:
     origin = t_ns[0]
-    return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), x)
+    return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), readings)
 
 
-def find_equal_runs(x: Floats) -> tuple[Ints, Ints]:
+def find_runs_of_equal_readings(readings: Floats) -> tuple[Ints, Ints]:
     """First and last index of each run of equal readings, (runs,) each."""
-    first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
-    return first, np.append(first[1:], x.size) - 1
+    first = np.flatnonzero(np.append(True, np.diff(readings) != 0.0))
+    return first, np.append(first[1:], readings.size) - 1
 
 
-def find_long_equal_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
+def find_unexplained_repeats(unix_ns: Ints, readings: Floats) -> tuple[list[RepeatedReading], bool]:
     """Find long runs of one reading that the channel's resolution does not explain.
 
     Returns:
         The runs, and whether the channel hardly ever repeats a reading elsewhere.
     """
-    first, last = find_equal_runs(x)
-    long = ((t[last] - t[first]) > LIMITS.frozen_s * 1e9) & (
+    first, last = find_runs_of_equal_readings(readings)
+    long = ((unix_ns[last] - unix_ns[first]) > LIMITS.frozen_s * 1e9) & (
         last - first >= LIMITS.run_min_readings - 1
     )
     others = int((last - first + 1)[~long].sum())
     never = (
-        others > LIMITS.repeating_min_fraction * x.size
+        others > LIMITS.repeating_min_fraction * readings.size
         and int((last - first)[~long].sum()) <= LIMITS.repeating_max_fraction * others
     )
     return [
-        RepeatedReading(int(t[begin]), int(t[end]), float(x[begin]))
+        RepeatedReading(int(unix_ns[begin]), int(unix_ns[end]), float(readings[begin]))
         for begin, end in zip(first[long], last[long], strict=True)
-        if not _is_below_resolution(x, int(begin), int(end))
+        if not _does_signal_stay_within_resolution(readings, int(begin), int(end))
     ], never
 
 
-def _is_below_resolution(x: Floats, first: int, last: int) -> bool:
+def _does_signal_stay_within_resolution(readings: Floats, first_row: int, last_row: int) -> bool:
     """Whether a smooth signal at rest, or at an extremum, moves too little to show in a run.
 
     It is slow beside the run, leaves it by a step of its resolution, or as fast as it goes on, and
     shows no noise; a sensor that froze jumps to what it missed, and one that clips comes fast.
     """
-    half = (last - first + 1) // 2
+    half = (last_row - first_row + 1) // 2
     reach = max(LIMITS.smooth_readings, half)
     steps = [
-        np.diff(x[max(first - reach, 0) : first + 1][::-1]),
-        np.diff(x[last : last + reach + 1]),
+        np.diff(readings[max(first_row - reach, 0) : first_row + 1][::-1]),
+        np.diff(readings[last_row : last_row + reach + 1]),
     ]
     sizes = np.abs(np.concatenate(steps))
     if min(side.size for side in steps) < LIMITS.run_min_readings or not sizes.any():
@@ -224,17 +229,22 @@ def _is_below_resolution(x: Floats, first: int, last: int) -> bool:
     return float(np.mean(np.concatenate(turns))) <= LIMITS.smooth_max_turns
 
 
-def find_zero_speed_spans(t: Ints, x: Floats) -> Spans:
+def find_zero_speed_spans(unix_ns: Ints, speed: Floats) -> Spans:
     """Spans in ns in which a speed reads 0 for long, with gradual entry and exit."""
-    first, last = find_equal_runs(x)
-    before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
-    small = max(
-        LIMITS.stand_edge_range_fraction * float(np.quantile(np.abs(x), 0.98)),
-        LIMITS.stand_edge_threshold_ratio * estimate_speed_threshold_m_s(x),
+    first, last = find_runs_of_equal_readings(speed)
+    before, after = (
+        np.abs(speed[np.maximum(first - 1, 0)]),
+        np.abs(speed[np.minimum(last + 1, speed.size - 1)]),
     )
-    stands = (x[first] == 0.0) & (before <= small) & (after <= small)
-    stands &= (t[last] - t[first]) > LIMITS.frozen_s * 1e9
-    return [(int(b), int(e)) for b, e in zip(t[first[stands]], t[last[stands]], strict=True)]
+    small = max(
+        LIMITS.stand_edge_range_fraction * float(np.quantile(np.abs(speed), 0.98)),
+        LIMITS.stand_edge_threshold_ratio * estimate_zero_speed_threshold_m_s(speed),
+    )
+    stands = (speed[first] == 0.0) & (before <= small) & (after <= small)
+    stands &= (unix_ns[last] - unix_ns[first]) > LIMITS.frozen_s * 1e9
+    return [
+        (int(b), int(e)) for b, e in zip(unix_ns[first[stands]], unix_ns[last[stands]], strict=True)
+    ]
 
 
 def intersect_spans(spans_a: Spans, spans_b: Spans) -> Spans:
@@ -243,14 +253,14 @@ def intersect_spans(spans_a: Spans, spans_b: Spans) -> Spans:
     return [(begin, end) for begin, end in pairs if begin < end]
 
 
-def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+def find_repeated_readings(channel: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     """Stretches in which a channel repeats itself while others change."""
-    t, x = channels[name]
-    runs, never = find_long_equal_runs(t, x)
+    t, x = channels[channel]
+    runs, never = find_unexplained_repeats(t, x)
     if runs and float(np.ptp(x)) == 0.0:
-        return runs if _should_channel_have_changed(name, channels) else []
+        return runs if _should_channel_have_changed(channel, channels) else []
     # a machine that stands has no speed, one that coasts no force
-    runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
+    runs = [run for run in runs if run.value != 0.0 or channel == "specific_force_x_m_s2"]
     if not runs:
         return []
     changes = LIMITS.frozen_noisy_change_fraction if never else LIMITS.frozen_change_fraction
@@ -258,41 +268,47 @@ def find_repeated_readings(name: str, channels: Mapping[str, Series]) -> list[Re
         (*series, changes * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
         for key, series in channels.items()
         # where it is, a coarse channel may not show
-        if key != name and (never or key not in _BESIDE)
+        if key != channel and (never or key not in _BESIDE)
     ]
     surely = [
-        run for run in runs if any(_is_changing(*each, run.begin_ns, run.end_ns) for each in others)
+        run
+        for run in runs
+        if any(_does_channel_change(*each, run.begin_ns, run.end_ns) for each in others)
     ]
     # what froze there, and has noise elsewhere, froze wherever it repeats itself
     return runs if surely and never else surely
 
 
-def _should_channel_have_changed(name: str, channels: Mapping[str, Series]) -> bool:
+def _should_channel_have_changed(channel: str, channels: Mapping[str, Series]) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
-    of_motion = name in _MOTION
-    speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != name]
-    forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != name]
+    of_motion = channel in _MOTION
+    speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != channel]
+    forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != channel]
     # a machine that stands has no speed, whatever its force and its accelerometer read
     beside = speeds if of_motion else [*speeds, *forces]
     return any(float(np.ptp(x)) > 0.0 for x in beside)
 
 
-def _is_changing(t: Ints, x: Floats, min_change: float, begin_ns: int, end_ns: int) -> bool:
+def _does_channel_change(
+    unix_ns: Ints, readings: Floats, min_change: float, begin_ns: int, end_ns: int
+) -> bool:
     """Whether a channel changes by more than `min_change` between the halves of a stretch."""
-    part = x[np.searchsorted(t, begin_ns) : np.searchsorted(t, end_ns, side="right")]
+    part = readings[
+        np.searchsorted(unix_ns, begin_ns) : np.searchsorted(unix_ns, end_ns, side="right")
+    ]
     if part.size < 4:
         return False
     half = part.size // 2
     return abs(float(part[:half].mean() - part[half:].mean())) > min_change > 0.0
 
 
-def find_repeated_extremes(x: Floats) -> dict[float, float]:
+def find_fraction_at_repeated_extremes(readings: Floats) -> dict[float, float]:
     """Extremes at which readings accumulate, with the fraction of readings at each."""
-    values, counts = np.unique(x, return_counts=True)
+    values, counts = np.unique(readings, return_counts=True)
     if values.size < 10:
         return {}
     return {
-        float(values[end]): int(counts[end]) / x.size
+        float(values[end]): int(counts[end]) / readings.size
         for end, next_one in ((0, 1), (-1, -2))
         if counts[end]
         >= max(LIMITS.clipped_min_readings, LIMITS.clipped_count_ratio * counts[next_one])
@@ -300,24 +316,28 @@ def find_repeated_extremes(x: Floats) -> dict[float, float]:
     }
 
 
-def find_clipping_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
+def find_fraction_at_clipping_levels(
+    runs: list[RepeatedReading], readings: Floats
+) -> dict[float, float]:
     """Find levels at which readings are clipped: long runs return to them, few exceed them."""
     often = Counter(run.value for run in runs)
     return {
-        value: float((x == value).mean())
+        value: float((readings == value).mean())
         for value, times in often.items()
         if times >= LIMITS.limit_min_runs
-        and (np.abs(x) > abs(value)).mean() <= LIMITS.limit_max_beyond_fraction
+        and (np.abs(readings) > abs(value)).mean() <= LIMITS.limit_max_beyond_fraction
     }
 
 
-def find_spans_at_limits(limits: list[float], t: Ints, x: Floats) -> Spans:
+def find_spans_at_limits(limits: list[float], unix_ns: Ints, readings: Floats) -> Spans:
     """Spans in ns in which most readings are at a limit."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
-    near = max(round(LIMITS.limit_window_s * 1e9 / median_period_ns(t)), LIMITS.run_min_readings)
-    at = np.isin(x, limits).astype(np.float64)
+    near = max(
+        round(LIMITS.limit_window_s * 1e9 / median_period_ns(unix_ns)), LIMITS.run_min_readings
+    )
+    at = np.isin(readings, limits).astype(np.float64)
     first, last = find_flagged_runs(
         uniform_filter1d(at, near, mode="nearest") >= LIMITS.limit_min_fraction
     )
-    return [(int(b), int(e)) for b, e in zip(t[first], t[last], strict=True)]
+    return [(int(b), int(e)) for b, e in zip(unix_ns[first], unix_ns[last], strict=True)]

@@ -108,8 +108,10 @@ def compare_sides(
             [] if turns is None else [turns, np.clip(turns / LIMITS.scrubbing_rad_s, -1.0, 1.0)]
         )
         stands = blocks_in_phase("standstill")
-        ahead = find_driving_direction(speeds, torques)
-        found["torque"] = compare_torques(torques[0], torques[1], turning, ahead, driving, stands)
+        ahead = find_driving_direction_of_sides(speeds, torques)
+        found["torque"] = compare_side_torques(
+            torques[0], torques[1], turning, ahead, driving, stands
+        )
     width_m = machine.machine.track_width_m
     if speeds[0] is not None and speeds[1] is not None and turns is not None and width_m:
         apart = speeds[1] - speeds[0] - width_m * turns
@@ -117,11 +119,11 @@ def compare_sides(
         push = None
         if torques[0] is not None and torques[1] is not None:
             push = np.maximum(np.abs(torques[0]), np.abs(torques[1]))
-        found |= compare_wheel_speeds(apart, mean, push, driving)
+        found |= compare_side_wheel_speeds(apart, mean, push, driving)
     return {kind: each for kind, each in found.items() if each is not None}
 
 
-def find_driving_direction(
+def find_driving_direction_of_sides(
     speeds: Sequence[Floats | None], torques: Sequence[Floats | None]
 ) -> Floats:
     """Driving direction (n,) by the wheel speeds, or else by the torques."""
@@ -129,11 +131,11 @@ def find_driving_direction(
     return np.sign(known)
 
 
-def compare_torques(
+def compare_side_torques(
     left: Floats,
     right: Floats,
     turning_rates: list[Floats],
-    ahead: Floats,
+    driving_direction: Floats,
     is_driving: Bools,
     is_standing: Bools,
 ) -> SideDifference | None:
@@ -144,9 +146,13 @@ def compare_torques(
     apart, mean = right - left, (right + left) / 2.0
     if is_driving.sum() < LIMITS.sides_min_means:
         return None
-    both_ways = np.ptp(ahead[is_driving]) > 0.0
+    both_ways = np.ptp(driving_direction[is_driving]) > 0.0
     found = regress_side_difference(
-        "torque", apart, mean, [*turning_rates, *([ahead] if both_ways else [])], is_driving
+        "torque",
+        apart,
+        mean,
+        [*turning_rates, *([driving_direction] if both_ways else [])],
+        is_driving,
     )
     if (
         found is None or found.std_1 > LIMITS.sides_ratio_std_1
@@ -160,18 +166,19 @@ def compare_torques(
     return found
 
 
-def compare_wheel_speeds(
-    difference: Floats, mean: Floats, push: Floats | None, driving: Bools
+def compare_side_wheel_speeds(
+    difference: Floats, mean_of_sides: Floats, drive_force: Floats | None, is_driving: Bools
 ) -> dict[str, SideDifference | None]:
     """Relative difference of the wheel speeds, and its increase in hard starts."""
-    everywhere = regress_side_difference("speed", difference, mean, [], driving)
-    if push is None or driving.sum() < LIMITS.sides_min_means:
+    everywhere = regress_side_difference("speed", difference, mean_of_sides, [], is_driving)
+    if drive_force is None or is_driving.sum() < LIMITS.sides_min_means:
         return {"speed": everywhere}
-    largest = float(np.quantile(push[driving], 0.95))
-    soft = driving & (push < LIMITS.soft_torque_fraction * largest)
-    hard = driving & (push > LIMITS.hard_torque_fraction * largest)
+    largest = float(np.quantile(drive_force[is_driving], 0.95))
+    soft = is_driving & (drive_force < LIMITS.soft_torque_fraction * largest)
+    hard = is_driving & (drive_force > LIMITS.hard_torque_fraction * largest)
     in_soft, in_hard = (
-        regress_side_difference("speed", difference, mean, [], rows) for rows in (soft, hard)
+        regress_side_difference("speed", difference, mean_of_sides, [], rows)
+        for rows in (soft, hard)
     )
     if in_soft is None or in_hard is None:
         return {"speed": everywhere}
@@ -181,21 +188,25 @@ def compare_wheel_speeds(
 
 
 def regress_side_difference(
-    kind: str, difference: Floats, mean: Floats, other_columns: list[Floats], rows: Bools
+    quantity: str,
+    difference: Floats,
+    mean_of_sides: Floats,
+    other_columns: list[Floats],
+    chosen_rows: Bools,
 ) -> SideDifference | None:
     """Regress the difference on the mean, with a constant and the other columns."""
-    if rows.sum() < LIMITS.sides_min_means:
+    if chosen_rows.sum() < LIMITS.sides_min_means:
         return None
-    beside = [each[rows] for each in other_columns if each[rows].any()]
-    A = np.column_stack([mean[rows], np.ones(int(rows.sum())), *beside])
+    beside = [each[chosen_rows] for each in other_columns if each[chosen_rows].any()]
+    A = np.column_stack([mean_of_sides[chosen_rows], np.ones(int(chosen_rows.sum())), *beside])
     size = np.sqrt((A**2).sum(axis=0))
     if not size[0] > 0.0:
         return None
     inverse = np.linalg.pinv((A / size).T @ (A / size), rcond=1e-9, hermitian=True)
-    theta = inverse @ ((A / size).T @ difference[rows]) / size
-    left = difference[rows] - A @ theta
+    theta = inverse @ ((A / size).T @ difference[chosen_rows]) / size
+    left = difference[chosen_rows] - A @ theta
     variance = float(left @ left) / max(left.size - A.shape[1], 1) * LIMITS.sides_correlated_means
     std = float(np.sqrt(variance * inverse[0, 0])) / size[0]
     if not np.isfinite([theta[0], std]).all():
         return None
-    return SideDifference(kind, float(theta[0]), std)
+    return SideDifference(quantity, float(theta[0]), std)

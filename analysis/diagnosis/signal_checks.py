@@ -31,7 +31,7 @@ def interpolate_unfiltered_force(inputs: CheckInputs) -> Floats | None:
     )
 
 
-def _has_signals(inputs: CheckInputs, _: AxisMotion) -> bool:
+def _has_raw_signals(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.signals is not None
 
 
@@ -39,44 +39,46 @@ def _imu_tilt_rad(inputs: CheckInputs, _: AxisMotion) -> float:
     return estimate_gravity_tilt_deg(inputs.excitation, inputs.machine)
 
 
-def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
+def _clock_drift_over_log_s(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if inputs.signals is None else inputs.signals.clock_drift_over_log_s
 
 
-def _make_mass_shift_getter(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
+def _make_reader_of_mass_change_over_u(
+    check_name: str,
+) -> Callable[[CheckInputs, AxisMotion], float | None]:
     """Make a function that returns the change of the answer without a check's stretches."""
 
     def mass_shift_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
-        found = inputs.left_out.get(check)
+        found = inputs.left_out.get(check_name)
         return None if found is None else found.moved_u
 
     return mass_shift_u
 
 
-def _make_refit_describer(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
+def _make_describer_of_exclusion(check_name: str) -> Callable[[CheckInputs, AxisMotion], str]:
     """Make a function that describes the refit without a check's stretches."""
 
     def refit_outcome(inputs: CheckInputs, _: AxisMotion) -> str:
-        found = inputs.left_out.get(check)
+        found = inputs.left_out.get(check_name)
         return "" if found is None else found.text
 
     return refit_outcome
 
 
-def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
+def _largest_side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
     """Largest relative difference of left and right; NaN without two sides."""
     return max(
         (each.difference_lower_bound_1 for each in inputs.side_differences.values()), default=np.nan
     )
 
 
-def min_torque_difference(inputs: CheckInputs, _: AxisMotion) -> float:
+def torque_difference_lower_bound(inputs: CheckInputs, _: AxisMotion) -> float:
     """Lower bound of the sides' torque difference; NaN without two."""
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.difference_lower_bound_1
 
 
-def _name_most_unequal_quantity(inputs: CheckInputs, _: AxisMotion) -> str:
+def _name_quantity_of_largest_side_difference(inputs: CheckInputs, _: AxisMotion) -> str:
     """Quantity in which the sides differ most: torque, speed or slip."""
     worst = max(
         inputs.side_differences.values(),
@@ -102,9 +104,9 @@ SIGNAL_CHECKS: Final = (
         lambda inputs, _: np.nan if inputs.signals is None else inputs.signals.frozen_s,
         "time that a channel repeats its value while another changes, s",
         maximum="frozen_max_s",
-        applies=_has_signals,
-        subject_text=_make_refit_describer("frozen_s"),
-        moved_u=_make_mass_shift_getter("frozen_s"),
+        applies=_has_raw_signals,
+        subject_text=_make_describer_of_exclusion("frozen_s"),
+        moved_u=_make_reader_of_mass_change_over_u("frozen_s"),
         remedy="leave the stretch out, or mend the sensor",
     ),
     CheckRow(
@@ -113,26 +115,26 @@ SIGNAL_CHECKS: Final = (
         lambda inputs, _: np.nan if inputs.signals is None else inputs.signals.clipped_share,
         "fraction of a force channel's readings at a limit of the sensor or the engine",
         maximum="clipped_max",
-        applies=_has_signals,
-        subject_text=_make_refit_describer("clipped_share"),
-        moved_u=_make_mass_shift_getter("clipped_share"),
+        applies=_has_raw_signals,
+        subject_text=_make_describer_of_exclusion("clipped_share"),
+        moved_u=_make_reader_of_mass_change_over_u("clipped_share"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
     CheckRow(
         "side_difference",
         "mass",
-        _side_difference_1,
+        _largest_side_difference_1,
         "difference of left and right on straight drives over their mean, where it is beyond noise",
         maximum="sides_max",
         optional=True,
-        subject_text=_name_most_unequal_quantity,
+        subject_text=_name_quantity_of_largest_side_difference,
         consequence="tell",
         remedy="channels.torque_left_N_m and torque_right_N_m, or the speeds: their scales",
     ),
     CheckRow(
         "one_sided_torque",
         "mass",
-        min_torque_difference,
+        torque_difference_lower_bound,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,
@@ -141,10 +143,10 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "clock_drift_s",
         "mass",
-        _clock_distance_s,
+        _clock_drift_over_log_s,
         "drift between the clocks of two topics over the log, s, by header stamps and log times",
         maximum="clocks_max_s",
-        applies=_has_signals,
+        applies=_has_raw_signals,
         remedy="clocks that are synchronised, or a shorter log",
     ),
     CheckRow(

@@ -96,44 +96,46 @@ class Filters:
         ones = np.full(self.samples, 1.0 / self.samples)
         return (np.r_[0.0, 0.0, ones] - np.r_[ones, 0.0, 0.0]) * self.rate_hz / 2.0
 
-    def stack_rows(self, raw: MeasuredSignals) -> tuple[Floats, Floats]:
+    def filter_to_regressor_rows(self, raw_channels: MeasuredSignals) -> tuple[Floats, Floats]:
         """Both rows of all six parameters from raw channels of n + margin samples.
 
         Returns:
             (n, 2, 6) regressor and (n, 2) force and torque.
         """
         force, torque, s_x, s_y, speed, yaw_rate = (
-            apply_filter_without_ends(each, self.moving_mean_weights) for each in raw
+            filter_channel_without_ends(each, self.moving_mean_weights) for each in raw_channels
         )
-        turn = apply_filter_without_ends(raw.yaw_rate_rad_s, self.central_difference_weights)
+        turn = filter_channel_without_ends(
+            raw_channels.yaw_rate_rad_s, self.central_difference_weights
+        )
         return planar_rows.make_planar_regressor(s_x, s_y, speed, yaw_rate, turn), np.stack(
             [force, torque], -1
         )
 
 
-def apply_filter_without_ends(channel: Floats, weights: Floats) -> Floats:
+def filter_channel_without_ends(channel: Floats, weights: Floats) -> Floats:
     """Apply filter weights to a raw channel; returns (n - weights + 1,), without its ends."""
     return np.convolve(channel, weights[::-1], "valid")
 
 
-def make_window_system(
-    drive: Drive, filters: Filters, raw: MeasuredSignals, noise: MeasuredSignals
+def make_whitened_window_system(
+    drive: Drive, filters: Filters, raw_channels: MeasuredSignals, noise: MeasuredSignals
 ) -> tuple[Floats, Floats]:
     """System of least squares: regressor (rows, p) and right side (rows,), over the noise.
 
     Args:
         drive: axes that are fitted, which select rows and columns.
         filters: moving mean and difference applied to every channel.
-        raw: the channels, true or noisy.
+        raw_channels: the channels, true or noisy.
         noise: noise of one sample; only that of force and torque is used.
     """
-    A, y = filters.stack_rows(raw)
-    rows, weights = _ROWS[drive], compute_row_weights(drive, noise)
+    A, y = filters.filter_to_regressor_rows(raw_channels)
+    rows, weights = _ROWS[drive], compute_reciprocal_row_noise(drive, noise)
     part = A[:, rows][:, :, COLUMNS[drive]] * weights[:, None]
     return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
 
 
-def compute_row_weights(drive: Drive, noise: MeasuredSignals) -> Floats:
+def compute_reciprocal_row_noise(drive: Drive, noise: MeasuredSignals) -> Floats:
     """Reciprocal noise (rows,) of force and torque; 1 if they have none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
     return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[drive]]
@@ -174,7 +176,7 @@ class Prediction:
         return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None
 
 
-def predict_errors(
+def predict_errors_of_drive(
     drive: Drive, filters: Filters, truth: MeasuredSignals, body: RigidBody, noise: MeasuredSignals
 ) -> dict[str, Prediction]:
     """Predict the errors of the mass, the yaw inertia and the centre of mass that a drive fits.
@@ -190,7 +192,7 @@ def predict_errors(
         Predictions by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
     """
     columns, rows = COLUMNS[drive], _ROWS[drive]
-    A, y = make_window_system(drive, filters, truth, noise)
+    A, y = make_whitened_window_system(drive, filters, truth, noise)
     # noise in the regressor adds E[NᵀN] to AᵀA
     gram = A.T @ A + np.diag(compute_regressor_noise_squares(drive, filters, truth, noise))
     inverse = np.linalg.solve(gram, A.T)
@@ -198,13 +200,13 @@ def predict_errors(
     bias = inverse @ y - theta
     phi = np.zeros(len(planar_rows.PARAMETERS))
     phi[columns] = theta
-    full = filters.stack_rows(truth)[0]
+    full = filters.filter_to_regressor_rows(truth)[0]
     predictions: dict[str, Prediction] = {}
     for name, (value, gradient) in list_predicted_quantities(body).items():
         if set(np.flatnonzero(gradient)) <= set(columns):
-            weight = (gradient[columns] @ inverse).reshape(-1, len(rows)) * compute_row_weights(
-                drive, noise
-            )
+            weight = (gradient[columns] @ inverse).reshape(
+                -1, len(rows)
+            ) * compute_reciprocal_row_noise(drive, noise)
             both = np.zeros((weight.shape[0], 2))
             both[:, rows] = weight
             shares = predict_variance_by_source(filters, both, phi, full, noise)
@@ -231,12 +233,16 @@ def list_predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]
 
 
 def predict_variance_by_source(
-    filters: Filters, weight: Floats, phi: Floats, full: Floats, noise: MeasuredSignals
+    filters: Filters,
+    error_weights: Floats,
+    true_parameters: Floats,
+    regressor: Floats,
+    noise: MeasuredSignals,
 ) -> tuple[float, float]:
     """Variance of an error Σ weight (n, 2) · rows due to force and torque, and due to the rest."""
-    m, inertia, mc_x, mc_y, b_x, b_psi = phi
-    w_x, w_z = weight.T
-    omega = full[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
+    m, inertia, mc_x, mc_y, b_x, b_psi = true_parameters
+    w_x, w_z = error_weights.T
+    omega = regressor[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     through_mean = MeasuredSignals(
         force_x_N=w_x,
         torque_z_N_m=w_z,
@@ -265,21 +271,21 @@ def compute_regressor_noise_squares(
     )
     s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
     turn = float(noise.yaw_rate_rad_s) ** 2 * difference
-    A, _ = filters.stack_rows(truth)
+    A, _ = filters.filter_to_regressor_rows(truth)
     samples = A.shape[0]
     omega = A[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     square = 4.0 * float(omega @ omega) / samples * yaw_rate
     each = np.array([[s_x, 0.0, square, turn, speed, 0.0], [0.0, turn, s_y, s_x, 0.0, yaw_rate]])
     rows = _ROWS[drive]
-    weighted = each[rows] * compute_row_weights(drive, noise)[:, None] ** 2
+    weighted = each[rows] * compute_reciprocal_row_noise(drive, noise)[:, None] ** 2
     return samples * weighted.sum(0)[COLUMNS[drive]]
 
 
-def scaled_condition_from_gram(
+def predict_noise_scaled_condition(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""
-    A, _ = make_window_system(drive, filters, truth, noise)
+    A, _ = make_whitened_window_system(drive, filters, truth, noise)
     inside = np.sqrt(compute_regressor_noise_squares(drive, filters, truth, noise))
     if not (inside > 0.0).all():
         inside = np.linalg.norm(A, axis=0)

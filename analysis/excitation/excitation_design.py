@@ -17,8 +17,8 @@ from analysis.excitation.error_prediction import (
     MeasuredSignals,
     Prediction,
     compute_sensor_noise,
-    predict_errors,
-    scaled_condition_from_gram,
+    predict_errors_of_drive,
+    predict_noise_scaled_condition,
 )
 from analysis.simulation import Channels, Scenario, solve_motion
 from analysis.simulation.motion.body import RigidBody
@@ -153,10 +153,10 @@ class ExcitationDesign:
         """
         if self.best is None:
             raise DataError("no waveform stays within the yard; give a longer --yard")
-        return replace_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
+        return with_trial_of_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
 
 
-def replace_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
+def with_trial_of_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
     """Copy of a scenario with these manoeuvres as its trial."""
     campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
     return base.model_copy(update={"campaign": campaign})
@@ -173,21 +173,21 @@ def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> f
     """
     body, full = (
         RigidBody.make_loaded_body(scenario, load_kg),
-        scenario.full_force_and_torque,
+        scenario.full_throttle_force_and_torque,
     )
     if axis == "force":
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
             force=ForceWave(lowest_N=full[0] / 2, highest_N=full[0] / 2),
-            duration_s=bound_settling_time_s(inertia, friction, key, scenario),
+            duration_s=compute_settling_time_bound_s(inertia, friction, key, scenario),
         )
     else:
         inertia, friction, key = body.inertia_z_kg_m2, body.friction_z_N_m_s, "friction_z_N_m_s"
         step = Excite(
             torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
-            duration_s=bound_settling_time_s(inertia, friction, key, scenario),
+            duration_s=compute_settling_time_bound_s(inertia, friction, key, scenario),
         )
-    motion = solve_motion(replace_manoeuvres(scenario, step), load_kg)
+    motion = solve_motion(with_trial_of_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
     driven = motion.sample_channels(time_s)
     speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
@@ -196,10 +196,14 @@ def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> f
     return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
 
 
-def bound_settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
+def compute_settling_time_bound_s(
+    inertia: float, friction: float, friction_key: str, scenario: Scenario
+) -> float:
     """Time in which a step certainly settles, at most an hour."""
     if friction <= 0.0:
-        raise DataError(f"machine.{key}: is 0, so that a step never settles; give a value above 0")
+        raise DataError(
+            f"machine.{friction_key}: is 0, so that a step never settles; give a value above 0"
+        )
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
 
 
@@ -256,12 +260,12 @@ def find_best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> Wa
 def _make_excite_manoeuvre(
     scenario: Scenario,
     drive: Drive,
-    shape: Shape,
+    wave_shape: Shape,
     directions: Ways,
     response_s: Mapping[str, float],
 ) -> Excite:
     force_N, torque_N_m = (
-        full / 2.0 if drive == "joint" else full for full in scenario.full_force_and_torque
+        full / 2.0 if drive == "joint" else full for full in scenario.full_throttle_force_and_torque
     )
     # to the millisecond, so that a person can read the scenario
     periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}
@@ -273,14 +277,14 @@ def _make_excite_manoeuvre(
     force = torque = None
     if "force" in periods:
         force = ForceWave(
-            waveform=shape,
+            waveform=wave_shape,
             period_s=periods["force"],
             lowest_N=lowest * force_N,
             highest_N=force_N,
         )
     if "torque" in periods:
         torque = TorqueWave(
-            waveform=shape,
+            waveform=wave_shape,
             period_s=periods["torque"],
             lowest_N_m=lowest * torque_N_m,
             highest_N_m=torque_N_m,
@@ -291,7 +295,7 @@ def _make_excite_manoeuvre(
 def score_waveform(
     scenario: Scenario,
     drive: Drive,
-    shape: Shape,
+    wave_shape: Shape,
     directions: Ways,
     response_s: Mapping[str, float],
     window_s: float,
@@ -299,7 +303,7 @@ def score_waveform(
 ) -> WaveformScore:
     """Drive a waveform, and predict the errors in its worst window."""
     load_kg = scenario.campaign.loads_kg[0]
-    manoeuvre = _make_excite_manoeuvre(scenario, drive, shape, directions, response_s)
+    manoeuvre = _make_excite_manoeuvre(scenario, drive, wave_shape, directions, response_s)
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = compute_sensor_noise(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
@@ -307,7 +311,7 @@ def score_waveform(
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
-    motion = solve_motion(replace_manoeuvres(scenario, longer), load_kg)
+    motion = solve_motion(with_trial_of_manoeuvres(scenario, longer), load_kg)
     driven = motion.sample_channels(np.arange(round(last_s * rate_hz)) / rate_hz)
     truth = MeasuredSignals.from_motion(driven)
     asked = _ASKED[drive]
@@ -319,7 +323,9 @@ def score_waveform(
     for place in range(_PLACES):
         first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
         part = MeasuredSignals(*(each[first : first + samples] for each in truth))
-        windows.append((first, part, predict_errors(drive, filters, part, motion.body, noise)))
+        windows.append(
+            (first, part, predict_errors_of_drive(drive, filters, part, motion.body, noise))
+        )
     first, part, predictions = max(windows, key=lambda window: largest_relative_rms(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))
     applied = truth.torque_z_N_m if drive == "spin" else truth.force_x_N
@@ -335,15 +341,15 @@ def score_waveform(
     velocity = driven.speed_x_m_s * np.exp(1j * driven.heading_rad)
     path_m = np.cumsum(velocity[: repeats.stop]) / rate_hz
     return WaveformScore(
-        waveform=shape,
+        waveform=wave_shape,
         ways=directions,
         manoeuvre=manoeuvre,
         start_s=first / rate_hz,
         predictions=predictions,
-        rank=count_determined_parameters(
+        rank=count_parameters_determined_by_motion(
             Channels._make(each[first : first + samples] for each in driven)
         ),
-        condition=scaled_condition_from_gram(drive, filters, part, noise),
+        condition=predict_noise_scaled_condition(drive, filters, part, noise),
         snr=varies / noisy,
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),
@@ -352,7 +358,7 @@ def score_waveform(
     )
 
 
-def count_determined_parameters(motion: Channels) -> int:
+def count_parameters_determined_by_motion(motion: Channels) -> int:
     """Number of the six parameters that a noise-free motion determines."""
     A = planar_rows.make_planar_regressor(
         motion.specific_force_x_m_s2,

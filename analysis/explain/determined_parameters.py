@@ -43,13 +43,13 @@ class DeterminedParameters:
 
 
 def find_determined_parameters(
-    excitation: pl.DataFrame, rows: Bools, noise: pl.DataFrame | None, settings: Settings
+    excitation: pl.DataFrame, chosen_samples: Bools, noise: pl.DataFrame | None, settings: Settings
 ) -> DeterminedParameters | None:
     """Find which parameters the chosen samples determine.
 
     Args:
         excitation: frame with regressor, speed and direction.
-        rows: (n,) chosen samples.
+        chosen_samples: (n,) chosen samples.
         noise: frame `noise` of the columns.
         settings: settings with the moving mean and the noise.
 
@@ -63,7 +63,7 @@ def find_determined_parameters(
     else:
         direction = np.sign(speed)
     A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])
-    A = A[rows & np.isfinite(A).all(1)]
+    A = A[chosen_samples & np.isfinite(A).all(1)]
     std = find_column_noise_stds(noise, settings)
     samples = A.shape[0]
     if samples < LIMITS.determined_min_rows or std is None:
@@ -83,7 +83,7 @@ def find_determined_parameters(
         alone=tuple(named),
         combinations=tuple(found.format_combinations()),
         lost=tuple(name for name in _NAMES if name not in (*named, *joined)),
-        trade_offs=find_trade_offs(A),
+        trade_offs=find_correlated_parameter_pairs(A),
     )
 
 
@@ -100,7 +100,7 @@ def find_column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Fl
     return np.array([*measured, LIMITS.constant_noise_std_1, LIMITS.constant_noise_std_1])
 
 
-def find_trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
+def find_correlated_parameter_pairs(A: Floats) -> tuple[tuple[str, str, float], ...]:
     """Correlations of least-squares estimates beyond `trade_off_correlation`, strongest first."""
     length = np.linalg.norm(A, axis=0)
     kept = [i for i in range(A.shape[1]) if length[i] > 0.0]

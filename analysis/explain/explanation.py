@@ -13,11 +13,11 @@ from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
     compute_reason_fractions,
-    list_gate_stretches,
+    list_stretches_of_gate_decisions,
     report_manoeuvre_at_time,
     report_worst_manoeuvres,
 )
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from analysis.model.windows import mark_samples_in_windows
@@ -118,7 +118,7 @@ class Explanation:
         }
 
 
-def explain(run: Run, at_s: float | None = None) -> Explanation:
+def make_explanation(run: Run, at_s: float | None = None) -> Explanation:
     """Explain a run, or a moment of it.
 
     Args:
@@ -130,12 +130,12 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     stretches: tuple[GateStretch, ...] = ()
     if at_s is not None and gate.height:
         begin, end = (round((at_s + way * LIMITS.around_s) * NS_PER_S) for way in (-1, 1))
-        stretches = list_gate_stretches(gate, settings, begin, end)
+        stretches = list_stretches_of_gate_decisions(gate, settings, begin, end)
     manoeuvre = None if at_s is None else report_manoeuvre_at_time(frames, at_s)
     return Explanation(
-        answer=answer(run),
+        answer=make_answer(run),
         at_s=at_s,
-        findings=_select_findings_near(frames, at_s),
+        findings=_select_findings_near_time(frames, at_s),
         manoeuvre=manoeuvre,
         worst=report_worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
@@ -144,18 +144,18 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     )
 
 
-def _select_findings_near(
+def _select_findings_near_time(
     frames: Mapping[str, pl.DataFrame], at_s: float | None
 ) -> tuple[Finding, ...] | None:
     if "findings" not in frames:
         return None
     found = [Finding.from_row(row) for row in frames["findings"].iter_rows(named=True)]
     if at_s is not None:
-        found = [each for each in found if _is_finding_near(each, at_s)]
+        found = [each for each in found if _is_finding_near_time(each, at_s)]
     return tuple(found)
 
 
-def _is_finding_near(finding: Finding, at_s: float) -> bool:
+def _is_finding_near_time(finding: Finding, at_s: float) -> bool:
     if finding.start_s is None or finding.end_s is None:
         return True
     return finding.start_s - LIMITS.around_s <= at_s <= finding.end_s + LIMITS.around_s

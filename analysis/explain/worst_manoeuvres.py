@@ -65,7 +65,7 @@ class ManoeuvreReport:
     reason: str
 
 
-def list_gate_stretches(
+def list_stretches_of_gate_decisions(
     gate: pl.DataFrame, settings: Settings, start_ns: int, end_ns: int
 ) -> tuple[GateStretch, ...]:
     """Gate decisions in order of time, each with the statistic that decided.
@@ -96,26 +96,35 @@ def list_gate_stretches(
 
 
 def _make_gate_stretch(
-    span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings
+    row_span: Mapping[str, Any], gate_rows: pl.DataFrame, settings: Settings
 ) -> GateStretch:
     """Stretch with the median of the statistic that decided, and its limit."""
-    start_s, end_s, reason = span["start"] / NS_PER_S, span["end"] / NS_PER_S, str(span["reason"])
+    start_s, end_s, reason = (
+        row_span["start"] / NS_PER_S,
+        row_span["end"] / NS_PER_S,
+        str(row_span["reason"]),
+    )
     decides = _DECIDES.get(reason)
-    if reason == "negative_dependence" and "corr_x_1" in rows.columns:
+    if reason == "negative_dependence" and "corr_x_1" in gate_rows.columns:
         return GateStretch(
-            start_s, end_s, reason, "corr_x_1", _median_of_column(rows, "corr_x_1"), "> 0"
+            start_s, end_s, reason, "corr_x_1", _median_of_gate_column(gate_rows, "corr_x_1"), "> 0"
         )
-    if decides is None or decides[0] not in rows.columns:
+    if decides is None or decides[0] not in gate_rows.columns:
         return GateStretch(start_s, end_s, reason)
     column, limit, sign = decides
     level = getattr(settings.gate, limit)
     return GateStretch(
-        start_s, end_s, reason, column, _median_of_column(rows, column), f"{sign} {level:g}"
+        start_s,
+        end_s,
+        reason,
+        column,
+        _median_of_gate_column(gate_rows, column),
+        f"{sign} {level:g}",
     )
 
 
-def _median_of_column(rows: pl.DataFrame, column: str) -> float | None:
-    value = rows[column].median()
+def _median_of_gate_column(gate_rows: pl.DataFrame, column: str) -> float | None:
+    value = gate_rows[column].median()
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
@@ -140,7 +149,7 @@ def report_worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[Manoeuv
     longest_s = LIMITS.whole_log_fraction * _log_duration_s(frames)
     parts = (
         each
-        for each in _report_rejected_manoeuvres(frames)
+        for each in _report_manoeuvres_rejected_by_gate(frames)
         if each.end_s - each.start_s < longest_s
     )
     refused = sorted(parts, key=lambda each: each.start_s - each.end_s)
@@ -159,7 +168,7 @@ def report_manoeuvre_at_time(
     frames: Mapping[str, pl.DataFrame], at_s: float
 ) -> ManoeuvreReport | None:
     """Manoeuvre at a moment: one with a mass, otherwise one that the gate rejected."""
-    for found in (_report_manoeuvres_by_load(frames), _report_rejected_manoeuvres(frames)):
+    for found in (_report_manoeuvres_by_load(frames), _report_manoeuvres_rejected_by_gate(frames)):
         here = [each for each in found if each.start_s <= at_s <= each.end_s]
         if here:
             return here[0]
@@ -182,7 +191,9 @@ def _report_manoeuvres_by_load(frames: Mapping[str, pl.DataFrame]) -> list[Manoe
     return found
 
 
-def _report_rejected_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
+def _report_manoeuvres_rejected_by_gate(
+    frames: Mapping[str, pl.DataFrame],
+) -> list[ManoeuvreReport]:
     segments = frames.get("segments")
     if segments is None:
         return []

@@ -121,7 +121,7 @@ class _Parser:
         found = f"'{self.value}'" if self.kind else "the end"
         return ExpressionError(f"'{self._text}': expected {expected}, found {found}")
 
-    def _take_token(self, *signs: str) -> str:
+    def _take_token_if_one_of(self, *signs: str) -> str:
         if self.kind == "sign" and self.value in signs:
             sign = self.value
             self._read_next_token()
@@ -132,26 +132,26 @@ class _Parser:
         if depth > LIMITS.bracket_depth:
             raise ExpressionError(f"brackets nest at most {LIMITS.bracket_depth} deep")
         left = self._parse_product(depth)
-        while sign := self._take_token("+", "-"):
+        while sign := self._take_token_if_one_of("+", "-"):
             left = Call(sign, (left, self._parse_product(depth)))
         return left
 
     def _parse_product(self, depth: int) -> Expression:
         left = self._parse_signed(depth)
-        while sign := self._take_token("*", "/"):
+        while sign := self._take_token_if_one_of("*", "/"):
             left = Call(sign, (left, self._parse_signed(depth)))
         return left
 
     def _parse_signed(self, depth: int) -> Expression:
         negative = False
-        while sign := self._take_token("-", "+"):
+        while sign := self._take_token_if_one_of("-", "+"):
             negative ^= sign == "-"
-        tree = self._parse_atom(depth)
+        tree = self._parse_operand(depth)
         return Call("neg", (tree,)) if negative else tree
 
-    def _parse_atom(self, depth: int) -> Expression:
+    def _parse_operand(self, depth: int) -> Expression:
         kind, value = self.kind, self.value
-        if self._take_token("("):
+        if self._take_token_if_one_of("("):
             tree = self.parse_sum(depth + 1)
             self._require_closing_bracket()
             return tree
@@ -161,7 +161,7 @@ class _Parser:
         if kind == "number":
             return Number(float(value), self._parse_unit())
         if kind == "slope":
-            bracket = self._take_token("(")
+            bracket = self._take_token_if_one_of("(")
             if self.kind != "name":
                 raise self.make_syntax_error("the channel that d/dt differentiates")
             tree = Name(self.value)
@@ -169,7 +169,7 @@ class _Parser:
             if bracket:
                 self._require_closing_bracket()
             return Call(SLOPE, (tree,))
-        if self._take_token("("):
+        if self._take_token_if_one_of("("):
             return self._parse_call(value, depth + 1)
         return Name(value)
 
@@ -184,8 +184,10 @@ class _Parser:
         if function not in FUNCTIONS:
             known = ", ".join(FUNCTIONS)
             raise ExpressionError(f"no function '{function}'; known: {known}, d/dt")
-        arguments = [self._parse_condition(depth) if function == "where" else self.parse_sum(depth)]
-        while self._take_token(","):
+        arguments = [
+            self._parse_comparison(depth) if function == "where" else self.parse_sum(depth)
+        ]
+        while self._take_token_if_one_of(","):
             arguments.append(self.parse_sum(depth))
         self._require_closing_bracket()
         fewest, most = FUNCTIONS[function]
@@ -194,15 +196,15 @@ class _Parser:
             raise ExpressionError(f"{function}() takes {wanted} arguments, not {len(arguments)}")
         return Call(function, tuple(arguments))
 
-    def _parse_condition(self, depth: int) -> Expression:
+    def _parse_comparison(self, depth: int) -> Expression:
         left = self.parse_sum(depth)
-        sign = self._take_token(*COMPARISONS)
+        sign = self._take_token_if_one_of(*COMPARISONS)
         if not sign:
             raise self.make_syntax_error("a comparison, as in where(speed_x_m_s > 0.1 [m/s], …)")
         return Call(sign, (left, self.parse_sum(depth)))
 
     def _require_closing_bracket(self) -> None:
-        if not self._take_token(")"):
+        if not self._take_token_if_one_of(")"):
             raise self.make_syntax_error("')'")
 
 
@@ -232,10 +234,10 @@ def convert_to_si(
         return Number(tree.value * gain), dimension
     parts = [convert_to_si(argument, units, registry) for argument in tree.arguments]
     found = Call(tree.function, tuple(part for part, _ in parts))
-    return found, derive_call_dimension(tree, [dimension for _, dimension in parts], registry)
+    return found, derive_dimension_of_call(tree, [dimension for _, dimension in parts], registry)
 
 
-def derive_call_dimension(tree: Call, argument_dimensions: list[Any], registry: Any) -> Any:
+def derive_dimension_of_call(tree: Call, argument_dimensions: list[Any], registry: Any) -> Any:
     """Dimension of a call's result; an error if its arguments differ."""
     none = registry.dimensionless.dimensionality
     if tree.function == "*":

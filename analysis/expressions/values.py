@@ -63,24 +63,26 @@ def evaluate_and_count_near_zero(
     return np.where(np.isfinite(found), found, np.nan), near_zero
 
 
-def _apply_function(node: Call, parts: list[Floats]) -> Floats:
+def _apply_function(node: Call, argument_values: list[Floats]) -> Floats:
     if node.function in _OF_TWO:
-        return _OF_TWO[node.function](parts[0], parts[1])
+        return _OF_TWO[node.function](argument_values[0], argument_values[1])
     if node.function in _OF_ONE:
-        return _OF_ONE[node.function](parts[0])
+        return _OF_ONE[node.function](argument_values[0])
     if node.function in _OF_MANY:
-        found = parts[0]
-        for part in parts[1:]:
+        found = argument_values[0]
+        for part in argument_values[1:]:
             found = _OF_MANY[node.function](found, part)
         return found
     if node.function == "mean":
-        return np.asarray(np.sum(parts, axis=0) / len(parts), np.float64)
+        return np.asarray(np.sum(argument_values, axis=0) / len(argument_values), np.float64)
     # a comparison with what is missing is none
     condition = node.arguments[0]
     assert node.function == "where"
     assert isinstance(condition, Call)
-    otherwise = parts[2] if len(parts) > 2 else np.full(parts[0].size, np.nan)
-    return np.where(parts[0].astype(np.bool_), parts[1], otherwise)
+    otherwise = (
+        argument_values[2] if len(argument_values) > 2 else np.full(argument_values[0].size, np.nan)
+    )
+    return np.where(argument_values[0].astype(np.bool_), argument_values[1], otherwise)
 
 
 def divide_and_count_near_zero(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:

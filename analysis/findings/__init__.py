@@ -4,7 +4,7 @@ from analysis.findings.cause_table import CAUSES, UNKNOWN
 from analysis.findings.find_causes import (
     add_masked_findings,
     cut_to_first_hour,
-    drop_findings_explained_by_work,
+    drop_findings_explained_by_work_cycles,
     find_causes,
 )
 from analysis.findings.finding_inputs import FindingInputs
@@ -15,6 +15,6 @@ __all__ = [
     "FindingInputs",
     "add_masked_findings",
     "cut_to_first_hour",
-    "drop_findings_explained_by_work",
+    "drop_findings_explained_by_work_cycles",
     "find_causes",
 ]

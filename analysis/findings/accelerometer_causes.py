@@ -6,26 +6,26 @@ gravity times the angle by which the acceleration tilts the IMU.
 """
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import fit_accelerometer_gain
+from analysis.findings.accelerometer_share import fit_accelerometer_gain_and_std
 from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
+    compute_gravity_by_pitch_m_s2,
     explain_constant_force,
-    gravity_by_pitch,
     has_pitch_channel,
 )
-from analysis.findings.delay_causes import find_filter_delay
+from analysis.findings.delay_causes import find_accelerometer_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import compute_longitudinal_force
-from analysis.stages.motion.phases import average_over_speed_rate_span
+from analysis.stages.motion.phases import average_acceleration_over_rate_span
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
@@ -43,9 +43,18 @@ _ALL_AXES: Final = (
 )
 
 
+class StartAndRestSpectra(NamedTuple):
+    """Mean power (k,) of the accelerometer's residual after starts and at rest."""
+
+    frequency_hz: Floats
+    after_starts: Floats
+    at_rest: Floats
+    start_count: int
+
+
 def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
-    z, _ = inputs.standstill_mean_and_std(_Z)
+    z, _ = inputs.column_mean_and_std_at_rest(_Z)
     return bool(abs(z) < LIMITS.gravity_min_fraction * inputs.machine.machine.gravity_m_s2)
 
 
@@ -54,18 +63,18 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     over = _find_upside_down_mounting(inputs)
     if over:
         return over
-    upright = _find_wrong_reading_at_rest(inputs, ("tilt", ""))
+    upright = _find_accelerometer_error_at_rest(inputs, ("tilt", ""))
     found = [*upright, *_find_mounting_yaw(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
 def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
-    z, std = inputs.standstill_mean_and_std(_Z)
+    z, std = inputs.column_mean_and_std_at_rest(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -LIMITS.gravity_min_fraction * pull or not inputs.select_measured_channels(_Z):
         return []
-    seen = fit_accelerometer_gain(inputs)
+    seen = fit_accelerometer_gain_and_std(inputs)
     backwards = seen is not None and seen[0] < -LIMITS.low_passed_std * seen[1]
     angle = "pitch_deg" if backwards else "roll_deg"
     whole = len(inputs.select_measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
@@ -90,19 +99,19 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
 
 def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
     """Find a mean along x at standstill while the z axis reads all of gravity."""
-    return _find_wrong_reading_at_rest(inputs, ("bias",))
+    return _find_accelerometer_error_at_rest(inputs, ("bias",))
 
 
-def _find_wrong_reading_at_rest(
-    inputs: FindingInputs, cause_kinds: tuple[str, ...]
+def _find_accelerometer_error_at_rest(
+    inputs: FindingInputs, candidate_causes: tuple[str, ...]
 ) -> list[Symptom]:
     """Symptom of a wrong accelerometer reading at rest."""
     seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or does_accelerometer_lack_gravity(inputs):
         return []
-    kind = classify_tilt_or_bias(inputs, error)
-    if kind not in cause_kinds:
+    kind = classify_rest_error_as_tilt_or_bias(inputs, error)
+    if kind not in candidate_causes:
         return []
     # ground that slopes leaves no constant force, a tilt does
     others = () if kind else ("imu_bias",)
@@ -132,18 +141,18 @@ def _find_wrong_reading_at_rest(
     ]
 
 
-def classify_tilt_or_bias(inputs: FindingInputs, error: float) -> str:
+def classify_rest_error_as_tilt_or_bias(inputs: FindingInputs, error_m_s2: float) -> str:
     """Tell a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
 
     Returns:
         "tilt", "bias", or "" if the log cannot distinguish them.
     """
-    z, _ = inputs.standstill_mean_and_std(_Z)
+    z, _ = inputs.column_mean_and_std_at_rest(_Z)
     pull = inputs.machine.machine.gravity_m_s2
-    if not np.isfinite(z) or not has_pitch_channel(inputs) or abs(error) >= pull:
+    if not np.isfinite(z) or not has_pitch_channel(inputs) or abs(error_m_s2) >= pull:
         return ""
-    pitch = inputs.standstill_mean_and_std(_PITCH)[0]
-    share = np.arcsin(error / pull)
+    pitch = inputs.column_mean_and_std_at_rest(_PITCH)[0]
+    share = np.arcsin(error_m_s2 / pull)
     upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
     if upright - turned < LIMITS.tilt_min_gravity_m_s2:
         return ""
@@ -159,10 +168,12 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     settings = inputs.machine.settings
     rate = column_values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        average_over_speed_rate_span(column_values(inputs.check_inputs.excitation, name), settings)
+        average_acceleration_over_rate_span(
+            column_values(inputs.check_inputs.excitation, name), settings
+        )
         for name in (ACC, _Y)
     )
-    used = inputs.check_inputs.is_phase("accelerating", "braking", "cruising")
+    used = inputs.check_inputs.mark_samples_in_phases("accelerating", "braking", "cruising")
     used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
     if used.sum() < 200:
         return []
@@ -209,7 +220,7 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that measures only a fraction of the wheels' acceleration."""
     if not inputs.has_accelerometer:
         return []
-    late, found = find_filter_delay(inputs), fit_accelerometer_gain(inputs)
+    late, found = find_accelerometer_filter_delay(inputs), fit_accelerometer_gain_and_std(inputs)
     if found is None:
         return late
     gain, std = found
@@ -228,7 +239,7 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     return [max((*seen, *late), key=lambda sign: sign.strength)]
 
 
-def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
+def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Symptom]:
     """Find ground that slopes under an acceleration from which gravity is removed."""
     kinematic = inputs.machine.settings.forces.acceleration == "kinematic"
     if (
@@ -238,7 +249,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
         or not does_accelerometer_lack_gravity(inputs)
     ):
         return []
-    pitch, std = inputs.standstill_mean_and_std(_PITCH)
+    pitch, std = inputs.column_mean_and_std_at_rest(_PITCH)
     if not np.isfinite(pitch):
         return []
     strength = abs(pitch) / max(LIMITS.standing_reading_std * std, LIMITS.slope_min_pitch_rad)
@@ -250,7 +261,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
         if of_channel is not None and of_channel not in (1.0, 0.0):
             keys.append(f"channels.acc_x_m_s2.{name}")
             new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
-    pull = gravity_by_pitch(inputs)
+    pull = compute_gravity_by_pitch_m_s2(inputs)
 
     def add_gravity(motion: MotionSamples) -> MotionSamples:
         return replace(
@@ -260,7 +271,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
             without_gravity=motion.specific_force,
         )
 
-    z, _ = inputs.standstill_mean_and_std(_Z)
+    z, _ = inputs.column_mean_and_std_at_rest(_Z)
     return [
         Symptom(
             strength,
@@ -284,11 +295,11 @@ def convert_to_accelerometer_unit(inputs: FindingInputs, acceleration_m_s2: floa
 
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     """Find an IMU that rocks on its mount, by a resonance after starts that the force lacks."""
-    share = fit_accelerometer_gain(inputs)
+    share = fit_accelerometer_gain_and_std(inputs)
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
     if share is None or share[0] - LIMITS.loose_gain_std * share[1] < LIMITS.loose_gain_1:
         return []
-    spectra = compute_start_and_rest_spectra(inputs)
+    spectra = compute_imu_spectra_after_starts_and_at_rest(inputs)
     if spectra is None:
         return []
     hz, starts, standing, count = spectra
@@ -319,15 +330,10 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def compute_start_and_rest_spectra(
+def compute_imu_spectra_after_starts_and_at_rest(
     inputs: FindingInputs,
-) -> tuple[Floats, Floats, Floats, int] | None:
-    """Spectra of the accelerometer's residual after starts and at rest.
-
-    Returns:
-        Frequencies in Hz, mean power after starts and mean power at rest, (k,) each, and the number
-        of starts; None if there are too few.
-    """
+) -> StartAndRestSpectra | None:
+    """Spectra of the accelerometer's residual after starts and at rest; None of too few."""
     rate_hz = inputs.machine.settings.align.rate_hz
     size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
@@ -351,15 +357,16 @@ def compute_start_and_rest_spectra(
         return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 
     starts = find_force_rise_ends(inputs, force, size)
-    still = inputs.resting_samples
+    still = inputs.is_resting_sample
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
     driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
     if driving is None or standing is None:
         return None
-    return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
+    hz = np.arange(size // 2 + 1) * rate_hz / size
+    return StartAndRestSpectra(hz, driving, standing, len(starts))
 
 
-def find_force_rise_ends(inputs: FindingInputs, force: Floats, held_samples: int) -> list[int]:
+def find_force_rise_ends(inputs: FindingInputs, force: Floats, min_held_samples: int) -> list[int]:
     """End (grid sample) of each rise of the force after a standstill that is then held."""
     rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
@@ -378,7 +385,7 @@ def find_force_rise_ends(inputs: FindingInputs, force: Floats, held_samples: int
         int(k) + behind
         for k in rises
         if k > stood + clear
-        and k + behind + held_samples < force.size
-        and inputs.standing_samples[k - stood - clear : k - clear].all()
-        and pushes[k + 2 * behind : k + held_samples].mean() > LIMITS.start_held_fraction
+        and k + behind + min_held_samples < force.size
+        and inputs.is_standing_sample[k - stood - clear : k - clear].all()
+        and pushes[k + 2 * behind : k + min_held_samples].mean() > LIMITS.start_held_fraction
     ]

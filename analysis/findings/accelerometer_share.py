@@ -3,13 +3,13 @@
 import numpy as np
 
 from analysis.findings.channel_limits import LIMITS
-from analysis.findings.constant_forces import gravity_by_pitch
+from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import column_values
 from estimators.arrays import Floats
 
 
-def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
+def fit_accelerometer_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
     """Regress the accelerometer on the wheels' acceleration.
 
     Returns:
@@ -28,8 +28,8 @@ def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
     speed = block_means(column_values(inputs.aligned, "speed_x_m_s"))
-    reads = block_means(column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
-    moves = block_means((~inputs.standing_samples).astype(float)) > 0.0
+    reads = block_means(column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs))
+    moves = block_means((~inputs.is_standing_sample).astype(float)) > 0.0
     x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
     if used.sum() < LIMITS.gain_min_spans:

@@ -24,15 +24,15 @@ def correct_channel_delay(motion: MotionSamples, channel: str, late_s: float) ->
 
 
 def change_accelerometer(
-    motion: MotionSamples, change: Callable[[Floats], Floats]
+    motion: MotionSamples, correct_signal: Callable[[Floats], Floats]
 ) -> MotionSamples:
     """Apply a function to every accelerometer signal of the motion."""
     measured, level = motion.specific_force, motion.without_gravity
     return replace(
         motion,
-        acceleration=change(motion.acceleration)
+        acceleration=correct_signal(motion.acceleration)
         if motion.by_accelerometer
         else motion.acceleration,
-        specific_force=None if measured is None else change(measured),
-        without_gravity=None if level is None else change(level),
+        specific_force=None if measured is None else correct_signal(measured),
+        without_gravity=None if level is None else correct_signal(level),
     )

@@ -20,10 +20,10 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import (
     ProjectedEquation,
-    block_sums,
     build_whitened_force_rows,
-    row_noise_variance,
-    samples_in_whole_blocks,
+    compute_whitened_row_noise_variance,
+    index_samples_of_whole_blocks,
+    sum_blocks,
 )
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import counted
@@ -52,7 +52,7 @@ class ForceShareChange(NamedTuple):
     loads: int
 
 
-def compare_force_fraction_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
+def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareChange | None:
     """Compare one load and a changing force fraction with several loads.
 
     Returns:
@@ -67,7 +67,7 @@ def compare_force_fraction_with_loads(inputs: FindingInputs) -> ForceShareChange
         or not motion.drives_both_ways
     ):
         return None
-    viscous, own_kg = max(fit.viscous_friction, 0.0), inputs.masses_of_samples_kg(motion)
+    viscous, own_kg = max(fit.viscous_friction, 0.0), inputs.look_up_mass_of_samples_kg(motion)
     one_kg = np.full_like(own_kg, np.median(own_kg[motion.is_fittable]))
     # with the share as well: loads that change otherwise than with the direction stay loads
     by_loads = ProjectedEquation.project_out(
@@ -89,7 +89,7 @@ def compare_force_fraction_with_loads(inputs: FindingInputs) -> ForceShareChange
     return ForceShareChange(value, std, gain, worse / variance, fit.mass_count)
 
 
-def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
+def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
     """Find a force that is read with another gain in reverse, or loads that may be one."""
     weighing = inputs.check_inputs.weighing
     found = None if weighing is None else weighing.by_direction
@@ -97,7 +97,7 @@ def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
         return []
     apart = found.gain_1 - 1.0
     says = f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse, or the load depends on it"
-    if found.could_explain_several_loads:
+    if found.could_replace_several_loads:
         says = (
             f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse and there is one load, "
             f"or there are {found.loads} that depend on the direction: this log cannot distinguish "
@@ -112,9 +112,9 @@ def find_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             # which of the two directions is right is not known
             change=None
-            if found.could_explain_several_loads
+            if found.could_replace_several_loads
             else lambda: MassChange(0.0, of_mass_kg),
-            invalidates=found.could_explain_several_loads,
+            invalidates=found.could_replace_several_loads,
         )
     ]
 
@@ -133,7 +133,7 @@ class LoadGrowthRate(NamedTuple):
     deviations: float
 
 
-def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
+def find_load_changing_in_motion(inputs: FindingInputs) -> list[Symptom]:
     """Find manoeuvres whose load grows or falls while the machine drives."""
     found = [*_report_excluded_load_changes(inputs), *_find_fitted_load_changes(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
@@ -195,8 +195,10 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
     if len(parts) < 3:  # then nothing says what is usual
         return []
     viscous = max(fit.viscous_friction, 0.0)
-    system = build_whitened_force_rows(motion, noise, inputs.masses_of_samples_kg(motion), viscous)
-    taken = samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples).reshape(
+    system = build_whitened_force_rows(
+        motion, noise, inputs.look_up_mass_of_samples_kg(motion), viscous
+    )
+    taken = index_samples_of_whole_blocks(motion.group, LIMITS.force_mean_samples).reshape(
         -1, LIMITS.force_mean_samples
     )
     group = motion.group[taken[:, 0]]
@@ -212,7 +214,7 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         mine = taken[rows].ravel()
         t_s = (mine - part[0]) / motion.rate_hz
         grown = (
-            block_sums(
+            sum_blocks(
                 t_s * motion.acceleration[mine] + motion.speed[mine], LIMITS.force_mean_samples
             )
             / LIMITS.force_mean_samples
@@ -229,7 +231,9 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         if not abs(kg_s) * float(np.sqrt(rest / LIMITS.min_row_variance)) / limit / least > 1.0:
             continue  # whatever the others' noise is, which takes long
         others = np.delete(left, rows)
-        deviations = abs(kg_s) * float(np.sqrt(rest / row_noise_variance(others))) / limit
+        deviations = (
+            abs(kg_s) * float(np.sqrt(rest / compute_whitened_row_noise_variance(others))) / limit
+        )
         deviations /= least
         if deviations > 1.0:
             found.append(LoadGrowthRate(int(part[0]), kg_s, deviations))

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.diagnosis.diagnosis_limits import LIMITS as DIAGNOSIS_LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import find_long_equal_runs
+from analysis.diagnosis.measured_channels import find_unexplained_repeats
 from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
@@ -42,8 +42,8 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     of_channel = {
         name: spans
         for name in inputs.equation_channels_in_log
-        if not _is_resolution_coarse(inputs, name)
-        and (spans := signals.frozen_spans.get(name) or find_noiseless_stretches(inputs, name))
+        if not _do_readings_repeat_by_resolution(inputs, name)
+        and (spans := signals.frozen_spans.get(name) or find_noiseless_stretches_ns(inputs, name))
     }
     if not of_channel:
         return []
@@ -65,11 +65,11 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             total_s[name] / LIMITS.frozen_total_s,
             f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
-            f"change{_format_refit_result(found)}",
+            f"change{_format_mass_change_by_exclusion(found)}",
             channel=name,
             span_ns=inputs.convert_to_relative_ns(*spans[0]),
             change=refit_without_frozen_samples,
-            harmless=_is_answer_same(inputs, found, refit_without_frozen_samples),
+            harmless=_does_exclusion_keep_answer(inputs, found, refit_without_frozen_samples),
             explains=_OF_DEAD
             if 1e9 * total_s[name] > LIMITS.dead_fraction * (t[-1] - t[0])
             else (),
@@ -77,11 +77,11 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _format_refit_result(exclusion: ExcludedStretches | None) -> str:
+def _format_mass_change_by_exclusion(exclusion: ExcludedStretches | None) -> str:
     return "" if exclusion is None else f"; {exclusion.text}"
 
 
-def _is_answer_same(
+def _does_exclusion_keep_answer(
     inputs: FindingInputs,
     exclusion: ExcludedStretches | None,
     refit: Callable[[], MassChange | None] | None = None,
@@ -98,13 +98,13 @@ def _is_answer_same(
     return abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.own_fit.u_kg
 
 
-def find_noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
+def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tuple[int, int]]:
     """Long repeats in motion of a channel that else never repeats; (begin, end) in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
-    limits = signals.force_limits.get(name, {})
-    runs, never = find_long_equal_runs(*inputs.series[name])
+    limits = signals.force_limits.get(channel, {})
+    runs, never = find_unexplained_repeats(*inputs.unfiltered_readings[channel])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
         (run.begin_ns, run.end_ns)
@@ -128,7 +128,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     share, extreme = clipped[name]
     if not share:
         return []
-    at = inputs.force_per_channel_unit(name) * abs(extreme)
+    at = inputs.force_newtons_per_channel_unit(name) * abs(extreme)
     count = sum(1 for each, _ in clipped.values() if each > 0.0)
     found = inputs.check_inputs.left_out.get("clipped_share")
     limit_N = 0.98 * at * max(count, 1)
@@ -145,19 +145,19 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             share / LIMITS.clipped_fraction,
             f"{share:.1%} of its readings are clipped at {extreme:.4g}"
-            f"{_format_refit_result(found)}",
+            f"{_format_mass_change_by_exclusion(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
             change=refit_without_saturated_rows,
-            harmless=_is_answer_same(inputs, found),
+            harmless=_does_exclusion_keep_answer(inputs, found),
         )
     ]
 
 
-def _is_resolution_coarse(inputs: FindingInputs, name: str) -> bool:
+def _do_readings_repeat_by_resolution(inputs: FindingInputs, channel: str) -> bool:
     """Whether readings repeat because of the channel's resolution."""
-    repeats, lsb = measure_repeat_fraction_and_resolution(inputs, name)
+    repeats, lsb = measure_repeat_fraction_and_resolution(inputs, channel)
     return bool(lsb) and repeats > LIMITS.repeated_fraction
 
 
@@ -200,24 +200,24 @@ def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpik
 def spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     """Spikes by channel; channels without spikes are absent."""
     if "spikes" not in inputs.cache:
-        inputs.cache["spikes"] = _detect_spikes(inputs)
+        inputs.cache["spikes"] = _detect_spikes_by_channel(inputs)
     return inputs.cache["spikes"]  # type: ignore[return-value]
 
 
-def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
+def _detect_spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     found: dict[str, ChannelSpikes] = {}
     for name in inputs.equation_channels_in_log:
-        t, x = inputs.series[name]
+        t, x = inputs.unfiltered_readings[name]
         if x.size < 3 * LIMITS.spike_block_readings:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
         resolution = measure_repeat_fraction_and_resolution(inputs, name)[1]
-        scale = np.maximum(estimate_local_stds(middle), resolution / np.sqrt(12.0))
+        scale = np.maximum(estimate_robust_std_of_blocks(middle), resolution / np.sqrt(12.0))
         far = np.abs(middle) > LIMITS.spike_std * scale
         far &= np.abs(x[2:] - x[:-2]) < LIMITS.spike_neighbour_fraction * np.abs(middle)
         places = np.flatnonzero(far) + 1
-        places = places[~mark_jolts(inputs, name, t[places], np.sign(middle[places - 1]))]
+        places = places[~mark_stamps_of_jolts(inputs, name, t[places], np.sign(middle[places - 1]))]
         if not places.size:
             continue
         size = np.abs(middle[places - 1])
@@ -230,21 +230,23 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     return found
 
 
-def mark_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
+def mark_stamps_of_jolts(inputs: FindingInputs, channel: str, unix_ns: Ints, sign: Floats) -> Bools:
     """Whether force and acceleration jump together at each stamp, as at a knock; (k,)."""
-    topic = inputs.machine.channels[name].topic
+    topic = inputs.machine.channels[channel].topic
     felt = np.zeros(unix_ns.size, np.bool_)
-    if name not in _FELT:
+    if channel not in _FELT:
         return felt
     for other in inputs.select_measured_channels(*_FELT):
-        t, x = inputs.series[other]
+        t, x = inputs.unfiltered_readings[other]
         if (
             inputs.machine.channels[other].topic == topic
             or x.size < 3 * LIMITS.spike_block_readings
         ):
             continue
-        scale = estimate_local_stds(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
-        near_ns = LIMITS.jolt_periods * max(map(median_period_ns, (t, inputs.series[name][0])))
+        scale = estimate_robust_std_of_blocks(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        near_ns = LIMITS.jolt_periods * max(
+            map(median_period_ns, (t, inputs.unfiltered_readings[channel][0]))
+        )
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(
             t, unix_ns[:, None] + np.array([-LIMITS.jolt_around_ns, LIMITS.jolt_around_ns])
@@ -257,24 +259,24 @@ def mark_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) ->
     return felt
 
 
-def estimate_local_stds(x: Floats) -> Floats:
+def estimate_robust_std_of_blocks(readings: Floats) -> Floats:
     """Robust standard deviation (n,) of each block; at least that of all samples."""
-    size = x.size // LIMITS.spike_block_readings * LIMITS.spike_block_readings
+    size = readings.size // LIMITS.spike_block_readings * LIMITS.spike_block_readings
     blocks = STD_OF_MAD * np.median(
-        np.abs(x[:size]).reshape(-1, LIMITS.spike_block_readings), axis=1
+        np.abs(readings[:size]).reshape(-1, LIMITS.spike_block_readings), axis=1
     )
     # a start is sharper than what surrounds it
     around = np.maximum(blocks, np.maximum(np.append(blocks[1:], 0.0), np.append(0.0, blocks[:-1])))
     around = np.maximum(around, np.median(blocks))
     out = np.repeat(around, LIMITS.spike_block_readings)
-    return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
+    return np.append(out, np.full(readings.size - size, around[-1] if around.size else 0.0))
 
 
-def mark_samples_near_stamps(inputs: FindingInputs, unix_ns: Ints) -> Bools:
+def mark_samples_near_stamps(inputs: FindingInputs, stamps_unix_ns: Ints) -> Bools:
     """Grid samples next to the given stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
-    at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
+    at[np.clip(np.searchsorted(t, stamps_unix_ns), 0, t.size - 1)] = True
     return (
         flag_windows(at, LIMITS.spike_margin_samples)
         | flag_windows(at[::-1], LIMITS.spike_margin_samples)[::-1]
@@ -289,73 +291,74 @@ def mark_samples_near_spikes(inputs: FindingInputs) -> Bools:
     return near
 
 
-def find_differing_sides(inputs: FindingInputs) -> list[Symptom]:
+def find_largest_side_difference(inputs: FindingInputs) -> list[Symptom]:
     """Find the largest difference between the left and right side."""
     found = [
-        _make_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()
+        _make_side_difference_symptom(inputs, each)
+        for each in inputs.check_inputs.side_differences.values()
     ]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _make_side_symptom(inputs: FindingInputs, sides: SideDifference) -> Symptom:
-    least = LIMITS.unlike_slip_1 if sides.kind == "slip" else LIMITS.unlike_sides_1
-    strength = abs(sides.value_1) / max(
-        least + sides.resistance_1, DIAGNOSIS_LIMITS.sides_min_std * sides.std_1
+def _make_side_difference_symptom(inputs: FindingInputs, difference: SideDifference) -> Symptom:
+    least = LIMITS.unlike_slip_1 if difference.kind == "slip" else LIMITS.unlike_sides_1
+    strength = abs(difference.value_1) / max(
+        least + difference.resistance_1, DIAGNOSIS_LIMITS.sides_min_std * difference.std_1
     )
-    left, right = _CHANNELS[sides.kind]
-    smaller, larger = (left, right) if sides.smaller_side == "left" else (right, left)
-    other = "right" if sides.smaller_side == "left" else "left"
-    if sides.kind == "torque":
+    left, right = _CHANNELS[difference.kind]
+    smaller, larger = (left, right) if difference.smaller_side == "left" else (right, left)
+    other = "right" if difference.smaller_side == "left" else "left"
+    if difference.kind == "torque":
         return Symptom(
             strength,
-            f"on straight drives the {sides.smaller_side} torque is "
-            f"{sides.side_ratio_1:.1%} (± {sides.std_1:.1%}) of the {other} one: "
+            f"on straight drives the {difference.smaller_side} torque is "
+            f"{difference.side_ratio_1:.1%} (± {difference.std_1:.1%}) of the {other} one: "
             "one of the two is wrong",
             channel=smaller,
-            change=lambda: mass_change_if_smaller_side_wrong(inputs, sides),
+            change=lambda: estimate_mass_change_by_smaller_side(inputs, difference),
         )
-    if sides.kind == "slip":
+    if difference.kind == "slip":
         return Symptom(
             strength,
-            f"in hard starts the {other} wheels turn faster than the {sides.smaller_side} ones "
-            f"by {abs(sides.value_1):.1%} ± {sides.std_1:.1%} more than in soft ones, "
-            "by the gyroscope",
+            f"in hard starts the {other} wheels turn faster than the {difference.smaller_side} "
+            f"ones by {abs(difference.value_1):.1%} ± {difference.std_1:.1%} more than in soft "
+            "ones, by the gyroscope",
             channel=larger,
-            change=lambda: make_wheel_speed_mass_change(inputs),
+            change=lambda: bound_mass_change_by_wheel_speed_error(inputs),
             alternatives=("slip",),
         )
-    wrong = find_contradicted_wheel_speed(inputs, sides)
+    wrong = find_contradicted_wheel_speed_and_scale(inputs, difference)
     setting, value = (
         (None, None) if wrong is None else inputs.propose_scale_settings((wrong[0],), wrong[1])
     )
     by_imu = (
         ""
         if wrong is None
-        else f"; the accelerometer agrees with the {_opposite_side_channel(wrong[0])} ones"
+        else f"; the accelerometer agrees with the {_name_channel_of_opposite_side(wrong[0])} ones"
     )
     return Symptom(
         strength,
-        f"on straight drives the {other} wheels turn faster than the {sides.smaller_side} ones by "
-        f"{abs(sides.value_1):.1%} ± {sides.std_1:.1%}, by the gyroscope{by_imu}",
+        f"on straight drives the {other} wheels turn faster than the {difference.smaller_side} "
+        f"ones by {abs(difference.value_1):.1%} ± {difference.std_1:.1%}, by the gyroscope{by_imu}",
         channel=larger if wrong is None else wrong[0],
         setting=setting,
         value=value,
-        change=lambda: make_wheel_speed_mass_change(inputs),
+        change=lambda: bound_mass_change_by_wheel_speed_error(inputs),
     )
 
 
-def _opposite_side_channel(channel: str) -> str:
+def _name_channel_of_opposite_side(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def find_contradicted_wheel_speed(
-    inputs: FindingInputs, sides: SideDifference
+def find_contradicted_wheel_speed_and_scale(
+    inputs: FindingInputs, difference: SideDifference
 ) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
     wheels = None if inputs.own_fit is None else inputs.own_fit.kinematics
     if wheels is None or not wheels.is_consistent:
         return None
-    gains = [(1.0 + wheels.gain[0]) * (1.0 + way * sides.value_1 / 2.0) for way in (-1.0, 1.0)]
+    gains = [(1.0 + wheels.gain[0]) * (1.0 + way * difference.value_1 / 2.0) for way in (-1.0, 1.0)]
     if min(gains) <= 0.0:
         return None
     off = np.abs(np.log(gains))
@@ -365,17 +368,17 @@ def find_contradicted_wheel_speed(
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 
 
-def mass_change_if_smaller_side_wrong(
-    inputs: FindingInputs, sides: SideDifference
+def estimate_mass_change_by_smaller_side(
+    inputs: FindingInputs, difference: SideDifference
 ) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
-    if inputs.own_fit is None or sides.side_ratio_1 <= -1.0:
+    if inputs.own_fit is None or difference.side_ratio_1 <= -1.0:
         return None
-    kg = abs(inputs.own_fit.mass_kg) * (2.0 / (1.0 + max(sides.side_ratio_1, 0.0)) - 1.0)
+    kg = abs(inputs.own_fit.mass_kg) * (2.0 / (1.0 + max(difference.side_ratio_1, 0.0)) - 1.0)
     return MassChange(kg, kg)
 
 
-def make_wheel_speed_mass_change(inputs: FindingInputs) -> MassChange | None:
+def bound_mass_change_by_wheel_speed_error(inputs: FindingInputs) -> MassChange | None:
     """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
     fit = inputs.own_fit
     return (

@@ -50,7 +50,7 @@ def has_pitch_channel(inputs: FindingInputs) -> bool:
     return _PITCH in inputs.aligned.columns
 
 
-def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
+def compute_gravity_by_pitch_m_s2(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
     """Gravity along x from the pitch, (n,) in m/s²; 0 without a pitch channel."""
     if not has_pitch_channel(inputs):
         return np.zeros(inputs.aligned.height)
@@ -63,21 +63,21 @@ def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
 def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
     """Explain the constant force in motion by the fewest causes that suffice."""
     if "constants" not in inputs.cache:
-        inputs.cache["constants"] = _compute_constant_forces(inputs)
+        inputs.cache["constants"] = _estimate_and_explain_constant_forces(inputs)
     found = inputs.cache["constants"]
     assert isinstance(found, ConstantForces)
     return found
 
 
-def _compute_constant_forces(inputs: FindingInputs) -> ConstantForces:
+def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
     """Constant forces at rest, and which causes explain that in motion."""
-    rest = inputs.mean_and_std_at_standstill(
+    rest = inputs.signal_mean_and_std_at_rest(
         compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     )
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
-        error = inputs.mean_and_std_at_standstill(
-            column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs)
+        error = inputs.signal_mean_and_std_at_rest(
+            column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
         )
     fit, noise = inputs.own_fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
@@ -96,12 +96,15 @@ def _compute_constant_forces(inputs: FindingInputs) -> ConstantForces:
     offsets = (False, True) if offset else (False,)
     friction = "direction" if motion.drives_both_ways else "const"
     way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.is_fittable]))
-    mass_kg, viscous = inputs.masses_of_samples_kg(motion), max(fit.viscous_friction, 0.0)
+    mass_kg, viscous = inputs.look_up_mass_of_samples_kg(motion), max(fit.viscous_friction, 0.0)
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []
     for acts, tilted in product(offsets, tilts):
         system = build_whitened_force_rows(
-            _subtract_constants(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
+            _subtract_force_and_accelerometer_offsets(motion, rest[0] * acts, error[0] * tilted),
+            noise,
+            mass_kg,
+            viscous,
         )
         if system.y.size < LIMITS.constant_min_rows:
             return ConstantForces(rest, error, None, None, None)
@@ -120,11 +123,13 @@ def _compute_constant_forces(inputs: FindingInputs) -> ConstantForces:
         error,
         is_in_best_explanation(cost, best, 0),
         is_in_best_explanation(cost, best, 1),
-        _subtract_constants(motion, of_rest, of_error),
+        _subtract_force_and_accelerometer_offsets(motion, of_rest, of_error),
     )
 
 
-def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float) -> MotionSamples:
+def _subtract_force_and_accelerometer_offsets(
+    motion: MotionSamples, rest_N: float, error_m_s2: float
+) -> MotionSamples:
     """Subtract a force offset and an accelerometer error."""
     if rest_N:
         motion = replace(motion, force=motion.force - rest_N)
@@ -132,14 +137,20 @@ def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float)
 
 
 def is_in_best_explanation(
-    cost: dict[tuple[bool, bool, bool], float], best: tuple[bool, bool, bool], cause_index: int
+    cost_by_explanation: dict[tuple[bool, bool, bool], float],
+    best_explanation: tuple[bool, bool, bool],
+    cause_index: int,
 ) -> bool | None:
     """Whether the best explanation contains a cause.
 
     Returns:
         None if an explanation without the cause is nearly as good.
     """
-    others = [each for of, each in cost.items() if of[cause_index] != best[cause_index]]
-    if others and min(others) - cost[best] < LIMITS.cause_cost / 2.0:
+    others = [
+        each
+        for of, each in cost_by_explanation.items()
+        if of[cause_index] != best_explanation[cause_index]
+    ]
+    if others and min(others) - cost_by_explanation[best_explanation] < LIMITS.cause_cost / 2.0:
         return None
-    return best[cause_index]
+    return best_explanation[cause_index]

@@ -7,17 +7,17 @@ and is therefore searched first, by the correlation of whole channels.
 
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from analysis.diagnosis.measured_channels import Series
 from analysis.findings.altered_motion import correct_channel_delay
 from analysis.findings.cause import Symptom
-from analysis.findings.constant_forces import gravity_by_pitch
+from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.likelihood_search import PickedCause, search_likelihood
+from analysis.findings.likelihood_search import PickedCause, rank_causes_by_likelihood
 from analysis.findings.refit import refit_corrected
 from analysis.findings.unsigned_channels import find_unsigned_speed
 from analysis.model.physical_units import NS_PER_S
@@ -44,6 +44,14 @@ _FORCE_UNITS: Final = ("N", "N*m", "A", "Pa")
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 
+class SignalLag(NamedTuple):
+    """Lag of one signal behind another, and their correlation at that lag and without one."""
+
+    lag_s: float
+    correlation_1: float
+    correlation_without_lag_1: float
+
+
 @dataclass(frozen=True)
 class LongDelay:
     """A channel with a delay of more than a fifth of a second.
@@ -61,46 +69,54 @@ class LongDelay:
     rival: str = ""
 
 
-def find_long_delay(inputs: FindingInputs) -> LongDelay | None:
+def find_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
     """Find the channel that is far behind the two others, which agree."""
     if "long delay" not in inputs.cache:
-        inputs.cache["long delay"] = _search_long_delay(inputs)
+        inputs.cache["long delay"] = _search_channel_with_long_delay(inputs)
     return inputs.cache["long delay"]  # type: ignore[return-value]
 
 
-def _search_long_delay(inputs: FindingInputs) -> LongDelay | None:
-    step_s, channels = acceleration_signals_and_step(inputs)
+def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
+    step_s, channels = make_acceleration_signals_and_step_s(inputs)
     if not {"speed", "force"} <= channels.keys():
         return None
     speed, force = channels["speed"], channels["force"]
     drives = np.abs(force) > LIMITS.driving_force_fraction * float(np.quantile(np.abs(force), 0.98))
     if "imu" not in channels:
-        seen = _find_force_lag(force, speed, channels["v"], drives, step_s)
-        return LongDelay("force", seen[0], seen[1:], "speed") if _is_long_delay(seen) else None
+        seen = _estimate_force_lag_while_driving(force, speed, channels["v"], drives, step_s)
+        return (
+            LongDelay("force", seen.lag_s, seen[1:], "speed")
+            if _does_long_shift_restore_correlation(seen)
+            else None
+        )
     imu = channels["imu"]
-    seen = find_lag_and_correlations(speed, imu, step_s)
-    if _is_long_delay(seen):
+    seen = estimate_lag_of_signal(speed, imu, step_s)
+    if _does_long_shift_restore_correlation(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
         rows = flag_windows(drives[::-1], before)[::-1]
         v = channels["v"]
-        later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
+        later = np.interp(np.arange(v.size) + seen.lag_s / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
-            _residual_square_sum(
+            _sum_squared_force_residuals(
                 force, np.column_stack([acceleration, along, np.ones(v.size)]), rows
             )
             for acceleration, along in ((imu, later), (speed, v))
         )
         if by_imu < by_speed:
-            return LongDelay("speed", seen[0], seen[1:])
-        return LongDelay("imu", -seen[0], seen[1:])
-    seen = _find_force_lag(force, imu, channels["v"], drives, step_s)
-    return LongDelay("force", seen[0], seen[1:]) if _is_long_delay(seen) else None
+            return LongDelay("speed", seen.lag_s, seen[1:])
+        return LongDelay("imu", -seen.lag_s, seen[1:])
+    seen = _estimate_force_lag_while_driving(force, imu, channels["v"], drives, step_s)
+    return (
+        LongDelay("force", seen.lag_s, seen[1:])
+        if _does_long_shift_restore_correlation(seen)
+        else None
+    )
 
 
-def _is_long_delay(lag_and_correlations: tuple[float, float, float]) -> bool:
+def _does_long_shift_restore_correlation(lag: SignalLag) -> bool:
     """Whether a shift turns a poor correlation into a good one."""
-    late_s, after, before = lag_and_correlations
+    late_s, after, before = lag
     # the other way as they are: a sign
     return (
         abs(late_s) > LIMITS.shortest_long_delay_s
@@ -109,43 +125,43 @@ def _is_long_delay(lag_and_correlations: tuple[float, float, float]) -> bool:
     )
 
 
-def _residual_square_sum(force: Floats, columns: Floats, rows: Bools) -> float:
+def _sum_squared_force_residuals(force: Floats, columns: Floats, used_rows: Bools) -> float:
     """Sum of squared force residuals of the equation of motion, in N²."""
-    A, f = columns[rows], force[rows]
+    A, f = columns[used_rows], force[used_rows]
     left = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
     return float(left @ left)
 
 
-def _force_acceleration_correlation(force: Floats, acceleration: Floats, v: Floats) -> float:
+def _force_acceleration_correlation(force: Floats, acceleration: Floats, speed: Floats) -> float:
     """Partial correlation of force and acceleration about 0, given the speed.
 
     Friction in the force follows the speed, which is the integral of the acceleration.
     """
-    friction = np.column_stack([v, np.sign(v)])
+    friction = np.column_stack([speed, np.sign(speed)])
     both = np.column_stack([force, acceleration])
     f, a = (both - friction @ np.linalg.lstsq(friction, both, rcond=None)[0]).T
     size = float(np.linalg.norm(f) * np.linalg.norm(a))
     return float(f @ a) / size if size else 0.0
 
 
-def _find_force_lag(
-    force: Floats, acceleration: Floats, v: Floats, is_driving: Bools, step_s: float
-) -> tuple[float, float, float]:
-    """Lag of the force where no brakes act, with the values of `find_lag_and_correlations`."""
+def _estimate_force_lag_while_driving(
+    force: Floats, acceleration: Floats, speed: Floats, is_driving: Bools, step_s: float
+) -> SignalLag:
+    """Lag of the force where no brakes act, with the values of `estimate_lag_of_signal`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = is_driving.copy()
     inside[:longest] = inside[-longest:] = False
     seen = [
         _force_acceleration_correlation(
-            force[inside], np.roll(acceleration, k)[inside], np.roll(v, k)[inside]
+            force[inside], np.roll(acceleration, k)[inside], np.roll(speed, k)[inside]
         )
         for k in range(-longest, longest + 1)
     ]
     at = int(np.argmax(seen))
-    return (at - longest) * step_s, seen[at], seen[longest]
+    return SignalLag((at - longest) * step_s, seen[at], seen[longest])
 
 
-def acceleration_signals_and_step(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
+def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Signals proportional to the acceleration, by channel, and their sampling step.
 
     Returns:
@@ -171,7 +187,9 @@ def acceleration_signals_and_step(inputs: FindingInputs) -> tuple[float, dict[st
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.select_measured_channels(ACC):
-        found["imu"] = block_means(column_values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+        found["imu"] = block_means(
+            column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
+        )
     channels = {
         name: subtract_mean(x)
         for name, x in found.items()
@@ -180,9 +198,7 @@ def acceleration_signals_and_step(inputs: FindingInputs) -> tuple[float, dict[st
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
 
-def find_lag_and_correlations(
-    delayed: Floats, reference: Floats, step_s: float
-) -> tuple[float, float, float]:
+def estimate_lag_of_signal(delayed: Floats, reference: Floats, step_s: float) -> SignalLag:
     """Find the lag of one signal behind another.
 
     Returns:
@@ -196,16 +212,18 @@ def find_lag_and_correlations(
     near = np.concatenate([product[-longest:], product[: longest + 1]])
     at = int(np.argmax(near))
     part = find_parabola_peak(near[at - 1 : at + 2]) if 0 < at < near.size - 1 else 0.0
-    return (at - longest + part) * step_s, float(near[at]), float(product[0])
+    return SignalLag((at - longest + part) * step_s, float(near[at]), float(product[0]))
 
 
-def find_delays(inputs: FindingInputs) -> list[Symptom]:
+def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
     """Find late channels by the likelihood of f(t - d) = m a + b v, with m and b refitted."""
-    late = find_long_delay(inputs)
+    late = find_channel_with_long_delay(inputs)
     if late is not None:
         # of a speed without its sign, half of the log is late by half of a start
         return [] if find_unsigned_speed(inputs) else [_make_long_delay_symptom(inputs, late)]
-    found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
+    found = [
+        pick for name, pick in rank_causes_by_likelihood(inputs).items() if name.startswith("delay")
+    ]
     return [
         *find_delays_between_force_sources(inputs),
         *(
@@ -220,7 +238,9 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
     """Find a sensor that is late against another one of those that make up the force."""
     found: list[Symptom] = []
     for first, second in combinations(list_force_sources(inputs), 2):
-        seen = estimate_lag_and_std_s(inputs.series[second], inputs.series[first])
+        seen = estimate_lag_and_std_s(
+            inputs.unfiltered_readings[second], inputs.unfiltered_readings[first]
+        )
         if seen is None:
             continue
         lag_s, std_s = abs(seen[0]), seen[1]
@@ -293,9 +313,9 @@ def find_parabola_peak(values: Floats) -> float:
     return float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
 
 
-def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
+def find_accelerometer_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that a filter makes later than its stamps explain."""
-    found = search_likelihood(inputs).get("delay:imu")
+    found = rank_causes_by_likelihood(inputs).get("delay:imu")
     if found is None or not is_filter_delay_likelier(found):
         return []
     return [
@@ -305,7 +325,7 @@ def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def is_masking_delay(cause: str, strength: float | None) -> bool:
+def is_delay_that_masks_other_causes(cause: str, strength: float | None) -> bool:
     """Whether a finding is a delay that masks all other causes."""
     return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
@@ -318,9 +338,9 @@ def is_filter_delay_likelier(pick: PickedCause) -> bool:
 def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
-    names = _channels_of_delay(inputs, channel)
+    names = _list_channels_of_delay(inputs, channel)
     setting, value = inputs.propose_delay_settings(names, late_s)
-    beside = _other_measured_channels(inputs, channel)
+    beside = _list_other_motion_channels(inputs, channel)
     rivals = [each for each in beside if f"delay:{each}" in pick.rivals]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in beside)
@@ -353,13 +373,13 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
 
 
 def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Symptom:
-    names = _channels_of_delay(inputs, long_delay.channel)
+    names = _list_channels_of_delay(inputs, long_delay.channel)
     setting, value = inputs.propose_delay_settings(names, long_delay.late_s)
     words = "late" if long_delay.late_s > 0.0 else "early"
     rest = (
         [long_delay.rival]
         if long_delay.rival
-        else _other_measured_channels(inputs, long_delay.channel)
+        else _list_other_motion_channels(inputs, long_delay.channel)
     )
     against = " and ".join(_SHOWN[each] for each in rest)
     others = (
@@ -381,19 +401,21 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
     )
 
 
-def _other_measured_channels(inputs: FindingInputs, channel: str) -> list[str]:
+def _list_other_motion_channels(inputs: FindingInputs, motion_channel: str) -> list[str]:
     """The other measured ones of force, speed and accelerometer."""
     return [
-        each for each in _SHOWN if each != channel and (each != "imu" or inputs.has_accelerometer)
+        each
+        for each in _SHOWN
+        if each != motion_channel and (each != "imu" or inputs.has_accelerometer)
     ]
 
 
-def _channels_of_delay(inputs: FindingInputs, name: str) -> tuple[str, ...]:
+def _list_channels_of_delay(inputs: FindingInputs, motion_channel: str) -> tuple[str, ...]:
     """Channels that a delay of force, speed or accelerometer concerns."""
-    if name == "force":
+    if motion_channel == "force":
         return inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
             "torque_left_N_m", "torque_right_N_m"
         )
-    if name == "speed":
+    if motion_channel == "speed":
         return inputs.speed_channels
     return inputs.select_measured_channels(ACC)

@@ -16,7 +16,7 @@ import polars as pl
 
 from analysis.findings.cause import Cause, MassChange, Symptom
 from analysis.findings.cause_table import CAUSES, UNKNOWN
-from analysis.findings.delay_causes import is_masking_delay
+from analysis.findings.delay_causes import is_delay_that_masks_other_causes
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.unexplained import MATTERING, SHOWN
@@ -46,8 +46,10 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
         other[0].key
         for other, cause in permutations(shown, 2)
         # of two that explain each other, the stronger is the reason
-        if _explains_other(cause, other)
-        and (cause[1].strength >= other[1].strength or not _explains_other(other, cause))
+        if _does_finding_explain_other(cause, other)
+        and (
+            cause[1].strength >= other[1].strength or not _does_finding_explain_other(other, cause)
+        )
     )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
     rows = [
@@ -55,7 +57,9 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
     ]
     inputs.cache[SHOWN] = tuple(cause.key for cause, _ in shown)
     inputs.cache[MATTERING] = tuple(
-        cause.key for (cause, _), row in zip(shown, rows, strict=True) if _affects_mass(row, inputs)
+        cause.key
+        for (cause, _), row in zip(shown, rows, strict=True)
+        if _does_finding_affect_mass(row, inputs)
     )
     for rank, sign in enumerate(UNKNOWN.find(inputs), len(rows) + 1):
         rows.append(_make_finding_row(rank, UNKNOWN, sign, inputs))
@@ -66,7 +70,9 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
     )
 
 
-def _explains_other(explaining: tuple[Cause, Symptom], explained: tuple[Cause, Symptom]) -> bool:
+def _does_finding_explain_other(
+    explaining: tuple[Cause, Symptom], explained: tuple[Cause, Symptom]
+) -> bool:
     """Whether one finding explains another, so that only the first is reported."""
     (cause, own), (seen, sign) = explaining, explained
     if seen.key in own.explains:
@@ -89,7 +95,7 @@ def _make_finding_row(
     return {
         "rank": rank,
         "cause": cause.key,
-        "severity": _judge_severity(cause, symptom, change, inputs),
+        "severity": _judge_consequence_of_finding(cause, symptom, change, inputs),
         "channel": symptom.channel,
         "start_t_ns": start,
         "end_t_ns": end,
@@ -103,17 +109,21 @@ def _make_finding_row(
     }
 
 
-def _affects_mass(row: Mapping[str, object], inputs: FindingInputs) -> bool:
+def _does_finding_affect_mass(finding_row: Mapping[str, object], inputs: FindingInputs) -> bool:
     """Whether a finding invalidates the mass or may move it by about its uncertainty."""
-    change_kg = row["mass_change_kg"]
-    if row["severity"] != "tell" or not isinstance(change_kg, float) or inputs.own_fit is None:
+    change_kg = finding_row["mass_change_kg"]
+    if (
+        finding_row["severity"] != "tell"
+        or not isinstance(change_kg, float)
+        or inputs.own_fit is None
+    ):
         return True
-    u_kg = row["mass_change_u_kg"]
+    u_kg = finding_row["mass_change_u_kg"]
     may_kg = abs(change_kg) + (u_kg if isinstance(u_kg, float) else 0.0)
     return may_kg > LIMITS.accounting_change_u * inputs.own_fit.u_kg
 
 
-def _judge_severity(
+def _judge_consequence_of_finding(
     cause: Cause, symptom: Symptom, change: MassChange | None, inputs: FindingInputs
 ) -> str:
     """Consequence of a finding: withhold, widen or tell."""
@@ -126,7 +136,9 @@ def _judge_severity(
     return "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.own_fit.u_kg else "tell"
 
 
-def drop_findings_explained_by_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
+def drop_findings_explained_by_work_cycles(
+    findings: pl.DataFrame, cycles: pl.DataFrame
+) -> pl.DataFrame:
     """Drop the findings that the work cycles explain, and rank the others again.
 
     Args:
@@ -183,9 +195,9 @@ def add_masked_findings(
     seen = findings
     for _ in range(LIMITS.masked_rounds):
         first = seen.head(1)
-        changed = correct_machine(machine, first)
+        changed = correct_machine_file_by_finding(machine, first)
         others = None if changed is None else find_with_machine(changed)
-        if changed is None or others is None or _has_cause(others, first["cause"][0]):
+        if changed is None or others is None or _has_finding_of_cause(others, first["cause"][0]):
             break
         hiding.append(first)
         machine, seen = changed, others
@@ -203,7 +215,7 @@ def add_masked_findings(
     return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))
 
 
-def _has_cause(findings: pl.DataFrame, cause: str) -> bool:
+def _has_finding_of_cause(findings: pl.DataFrame, cause: str) -> bool:
     return cause in findings["cause"]
 
 
@@ -221,17 +233,19 @@ def drop_repeated_findings(
         key
         for each in CAUSES
         for key in each.explains
-        if any(_has_cause(first, each.key) for first in masking)
+        if any(_has_finding_of_cause(first, each.key) for first in masking)
     ]
     known = [*explained, *unmasked["cause"], *(each["cause"][0] for each in masking)]
     return findings.filter(~pl.col("cause").is_in(known))
 
 
-def correct_machine(machine: Machine, masking_finding: pl.DataFrame) -> Machine | None:
+def correct_machine_file_by_finding(
+    machine: Machine, masking_finding: pl.DataFrame
+) -> Machine | None:
     """Machine file with the masking cause corrected; None if no channel setting corrects it."""
     if masking_finding.is_empty() or masking_finding["setting"][0] is None:
         return None
-    if masking_finding["cause"][0] not in _MASKS_OTHERS and not is_masking_delay(
+    if masking_finding["cause"][0] not in _MASKS_OTHERS and not is_delay_that_masks_other_causes(
         masking_finding["cause"][0], masking_finding["strength_1"][0]
     ):
         return None

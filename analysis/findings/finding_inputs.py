@@ -73,7 +73,7 @@ class FindingInputs:
         return Verdict.from_frame(self.judged).can_weigh
 
     @cached_property
-    def checks(self) -> dict[str, float]:
+    def check_values(self) -> dict[str, float]:
         """Numbers of the verdict by check; NaN for checks that do not apply."""
         numbers = self.judged["value"].fill_null(np.nan).to_list()
         return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
@@ -92,14 +92,14 @@ class FindingInputs:
         return None if found is None else CachedNoise(found)
 
     @cached_property
-    def standing_samples(self) -> Bools:
+    def is_standing_sample(self) -> Bools:
         """Grid samples at standstill, (n,)."""
-        return self.check_inputs.is_phase("standstill")
+        return self.check_inputs.mark_samples_in_phases("standstill")
 
     @cached_property
-    def resting_samples(self) -> Bools:
+    def is_resting_sample(self) -> Bools:
         """Standstill samples, (n,), away from motion, since a machine swings after a stop."""
-        near = ~self.standing_samples
+        near = ~self.is_standing_sample
         after, before = (
             round(s * self.machine.settings.align.rate_hz)
             for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
@@ -107,14 +107,14 @@ class FindingInputs:
         return ~(flag_windows(near, after) | flag_windows(near[::-1], before)[::-1])
 
     @property
-    def series(self) -> Mapping[str, Series]:
+    def unfiltered_readings(self) -> Mapping[str, Series]:
         """Unfiltered readings by channel: Unix stamps in ns and values in SI units."""
         signals = self.check_inputs.signals
         return {} if signals is None else signals.channels
 
     def select_measured_channels(self, *names: str) -> tuple[str, ...]:
         """Select the given channels that are read from the log."""
-        return tuple(name for name in names if name in self.series)
+        return tuple(name for name in names if name in self.unfiltered_readings)
 
     @property
     def equation_channels_in_log(self) -> tuple[str, ...]:
@@ -152,9 +152,9 @@ class FindingInputs:
     def mark_moving_stamps(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
         t = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
-        return ~self.standing_samples[np.minimum(find_stamp_indices(t, unix_ns), t.size - 1)]
+        return ~self.is_standing_sample[np.minimum(find_stamp_indices(t, unix_ns), t.size - 1)]
 
-    def force_per_channel_unit(self, channel: str) -> float:
+    def force_newtons_per_channel_unit(self, channel: str) -> float:
         """Longitudinal force in N per unit of a force channel, by equation (17) of the paper."""
         body = self.machine.machine
         if channel == "force_x_N":
@@ -187,24 +187,24 @@ class FindingInputs:
             ", ".join(f"{channels[name].delay_s + late_s:.5f}" for name in names),
         )
 
-    def standstill_mean_and_std(self, column: str) -> tuple[float, float]:
+    def column_mean_and_std_at_rest(self, column: str) -> tuple[float, float]:
         """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
-        return self.mean_and_std_at_standstill(column_values(self.aligned, column))
+        return self.signal_mean_and_std_at_rest(column_values(self.aligned, column))
 
-    def mean_and_std_at_standstill(self, x: Floats) -> tuple[float, float]:
+    def signal_mean_and_std_at_rest(self, signal: Floats) -> tuple[float, float]:
         """Mean and standard deviation of (n,) values at standstill, by means over half a second."""
-        x = x[self.resting_samples]
-        x = x[np.isfinite(x)]
+        signal = signal[self.is_resting_sample]
+        signal = signal[np.isfinite(signal)]
         size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)
-        count = x.size // size
+        count = signal.size // size
         if count < LIMITS.stand_min_blocks:
             return float("nan"), float("nan")
-        blocks = x[: count * size].reshape(count, size).mean(axis=1)
+        blocks = signal[: count * size].reshape(count, size).mean(axis=1)
         return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
 
-    def masses_of_samples_kg(self, motion: MotionSamples) -> Floats:
+    def look_up_mass_of_samples_kg(self, motion: MotionSamples) -> Floats:
         """Mass of the load of each sample by the joint fit, (n,) in kg."""
         fit = self.own_fit
         assert fit is not None
@@ -215,14 +215,14 @@ class FindingInputs:
 
 
 @compiled_unless_short_log
-def find_stamp_indices(t: Ints, stamps: Ints) -> Ints:
-    """Insertion indices (n,) of stamps into sorted `t`; fast for stamps mostly in order."""
+def find_stamp_indices(sorted_stamps: Ints, stamps: Ints) -> Ints:
+    """Insertion indices (n,) of stamps into `sorted_stamps`; fast for stamps mostly in order."""
     out = np.empty(stamps.size, np.int64)
     at = 0
     for k in range(stamps.size):
-        while at < t.size and t[at] < stamps[k]:
+        while at < sorted_stamps.size and sorted_stamps[at] < stamps[k]:
             at += 1
-        while at > 0 and t[at - 1] >= stamps[k]:
+        while at > 0 and sorted_stamps[at - 1] >= stamps[k]:
             at -= 1
         out[k] = at
     return out

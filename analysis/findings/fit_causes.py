@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.changing_loads import (
-    compare_force_fraction_with_loads,
+    compare_force_change_with_load_changes,
     find_drift_of_empty_mass,
 )
 from analysis.findings.constant_forces import explain_constant_force
@@ -17,13 +17,13 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import (
     PickedCause,
     list_indistinguishable_causes,
-    search_likelihood,
+    rank_causes_by_likelihood,
 )
 from analysis.findings.refit import refit_corrected
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.stage_limits import LIMITS as STAGE_LIMITS
-from analysis.weighing.joint_result import term_index
+from analysis.weighing.joint_result import find_term_index
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.errors import counted
 
@@ -33,7 +33,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
 
     The radius scales the force as well.
     """
-    pick = search_likelihood(inputs).get("wheel_radius")
+    pick = rank_causes_by_likelihood(inputs).get("wheel_radius")
     if pick is None:
         return []
     gain, std = pick.value, pick.std
@@ -71,7 +71,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
+def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
     """Find a force at standstill that is also present in motion."""
     seen = explain_constant_force(inputs)
     rest, std = seen.rest_N
@@ -94,7 +94,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _format_offset_setting(inputs, name, inputs.standstill_mean_and_std(name)[0])
+                _format_offset_setting(inputs, name, inputs.column_mean_and_std_at_rest(name)[0])
                 for name in names
             )
             or None,
@@ -123,7 +123,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.own_fit
     if fit is None:
         return []
-    const, std = (float(each[term_index("const", fit.terms)]) for each in fit.term_posteriors)
+    const, std = (float(each[find_term_index("const", fit.terms)]) for each in fit.term_posteriors)
     imu = ("imu_misaligned", "imu_bias") if fit.motion.by_accelerometer else ()
     return [
         Symptom(
@@ -137,13 +137,13 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
 
 def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     """Find a constant force against the direction of motion."""
-    fit, found = inputs.own_fit, search_likelihood(inputs)
+    fit, found = inputs.own_fit, rank_causes_by_likelihood(inputs)
     if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
     name = "direction" if motion.drives_both_ways else "const"
     way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.is_fittable]))
-    pick = found.get(name) or _make_pick_from_fitted_term(inputs, name)
+    pick = found.get(name) or _read_picked_cause_from_joint_fit(inputs, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
@@ -161,7 +161,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
             f"{_format_force_and_std(force, pick.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
-            change=lambda: estimate_mass_change_without_friction(inputs, force, pick.std, others),
+            change=lambda: estimate_mass_change_without_coulomb(inputs, force, pick.std, others),
             alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
@@ -173,24 +173,24 @@ def _format_force_and_std(force_N: float, std_N: float, sign: str = "-") -> str:
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
-def _make_pick_from_fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
+def _read_picked_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> PickedCause | None:
     """Term of the joint fit, less the part that standstill explains.
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
     """
     fit, seen = inputs.own_fit, explain_constant_force(inputs)
     names = [] if fit is None else [term.name for term in fit.terms]
-    if fit is None or name not in names or not np.isfinite(seen.rest_N[0]):
+    if fit is None or term_name not in names or not np.isfinite(seen.rest_N[0]):
         return None
-    value, std = (float(each[names.index(name)]) for each in fit.term_posteriors)
-    if name == "const":
+    value, std = (float(each[names.index(term_name)]) for each in fit.term_posteriors)
+    if term_name == "const":
         error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
         value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
-    return PickedCause(name, value, std, (value / std) ** 2, ())
+    return PickedCause(term_name, value, std, (value / std) ** 2, ())
 
 
-def estimate_mass_change_without_friction(
-    inputs: FindingInputs, force: float, std: float, others: tuple[str, ...]
+def estimate_mass_change_without_coulomb(
+    inputs: FindingInputs, force: float, std: float, rival_terms: tuple[str, ...]
 ) -> MassChange | None:
     """Mass change if Coulomb friction, or a rival term, is removed."""
     change = refit_corrected(
@@ -199,19 +199,19 @@ def estimate_mass_change_without_friction(
         min(std / force, 1.0),
     )
     weighing = inputs.check_inputs.weighing
-    if change is None or weighing is None or "braking_inside" not in others:
+    if change is None or weighing is None or "braking_inside" not in rival_terms:
         return change
     return MassChange(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
 
 
-def _estimate_mass_change_without_slip(inputs: FindingInputs) -> MassChange | None:
+def _estimate_mass_change_without_wheel_slip(inputs: FindingInputs) -> MassChange | None:
     fit = inputs.own_fit
     return None if fit is None else MassChange(0.0, 0.5 * fit.u_kg)
 
 
 def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     """Find wheels that turn faster than the ground speed while they pull."""
-    pick, fit = search_likelihood(inputs).get("slip"), inputs.own_fit
+    pick, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.own_fit
     if pick is None or fit is None or pick.value <= 0.0:
         return []
     at = pick.value * fit.motion.force_95_percent
@@ -223,7 +223,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
             f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
             "full force",
             channel=next(iter(inputs.speed_channels), None),
-            change=lambda: _estimate_mass_change_without_slip(inputs),
+            change=lambda: _estimate_mass_change_without_wheel_slip(inputs),
             alternatives=list_indistinguishable_causes(pick),
         )
     ]
@@ -231,8 +231,8 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
 
 def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     """Find a force that is nonlinear in the acceleration, by load transfer or drive losses."""
-    found = find_gain_drift_with_one_load(inputs)
-    pick = search_likelihood(inputs).get("driveline")
+    found = find_gain_drift_if_loads_follow_direction(inputs)
+    pick = rank_causes_by_likelihood(inputs).get("driveline")
     if pick is not None:
         found.append(
             Symptom(
@@ -255,12 +255,12 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
+def find_force_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     """Find a force gain that changes over the log, or a load that changes steadily."""
     fit = inputs.own_fit
     if fit is None or fit.mass_count > 1:
         return find_drift_of_empty_mass(inputs)
-    pick = search_likelihood(inputs).get("gain_drift")
+    pick = rank_causes_by_likelihood(inputs).get("gain_drift")
     if pick is None:
         return []
     return [
@@ -279,13 +279,13 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _format_gain_change(value: float, std: float) -> str:
-    return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} per m/s²"
+def _format_gain_change(gain_change: float, std: float) -> str:
+    return f"the measured share of the force changes by {gain_change:+.2%} ± {std:.2%} per m/s²"
 
 
-def find_gain_drift_with_one_load(inputs: FindingInputs) -> list[Symptom]:
+def find_gain_drift_if_loads_follow_direction(inputs: FindingInputs) -> list[Symptom]:
     """Find a gain drift in logs whose loads alternate with the driving direction."""
-    found = compare_force_fraction_with_loads(inputs)
+    found = compare_force_change_with_load_changes(inputs)
     if found is None or found.worse > LIMITS.indistinguishable_gain:
         return []
     return [
@@ -306,16 +306,17 @@ def relative_mass_uncertainty_of_answer(inputs: FindingInputs) -> float:
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
-    parts = weighing.fit.u_parts_kg(weighing.fit.weights_of_state(weighing.fit.most_frequent_state))
+    fit = weighing.fit
+    parts = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
-    return u_kg / abs(weighing.fit.mass_kg)
+    return u_kg / abs(fit.mass_kg)
 
 
 def find_lack_of_excitation(inputs: FindingInputs) -> list[Symptom]:
     """Find logs without an accepted stretch, or with a very uncertain answer."""
     if inputs.check_inputs.weighing is None:
-        stretches = inputs.checks.get("accepted_stretches", 0.0)
+        stretches = inputs.check_values.get("accepted_stretches", 0.0)
         return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
     share = relative_mass_uncertainty_of_answer(inputs)
     return [
@@ -326,12 +327,12 @@ def find_lack_of_excitation(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
+def find_terms_inseparable_from_mass(inputs: FindingInputs) -> list[Symptom]:
     """Find terms that the motion cannot separate from the mass."""
     fit = inputs.own_fit
     if fit is None:
         return []
-    parts = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))
+    parts = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
@@ -350,7 +351,7 @@ def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
     if weighing is None or not np.isfinite(weighing.braking_kg):
         return []
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
-    pick = None if weighing.braking_left_out else search_likelihood(inputs).get("braking")
+    pick = None if weighing.braking_left_out else rank_causes_by_likelihood(inputs).get("braking")
     if pick is None:  # what driving says is all there is
         strength = float(abs(weighing.braking_kg) / (LIMITS.braking_change_u * weighing.fit.u_kg))
         share, others = "", ()

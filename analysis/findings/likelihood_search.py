@@ -16,7 +16,7 @@ from analysis.findings.channel_causes import mark_samples_near_spikes
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import drop_short_stretches
+from analysis.findings.refit import exclude_and_renumber_short_stretches
 from analysis.findings.whitened_rows import (
     EquationRows,
     ProjectedEquation,
@@ -59,26 +59,26 @@ class PickedCause:
     rivals: tuple[str, ...]
 
 
-def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
+def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
     """Rank the causes by their gain of likelihood; picked causes come first."""
     if "picks" not in inputs.cache:
-        inputs.cache["picks"] = _pick_causes_greedily(inputs)
+        inputs.cache["picks"] = _pick_causes_stepwise(inputs)
     return inputs.cache["picks"]  # type: ignore[return-value]
 
 
-def _pick_causes_greedily(inputs: FindingInputs) -> dict[str, PickedCause]:
+def _pick_causes_stepwise(inputs: FindingInputs) -> dict[str, PickedCause]:
     fit, noise = inputs.own_fit, inputs.column_noise
     if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
     motion = explain_constant_force(inputs).motion or fit.motion
     near = mark_samples_near_spikes(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
-        motion = drop_short_stretches(motion.exclude_samples(near))
+        motion = exclude_and_renumber_short_stretches(motion.exclude_samples(near))
         if not motion.is_fittable.any():  # there are spikes all along
             return {}
     taken: list[str] = []
     out: dict[str, PickedCause] = {}
-    late = _try_long_delay(inputs, motion)
+    late = _test_delay_beyond_linearisation(inputs, motion)
     if late is not None:
         motion, found = correct_delay_iteratively(inputs, motion, taken, late)
         out[late.name] = replace(found, gain=late.gain)
@@ -88,7 +88,7 @@ def _pick_causes_greedily(inputs: FindingInputs) -> dict[str, PickedCause]:
         tried = score_remaining_causes(equations, taken)
         if not tried:
             break
-        best = _choose_best_candidate(tried)
+        best = _choose_most_likely_cause(tried)
         if best.gain < LIMITS.picked_gain:
             out.update({name: pick for name, pick in tried.items() if name not in out})
             break
@@ -103,7 +103,9 @@ def _pick_causes_greedily(inputs: FindingInputs) -> dict[str, PickedCause]:
             begun = motion
             motion, found = correct_delay_iteratively(inputs, begun, taken, best)
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
-                motion, found, other = decide_delayed_sensor(inputs, begun, taken, (motion, found))
+                motion, found, other = decide_if_wheels_or_imu_are_delayed(
+                    inputs, begun, taken, (motion, found)
+                )
                 rivals = rivals - {*_BESIDE} | {*other}
             equations = build_whitened_equations(inputs, motion)
         rivals -= {found.name, *out}
@@ -118,11 +120,11 @@ def _pick_causes_greedily(inputs: FindingInputs) -> dict[str, PickedCause]:
     return out
 
 
-def likelihood_gain_tolerance(best_pick: PickedCause, name: str) -> float:
+def likelihood_gain_tolerance(best_pick: PickedCause, cause_name: str) -> float:
     """Difference of gains below which two causes cannot be distinguished."""
     # under a throttle that is held, brakes of an unknown course are a constant force as well, or
     # one that is not linear in the acceleration
-    pair = {best_pick.name, name}
+    pair = {best_pick.name, cause_name}
     alike = "braking" in pair and pair & {"const", "direction", "driveline"}
     return (
         max(LIMITS.indistinguishable_gain, LIMITS.indistinguishable_brake_fraction * best_pick.gain)
@@ -131,7 +133,7 @@ def likelihood_gain_tolerance(best_pick: PickedCause, name: str) -> float:
     )
 
 
-def _choose_best_candidate(candidates: Mapping[str, PickedCause]) -> PickedCause:
+def _choose_most_likely_cause(candidates: Mapping[str, PickedCause]) -> PickedCause:
     """Candidate with the largest gain; among equals, one that is physical and matters."""
     best = max(candidates.values(), key=lambda pick: pick.gain)
     if has_plausible_slip_sign(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
@@ -147,12 +149,14 @@ def _choose_best_candidate(candidates: Mapping[str, PickedCause]) -> PickedCause
     return max(others, key=lambda pick: pick.gain, default=best)
 
 
-def has_plausible_slip_sign(pick: PickedCause) -> bool:
+def has_plausible_slip_sign(picked_cause: PickedCause) -> bool:
     """Whether a slip has a possible sign: driving wheels cannot turn slower than the ground."""
-    return pick.name != "slip" or pick.value > 0.0
+    return picked_cause.name != "slip" or picked_cause.value > 0.0
 
 
-def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause | None:
+def _test_delay_beyond_linearisation(
+    inputs: FindingInputs, motion: MotionSamples
+) -> PickedCause | None:
     """Test a delay that is too long to be linearised, with the lag of the joint fit."""
     fit = inputs.own_fit
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
@@ -180,11 +184,11 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
 
 
 def correct_delay_iteratively(
-    inputs: FindingInputs, motion: MotionSamples, picked_causes: list[str], pick: PickedCause
+    inputs: FindingInputs, motion: MotionSamples, picked_causes: list[str], delay_cause: PickedCause
 ) -> tuple[MotionSamples, PickedCause]:
     """Correct the delay of a channel repeatedly until none is left."""
-    channel, total, std = pick.name.partition(":")[2], 0.0, pick.std
-    begun, step = motion, pick.value
+    channel, total, std = delay_cause.name.partition(":")[2], 0.0, delay_cause.std
+    begun, step = motion, delay_cause.value
     for _ in range(LIMITS.delay_rounds):
         total = float(
             np.clip(
@@ -193,17 +197,17 @@ def correct_delay_iteratively(
         )
         motion = correct_channel_delay(begun, channel, total)
         again = score_remaining_causes(build_whitened_equations(inputs, motion), picked_causes).get(
-            pick.name
+            delay_cause.name
         )
         if again is None:
             break
         step, std = again.value, again.std
         if abs(step) < LIMITS.delay_tolerance_s:
             break
-    return motion, replace(pick, value=total, std=std)
+    return motion, replace(delay_cause, value=total, std=std)
 
 
-def decide_delayed_sensor(
+def decide_if_wheels_or_imu_are_delayed(
     inputs: FindingInputs,
     uncorrected: MotionSamples,
     picked_causes: list[str],
@@ -268,7 +272,7 @@ def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Eq
     force = build_whitened_force_rows(
         motion,
         noise,
-        inputs.masses_of_samples_kg(motion),
+        inputs.look_up_mass_of_samples_kg(motion),
         max(fit.viscous_friction, 0.0),
         brakes=not inputs.machine.settings.gate.exclude_braking,
     )

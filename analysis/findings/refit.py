@@ -17,26 +17,26 @@ from analysis.weighing.fitted_stretches import is_first_of_stretch
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
-from analysis.weighing.wheel_comparison import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.arrays import Bools, Floats
 
 Mend = Callable[[MotionSamples], MotionSamples]
 
 
-def refit_without_samples(inputs: FindingInputs, rows: Bools) -> MassChange | None:
+def refit_without_samples(inputs: FindingInputs, excluded_rows: Bools) -> MassChange | None:
     """Refit without some samples; u covers that a replay may accept other starts.
 
     Args:
         inputs: the log.
-        rows: (n,) True for grid samples to exclude.
+        excluded_rows: (n,) True for grid samples to exclude.
     """
-    return refit_with_answer_u(
-        inputs, lambda motion: motion.exclude_samples(rows), LIMITS.cut_start_u
+    return refit_and_add_answer_u(
+        inputs, lambda motion: motion.exclude_samples(excluded_rows), LIMITS.cut_start_u
     )
 
 
-def refit_with_answer_u(
+def refit_and_add_answer_u(
     inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion, with the answer's uncertainty added to that of the change.
@@ -74,7 +74,7 @@ def refit_corrected(
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))["noise"]
+    of_noise = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))["noise"]
     return MassChange(
         kg,
         float(
@@ -103,13 +103,15 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     if fit is None or noise is None:
         return None
     priors = inputs.machine.settings.priors
-    known = is_wheel_agreement_kept(fit.motion, motion)
+    known = do_wheels_and_imu_still_agree(fit.motion, motion)
     # of a long log a part says as much of what a cause does
-    motion = drop_short_stretches(motion.cut_to_first_stretches(LIMITS.refit_max_stretches))
+    motion = exclude_and_renumber_short_stretches(
+        motion.cut_to_first_stretches(LIMITS.refit_max_stretches)
+    )
     if motion.is_fittable.sum() < LIMITS.refit_min_samples or not motion.has_enough_motion:
         return None
     motion = motion.drop_samples_far_from_fitted(LIMITS.refit_reach_s)
-    states = None if fit.states is None else fit.states.restrict_to(motion)
+    states = None if fit.states is None else fit.states.renumber_for_motion(motion)
     if states is not None and states.state_count != inputs.cache.setdefault(
         "states", states.state_count
     ):
@@ -117,7 +119,7 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     earlier = inputs.cache.get("wheels")
     wheels = earlier if isinstance(earlier, WheelKinematics) else fit.kinematics
     if not known or earlier is None:
-        wheels = compare_wheels(motion, noise, priors, wheels)
+        wheels = compare_wheels_with_accelerometer(motion, noise, priors, wheels)
     if known:
         inputs.cache["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
@@ -125,7 +127,9 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     return found if np.isfinite(found) else None
 
 
-def is_wheel_agreement_kept(motion_before: MotionSamples, motion_after: MotionSamples) -> bool:
+def do_wheels_and_imu_still_agree(
+    motion_before: MotionSamples, motion_after: MotionSamples
+) -> bool:
     """Whether wheels and accelerometer still agree as before.
 
     A constant error of the accelerometer is ignored, since their comparison removes it.
@@ -142,12 +146,13 @@ def is_wheel_agreement_kept(motion_before: MotionSamples, motion_after: MotionSa
         (motion_before.without_gravity, motion_after.without_gravity),
     )
     return all(
-        old is new or (old is not None and new is not None and _differ_by_constant_only(old, new))
+        old is new
+        or (old is not None and new is not None and _do_signals_differ_by_constant(old, new))
         for old, new in pairs
     )
 
 
-def _differ_by_constant_only(signal_a: Floats, signal_b: Floats) -> bool:
+def _do_signals_differ_by_constant(signal_a: Floats, signal_b: Floats) -> bool:
     """Whether two signals differ by a constant only."""
     return float(np.ptp(signal_b - signal_a)) < LIMITS.zero_shift_m_s2
 
@@ -168,7 +173,7 @@ def refit_from_earlier_fit(
         return refit_with_changes(earlier, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
         return refit_with_changes(earlier, noise, priors)
-    states = None if earlier.states is None else earlier.states.restrict_to(part)
+    states = None if earlier.states is None else earlier.states.renumber_for_motion(part)
     pilot = refit_with_changes(replace(earlier, motion=part, states=states), noise, priors)
     if abs(pilot.found.lag_s - earlier.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit_with_changes(pilot, noise, priors)
@@ -177,7 +182,7 @@ def refit_from_earlier_fit(
     return refit_with_changes(replace(earlier, found=pilot.found, theta=theta), noise, priors)
 
 
-def drop_short_stretches(motion: MotionSamples) -> MotionSamples:
+def exclude_and_renumber_short_stretches(motion: MotionSamples) -> MotionSamples:
     """Number the stretches again after samples were excluded, and exclude those now too short."""
     parts = np.where(motion.is_fittable, np.cumsum(is_first_of_stretch(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)

@@ -40,7 +40,7 @@ def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     if rate_hz <= 2.0 * LIMITS.reference_band_hz[0]:
         return None
     straight = inputs.check_inputs.straight_motion
-    mass_kg, viscous = pooled_mass_and_friction(inputs)
+    mass_kg, viscous = fit_pooled_mass_and_friction(inputs)
     lag = fit.lag_s if fit is not None and fit.shifted else 0.0
     used = straight.moving if fit is None else fit.motion.is_fittable
     rows = np.arange(aligned.height, dtype=np.float64)
@@ -51,16 +51,18 @@ def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     )
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
-    driving = stretch_power_spectra(left, used & known, 2)
-    standing = stretch_power_spectra(left, inputs.resting_samples & known, 1)
+    driving = compute_power_spectra_of_stretches(left, used & known, 2)
+    standing = compute_power_spectra_of_stretches(left, inputs.is_resting_sample & known, 1)
     if min(len(driving), len(standing)) < LIMITS.min_spectra:
         return None
     hz = np.arange(LIMITS.spectrum_samples // 2 + 1) * rate_hz / LIMITS.spectrum_samples
     counts = (len(driving), len(standing))
-    return Spectra(hz, robust_mean_spectrum(driving), robust_mean_spectrum(standing), counts)
+    return Spectra(
+        hz, average_spectra_robustly(driving), average_spectra_robustly(standing), counts
+    )
 
 
-def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
+def fit_pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
     """Mass in kg and viscous friction in N·s/m by the pooled fit of moving means.
 
     Vibration biases the mass of shorter means.
@@ -76,26 +78,30 @@ def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
     return inputs.check_inputs.straight_motion.fit.value, 0.0
 
 
-def stretch_power_spectra(x: Floats, used: Bools, degree: int) -> list[Floats]:
+def compute_power_spectra_of_stretches(
+    signal: Floats, used_samples: Bools, trend_degree: int
+) -> list[Floats]:
     """Power spectrum (frequencies,) of each used stretch, without its own polynomial trend."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
+    edges = np.flatnonzero(
+        np.diff(np.concatenate([[False], used_samples, [False]]).astype(np.int8))
+    )
     window = np.hanning(LIMITS.spectrum_samples)
     ramp = np.linspace(-1.0, 1.0, LIMITS.spectrum_samples)
-    own = np.vander(ramp, degree + 1)
+    own = np.vander(ramp, trend_degree + 1)
     out: list[Floats] = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         for first in range(
             int(begin), int(end) - LIMITS.spectrum_samples + 1, LIMITS.spectrum_samples // 2
         ):
             part = slice(first, first + LIMITS.spectrum_samples)
-            rest = x[part] - own @ np.linalg.lstsq(own, x[part], rcond=None)[0]
+            rest = signal[part] - own @ np.linalg.lstsq(own, signal[part], rcond=None)[0]
             out.append(np.abs(np.fft.rfft(rest * window)) ** 2)
             if len(out) >= LIMITS.max_spectra:
                 return out
     return out
 
 
-def robust_mean_spectrum(spectra: list[Floats]) -> Floats:
+def average_spectra_robustly(spectra: list[Floats]) -> Floats:
     """Mean spectrum (frequencies,) without the largest, which may hold a stop or a knock."""
     kept = max(round(LIMITS.averaged_spectra_fraction * len(spectra)), 1)
     return np.sort(np.array(spectra), axis=0)[:kept].mean(axis=0)
@@ -105,7 +111,7 @@ def _median_power_in_band(hz: Floats, spectrum: Floats, low_hz: float, high_hz: 
     return float(np.median(spectrum[(hz >= low_hz) & (hz <= high_hz)]))
 
 
-def find_resonance(inputs: FindingInputs) -> list[Symptom]:
+def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
     """Find a peak of the spectrum in motion over that at standstill."""
     found = residual_spectra(inputs)
     if found is None:
@@ -130,7 +136,7 @@ def find_resonance(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
+def find_residual_noise_growth_in_motion(inputs: FindingInputs) -> list[Symptom]:
     """Find more residual noise in motion than at standstill."""
     found = residual_spectra(inputs)
     if found is None:
@@ -148,7 +154,7 @@ def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
+def find_slow_noise_at_standstill(inputs: FindingInputs) -> list[Symptom]:
     """Find slow noise of the channels at standstill, beyond white noise."""
     found = residual_spectra(inputs)
     if found is None:
@@ -165,14 +171,14 @@ def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_hysteresis(inputs: FindingInputs) -> list[Symptom]:
+def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     """Report hysteresis of the force, for which the fit has corrected the mass."""
     fit = inputs.own_fit
     if fit is None or fit.hysteresis_kg is None:
         return []
-    half_N = fit.term_value(HYSTERESIS.name)
+    half_N = fit.estimate_of_term(HYSTERESIS.name)
     std_N = abs(half_N) / fit.term_t_values[HYSTERESIS.name]
-    u_kg = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))[HYSTERESIS.name]
+    u_kg = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))[HYSTERESIS.name]
     return [
         Symptom(
             half_N / (LIMITS.hysteresis_share * fit.motion.force_95_percent),

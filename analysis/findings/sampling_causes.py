@@ -3,6 +3,8 @@
 Gaps, rows written twice, uneven sampling, clock jump and drift, a coarse resolution.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from analysis.findings.cause import Symptom, keep_strongest_symptom
@@ -17,7 +19,15 @@ from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import counted
 
 
-def find_gaps(inputs: FindingInputs) -> list[Symptom]:
+class LatencyStep(NamedTuple):
+    """Index and height of a step of the latency, and the standard deviation around it."""
+
+    step_index: int
+    height_s: float
+    std_s: float
+
+
+def find_topic_gaps(inputs: FindingInputs) -> list[Symptom]:
     """Find steps of a topic longer than `gap_periods` of its period."""
     found: list[Symptom] = []
     settings = inputs.machine.settings.align
@@ -27,7 +37,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
         period = float(median_period_ns(t))
         steps = np.diff(t)
         holes = np.flatnonzero(steps > settings.gap_periods * period)
-        holes = holes[~mark_recorder_pauses(t[holes], t[holes + 1], others[name])]
+        holes = holes[~mark_gaps_of_whole_recorder(t[holes], t[holes + 1], others[name])]
         if not holes.size:
             continue
         missing = float(steps[holes].sum()) / float(t[-1] - t[0])
@@ -44,18 +54,20 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def mark_recorder_pauses(begin_ns: Ints, end_ns: Ints, other_topics_ns: list[Ints]) -> Bools:
+def mark_gaps_of_whole_recorder(
+    gap_begin_ns: Ints, gap_end_ns: Ints, other_topics_ns: list[Ints]
+) -> Bools:
     """Mark gaps (gaps,) that are pauses of the recorder, in which no topic has a sample."""
-    alone = np.zeros(begin_ns.size, np.bool_)
+    alone = np.zeros(gap_begin_ns.size, np.bool_)
     for t in other_topics_ns:
-        inside = np.searchsorted(t, end_ns - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
-            t, begin_ns + LIMITS.recorder_pause_edge_ns
+        inside = np.searchsorted(t, gap_end_ns - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
+            t, gap_begin_ns + LIMITS.recorder_pause_edge_ns
         )
         alone |= inside > 0
-    return ~alone & (end_ns - begin_ns > LIMITS.recorder_pause_ns) & bool(other_topics_ns)
+    return ~alone & (gap_end_ns - gap_begin_ns > LIMITS.recorder_pause_ns) & bool(other_topics_ns)
 
 
-def find_repeated_rows(inputs: FindingInputs) -> list[Symptom]:
+def find_copied_row_stretches(inputs: FindingInputs) -> list[Symptom]:
     """Find stretches of a topic that repeat an earlier one exactly."""
     found: list[Symptom] = []
     for topic, copies in inputs.copied.items():
@@ -102,7 +114,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
         if steps.size < 100:
             continue
         scatter = float(np.std(steps))
-        least, says = measure_step_scatter(inputs, name)
+        least, says = choose_step_scatter_limit_and_verdict(inputs, name)
         found.append(
             Symptom(
                 scatter / least,
@@ -114,17 +126,19 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def measure_step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
+def choose_step_scatter_limit_and_verdict(
+    inputs: FindingInputs, channel_name: str
+) -> tuple[float, str]:
     """Relevant scatter of a topic's time steps, and whether its readings confirm the stamps.
 
     Returns:
         The scatter relative to the period, and the conclusion in words.
     """
-    topic = inputs.machine.channels[name].topic
+    topic = inputs.machine.channels[channel_name].topic
     weight, weighted = 0.0, 0.0
     for channel in inputs.equation_channels_in_log:
         if inputs.machine.channels[channel].topic == topic:
-            share, std = estimate_stamp_fidelity_and_std(*inputs.series[channel])
+            share, std = estimate_stamp_fidelity_and_std(*inputs.unfiltered_readings[channel])
             if np.isfinite([share, std]).all() and std > 0.0:
                 weight, weighted = weight + std**-2, weighted + share * std**-2
     if not weight:
@@ -143,7 +157,7 @@ def measure_step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     return LIMITS.uneven_steps, ""
 
 
-def estimate_stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
+def estimate_stamp_fidelity_and_std(stamps_ns: Ints, readings: Floats) -> tuple[float, float]:
     """Estimate whether readings were taken at their stamps (1) or evenly spaced (0).
 
     A reading taken at its stamp differs from the mean of its neighbours by the slope times the
@@ -154,16 +168,16 @@ def estimate_stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
         The estimate and its standard deviation.
     """
     n = LIMITS.slope_rows
-    if x.size < 10 * n:
+    if readings.size < 10 * n:
         return np.nan, np.nan
-    t_s = (t - t[0]) * 1e-9
-    beside = x[1:-1] - (x[2:] + x[:-2]) / 2.0
+    t_s = (stamps_ns - stamps_ns[0]) * 1e-9
+    beside = readings[1:-1] - (readings[2:] + readings[:-2]) / 2.0
     off_s = t_s[1:-1] - (t_s[2:] + t_s[:-2]) / 2.0
     # means, since a shake is no slope; row k is of what begins k rows on
-    x_mean, t_mean = (np.convolve(each, np.full(n, 1.0 / n), "valid") for each in (x, t_s))
+    x_mean, t_mean = (np.convolve(each, np.full(n, 1.0 / n), "valid") for each in (readings, t_s))
     slopes = (x_mean[n:] - x_mean[:-n]) / (t_mean[n:] - t_mean[:-n])
     # 2 n rows that end before the neighbour, and 2 n that begin after it
-    rows = np.arange(2 * n + 2, x.size - 2 * n - 2)
+    rows = np.arange(2 * n + 2, readings.size - 2 * n - 2)
     beside, off_s = beside[rows - 1], off_s[rows - 1]
     before, after = off_s * slopes[rows - 2 * n - 1], off_s * slopes[rows + 2]
     power = before * after
@@ -175,16 +189,16 @@ def estimate_stamp_fidelity_and_std(t: Ints, x: Floats) -> tuple[float, float]:
     return (share, std) if agree else (np.nan, np.nan)
 
 
-def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
+def find_header_clock_step(inputs: FindingInputs) -> list[Symptom]:
     """Find a step in the latency between header stamps and log times, beyond drift."""
     found: list[Symptom] = []
-    for topic, (log, latency_s) in latencies_by_topic(inputs).items():
+    for topic, (log, latency_s) in measure_stamp_latencies_by_topic(inputs).items():
         level, std_s = estimate_typical_latencies_and_std_s(latency_s)
         if level is None:
             continue
         at, jump_s, left_s = find_largest_latency_step(level)
         # a clock that drifts has no one step
-        if left_s > line_residual_std_s(level):
+        if left_s > std_about_fitted_line_s(level):
             continue
         strength = abs(jump_s) / max(LIMITS.clock_jump_std * std_s, LIMITS.clock_jump_s)
         place = at * log.size // LIMITS.latency_parts
@@ -201,7 +215,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
+def find_header_clock_drift(inputs: FindingInputs) -> list[Symptom]:
     """Find two topics whose header clocks drift apart, measured against log times."""
     signals = inputs.check_inputs.signals
     if signals is None or signals.drift is None:
@@ -214,7 +228,7 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
     )
     fit = inputs.own_fit
     # which of the two is wrong the force tells: it becomes late, or does not
-    wrong = _find_drifting_channel(inputs, drift.faster, drift.slower)
+    wrong = _attribute_clock_drift_to_channel(inputs, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"
     return [
         Symptom(
@@ -226,11 +240,13 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _find_drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
+def _attribute_clock_drift_to_channel(
+    inputs: FindingInputs, faster_topic: str, slower_topic: str
+) -> str:
     """Channel to which two diverging clocks are attributed: that of the force, if involved."""
     force = inputs.force_channel
     topic = None if force is None else inputs.machine.channels[force].topic
-    return slower if slower == topic else faster
+    return slower_topic if slower_topic == topic else faster_topic
 
 
 def select_one_series_per_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
@@ -238,10 +254,10 @@ def select_one_series_per_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, 
     topics: dict[str | None, str] = {}
     for name in inputs.equation_channels_in_log:
         topics.setdefault(inputs.machine.channels[name].topic, name)
-    return {name: inputs.series[name] for name in topics.values()}
+    return {name: inputs.unfiltered_readings[name] for name in topics.values()}
 
 
-def latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def measure_stamp_latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """Log times in ns and latency of the header stamps above its minimum in s, by topic."""
     out: dict[str, tuple[Ints, Floats]] = {}
     for topic, frame in inputs.raw.items():
@@ -263,7 +279,7 @@ def estimate_typical_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | No
     return level, max(float(np.median(changes)) * STD_OF_MAD, 1e-5)
 
 
-def find_largest_latency_step(latency_s: Floats) -> tuple[int, float, float]:
+def find_largest_latency_step(latency_s: Floats) -> LatencyStep:
     """Index and height in s of the largest step, and the standard deviation around it in s."""
     count = np.arange(1, latency_s.size)
     before = np.cumsum(latency_s)[:-1] / count
@@ -273,16 +289,16 @@ def find_largest_latency_step(latency_s: Floats) -> tuple[int, float, float]:
     left = np.concatenate(
         [latency_s[:at] - latency_s[:at].mean(), latency_s[at:] - latency_s[at:].mean()]
     )
-    return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
+    return LatencyStep(at, float(after[at - 1] - before[at - 1]), float(np.std(left)))
 
 
-def line_residual_std_s(latency_s: Floats) -> float:
+def std_about_fitted_line_s(latency_s: Floats) -> float:
     """Standard deviation in s that remains after fitting a line."""
     x = np.arange(latency_s.size, dtype=np.float64)
     return float(np.std(latency_s - np.polyval(np.polyfit(x, latency_s, 1), x)))
 
 
-def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
+def find_coarse_channel_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel whose resolution is coarser than its noise."""
     found: list[Symptom] = []
     for name in inputs.equation_channels_in_log:
@@ -300,14 +316,16 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def measure_repeat_fraction_and_resolution(inputs: FindingInputs, name: str) -> tuple[float, float]:
+def measure_repeat_fraction_and_resolution(
+    inputs: FindingInputs, channel: str
+) -> tuple[float, float]:
     """Fraction of repeated readings in motion, and the channel's resolution in SI units.
 
     The resolution is 0 if the steps have no common divisor.
     """
-    key = f"steps {name}"
+    key = f"steps {channel}"
     if key not in inputs.cache:
-        t, x = inputs.series[name]
+        t, x = inputs.unfiltered_readings[channel]
         steps = np.diff(x)[inputs.mark_moving_stamps(t)[1:] & (x[1:] != 0.0)]
         sizes = np.abs(steps[steps != 0.0])
         inputs.cache[key] = 0.0, 0.0

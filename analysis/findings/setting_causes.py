@@ -50,7 +50,7 @@ def braking_to_driving_mass_ratio(evidence: CheckInputs) -> float:
     """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
     motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
-    driving = motion.complete & evidence.is_phase("accelerating", "cruising")
+    driving = motion.complete & evidence.mark_samples_in_phases("accelerating", "cruising")
     found = [_fit_mass_and_std(A, motion.f, of) for of in (driving, motion.braking)]
     if not all(std_kg < LIMITS.braking_mass_u * abs(kg) for kg, std_kg in found):
         return float("nan")
@@ -62,25 +62,27 @@ def _fit_mass_and_std(A: np.ndarray, f: np.ndarray, chosen_rows: Bools) -> tuple
     return mass_kg, std_kg
 
 
-def find_estimator_wind_up(inputs: FindingInputs) -> list[Symptom]:
+def find_covariance_wind_up(inputs: FindingInputs) -> list[Symptom]:
     """Find recursive estimates that forget at constant speed (wind-up)."""
     found = [
-        sign for name in inputs.estimates if (sign := find_growing_std(inputs, name)) is not None
+        sign
+        for name in inputs.estimates
+        if (sign := find_std_growth_of_recursion(inputs, name)) is not None
     ]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
+def find_std_growth_of_recursion(inputs: FindingInputs, method: str) -> Symptom | None:
     """Find growth of a recursion's own standard deviation.
 
     Without excitation the covariance grows by 1 / forgetting a sample (Åström and Wittenmark 1995,
     Adaptive Control, 11.5); faster growth has other reasons.
     """
-    frame = inputs.estimates[name]
+    frame = inputs.estimates[method]
     trace = inputs.machine.settings.trace
-    recursive = METHODS[name].feed is FeedKind.SETTLED
+    recursive = METHODS[method].feed is FeedKind.SETTLED
     # one that forgets only what is renewed cannot wind up
-    renewed = name == "rls" and trace.directional_forgetting
+    renewed = method == "rls" and trace.directional_forgetting
     if not recursive or renewed or trace.forgetting >= 1.0 or frame.is_empty():
         return None
     std_kg = column_values(frame, "mass_std_kg")
@@ -88,22 +90,23 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
         inputs.check_inputs.excitation["t_ns"].to_numpy(), frame["t_ns"].to_numpy()
     )
     starts, cruises = (
-        inputs.check_inputs.is_phase(each)[rows] for each in ("accelerating", "cruising")
+        inputs.check_inputs.mark_samples_in_phases(each)[rows]
+        for each in ("accelerating", "cruising")
     )
     # a recursion begins anew with each load, and learns in each start
     load = np.searchsorted(find_load_change_rows(inputs.check_inputs.weighing), rows, "right")
     parts = np.flatnonzero(mark_run_starts(starts) | mark_run_starts(load))
-    least_kg = apply_by_part(np.fmin.accumulate, std_kg, parts)
-    steady = apply_by_part(np.cumsum, cruises.astype(np.float64), parts)
+    least_kg = map_parts_of_array(np.fmin.accumulate, std_kg, parts)
+    steady = map_parts_of_array(np.cumsum, cruises.astype(np.float64), parts)
     grown = np.minimum(np.log(std_kg / least_kg), -0.5 * steady * np.log(trace.forgetting))
     grown[~cruises | ~np.isfinite(grown)] = -np.inf
     if np.count_nonzero(np.isfinite(grown)) < LIMITS.wind_up_min_estimates:
         return None
     worst = int(np.argmax(grown))
-    mends = name == "rls"  # no other one can
+    mends = method == "rls"  # no other one can
     return Symptom(
         float(grown[worst] / np.log(LIMITS.wind_up_growth)),
-        f"{name}'s standard deviation grows from {least_kg[worst]:.3g} to {std_kg[worst]:.3g} kg "
+        f"{method}'s standard deviation grows from {least_kg[worst]:.3g} to {std_kg[worst]:.3g} kg "
         f"in {steady[worst]:.0f} samples at constant speed: it forgets faster than it learns "
         f"(forgetting {trace.forgetting:g})",
         setting="settings.trace.directional_forgetting" if mends else None,
@@ -111,11 +114,13 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     )
 
 
-def mark_run_starts(x: Bools | Ints) -> Bools:
+def mark_run_starts(flags_or_numbers: Bools | Ints) -> Bools:
     """(n,) True where a run of True values begins, or where a number increases."""
-    return np.diff(x.astype(np.int64), prepend=0) > 0
+    return np.diff(flags_or_numbers.astype(np.int64), prepend=0) > 0
 
 
-def apply_by_part(function: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
-    """Apply a function to each part of (n,) values; `parts` holds their first indices."""
-    return np.concatenate([function(part) for part in np.split(x, parts)])
+def map_parts_of_array(
+    function: Callable[[Floats], Floats], values: Floats, part_begins: Ints
+) -> Floats:
+    """Apply a function to each part of (n,) values; `part_begins` holds their first indices."""
+    return np.concatenate([function(part) for part in np.split(values, part_begins)])

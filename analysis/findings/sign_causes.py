@@ -5,12 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import fit_accelerometer_gain
+from analysis.findings.accelerometer_share import fit_accelerometer_gain_and_std
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import refit_corrected, refit_with_answer_u
-from analysis.findings.unsigned_channels import find_unsigned_speed, is_never_negative
+from analysis.findings.refit import refit_and_add_answer_u, refit_corrected
+from analysis.findings.unsigned_channels import find_unsigned_speed, has_channel_lost_its_sign
 from analysis.model.schema import column_values
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
@@ -50,8 +50,8 @@ def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     """Find a force, speed or accelerometer of the opposite sign."""
-    of_force = inputs.checks.get("force_sign", np.nan)
-    gain, std = fit_accelerometer_gain(inputs) or (np.nan, np.nan)
+    of_force = inputs.check_values.get("force_sign", np.nan)
+    gain, std = fit_accelerometer_gain_and_std(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
     if not np.isfinite(of_force):
         return []
@@ -83,8 +83,8 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_with_answer_u(
-                inputs, lambda motion: scale_channel(motion, names[0], -1.0), 0.05
+            change=lambda: refit_and_add_answer_u(
+                inputs, lambda motion: scale_channel_of_motion(motion, names[0], -1.0), 0.05
             ),
         )
     ]
@@ -96,17 +96,20 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     if len(sides) < 2:
         return []
     left, right = (column_values(inputs.aligned, name) for name in sides)
-    used = inputs.check_inputs.is_phase("accelerating", "cruising", "braking")
+    used = inputs.check_inputs.mark_samples_in_phases("accelerating", "cruising", "braking")
     used &= np.isfinite(left) & np.isfinite(right)
-    if used.sum() < 200 or not (used & inputs.check_inputs.is_phase("accelerating")).any():
+    if (
+        used.sum() < 200
+        or not (used & inputs.check_inputs.mark_samples_in_phases("accelerating")).any()
+    ):
         return []
     together = float(np.corrcoef(left[used], right[used])[0, 1])
     if together > LIMITS.opposing_sides_correlation or any(
-        is_never_negative(inputs, name) for name in sides
+        has_channel_lost_its_sign(inputs, name) for name in sides
     ):
         return []
     along = inputs.check_inputs.straight_motion.speed
-    speeding = used & inputs.check_inputs.is_phase("accelerating")
+    speeding = used & inputs.check_inputs.mark_samples_in_phases("accelerating")
     wrong = sides[
         int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
     ]
@@ -131,7 +134,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
         return []
     left, right, rate = (column_values(inputs.aligned, name) for name in (*sides, gyro))
     turns = (right - left) / width
-    used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.standing_samples
+    used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.is_standing_sample
     if used.sum() < 200:
         return []
     step = count_rows_in_duration(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
@@ -162,7 +165,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def find_wrong_unit(inputs: FindingInputs) -> list[Symptom]:
+def find_wrong_channel_unit(inputs: FindingInputs) -> list[Symptom]:
     """Find ratios of speed, acceleration and force that match a common unit conversion."""
     # a mass in the wrong unit may be the acceleration's
     found = (
@@ -176,7 +179,7 @@ def find_wrong_unit(inputs: FindingInputs) -> list[Symptom]:
 def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer's z axis at standstill with gravity."""
     names = inputs.select_measured_channels(*_ACC_AXES)
-    reads, _ = inputs.standstill_mean_and_std(_ACC_AXES[2])
+    reads, _ = inputs.column_mean_and_std_at_rest(_ACC_AXES[2])
     share = reads / inputs.machine.machine.gravity_m_s2
     near = [
         r
@@ -194,8 +197,8 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=setting,
             value=value,
-            change=lambda: refit_with_answer_u(
-                inputs, lambda motion: scale_channel(motion, ACC, 1.0 / near[0]), 0.05
+            change=lambda: refit_and_add_answer_u(
+                inputs, lambda motion: scale_channel_of_motion(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
     ]
@@ -203,13 +206,13 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
 
 def _does_z_axis_read_gravity(inputs: FindingInputs) -> bool:
     """Whether the z axis reads ±g at rest, so that its unit is m/s²."""
-    reads, _ = inputs.standstill_mean_and_std(_ACC_AXES[2])
+    reads, _ = inputs.column_mean_and_std_at_rest(_ACC_AXES[2])
     return bool(
         abs(abs(reads) / inputs.machine.machine.gravity_m_s2 - 1.0) < LIMITS.unit_ratio_tolerance
     )
 
 
-def _list_wrong_units_by_ratio(inputs: FindingInputs) -> dict[float, str]:
+def _list_unit_mistakes_by_ratio(inputs: FindingInputs) -> dict[float, str]:
     """Names of wrong units by the ratio of accelerometer to wheels that each would cause."""
     found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
     radius_m = inputs.machine.machine.wheel_radius_m
@@ -220,12 +223,12 @@ def _list_wrong_units_by_ratio(inputs: FindingInputs) -> dict[float, str]:
 
 def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer with the wheels and with gravity."""
-    gain = inputs.checks.get("acceleration_gain", np.nan)
-    seen = fit_accelerometer_gain(inputs)
+    gain = inputs.check_values.get("acceleration_gain", np.nan)
+    seen = fit_accelerometer_gain_and_std(inputs)
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
-    units = _list_wrong_units_by_ratio(inputs)
+    units = _list_unit_mistakes_by_ratio(inputs)
     channels = dict.fromkeys(units, inputs.speed_channels)
     if not _does_z_axis_read_gravity(inputs):
         channels |= dict.fromkeys(_ACC_UNITS, inputs.select_measured_channels(*_ACC_AXES))
@@ -258,8 +261,8 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting if told else None,
             value=value if told else None,
-            change=lambda: refit_with_answer_u(
-                inputs, lambda motion: scale_channel(motion, names[0], times), 0.05
+            change=lambda: refit_and_add_answer_u(
+                inputs, lambda motion: scale_channel_of_motion(motion, names[0], times), 0.05
             ),
         )
     ]
@@ -267,7 +270,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Compare the mass with that of the empty machine."""
-    ratio = inputs.checks.get("empty_mass_ratio", np.nan)
+    ratio = inputs.check_values.get("empty_mass_ratio", np.nan)
     empty_kg = inputs.machine.machine.empty_mass_kg
     fit = inputs.own_fit
     if fit is not None and empty_kg and fit.mass_kg > 0:
@@ -276,10 +279,10 @@ def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
         "torque_left_N_m", "torque_right_N_m"
     )
     if fit is None:
-        poor = not inputs.checks.get("relative_std", np.inf) < LIMITS.known_ratio_u
+        poor = not inputs.check_values.get("relative_std", np.inf) < LIMITS.known_ratio_u
     else:
         # with all that is uncertain of it: a lag that is beyond its prior leaves any ratio
-        poor = not inputs.checks.get("relative_u", np.inf) < LIMITS.known_mass_u
+        poor = not inputs.check_values.get("relative_u", np.inf) < LIMITS.known_mass_u
     if not np.isfinite(ratio) or ratio <= 0.0 or poor or not names:
         return []
     near = min(_FORCE_UNITS, key=lambda times: abs(np.log(ratio / times)))
@@ -295,14 +298,14 @@ def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_with_answer_u(
-                inputs, lambda motion: scale_channel(motion, names[0], 1.0 / near), 0.05
+            change=lambda: refit_and_add_answer_u(
+                inputs, lambda motion: scale_channel_of_motion(motion, names[0], 1.0 / near), 0.05
             ),
         )
     ]
 
 
-def scale_channel(motion: MotionSamples, channel: str, factor: float) -> MotionSamples:
+def scale_channel_of_motion(motion: MotionSamples, channel: str, factor: float) -> MotionSamples:
     """The motion with one channel multiplied by a factor."""
     if channel == ACC:
 
@@ -321,7 +324,7 @@ def scale_channel(motion: MotionSamples, channel: str, factor: float) -> MotionS
     return replace(motion, force=motion.force * factor)
 
 
-def find_wrong_mass_scale(inputs: FindingInputs) -> list[Symptom]:
+def find_lightest_load_off_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Find a lightest load that contradicts the empty mass, given the scale's uncertainty."""
     found = inputs.check_inputs.empty_mass
     if found is None or not found.can_test_scale:

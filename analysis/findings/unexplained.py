@@ -43,7 +43,7 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 }
 
 
-def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
+def find_failed_checks_without_cause(inputs: FindingInputs) -> list[Symptom]:
     """Report failed checks of the mass that no cause accounts for."""
     shown, mattering = (inputs.cache.get(name, ()) for name in (SHOWN, MATTERING))
     assert isinstance(shown, tuple)
@@ -53,19 +53,26 @@ def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
 
 
 def make_unexplained_symptom(
-    verdict: pl.DataFrame, causes: Collection[str], mass_causes: Collection[str] | None = None
+    verdict: pl.DataFrame,
+    found_causes: Collection[str],
+    found_mass_causes: Collection[str] | None = None,
 ) -> Symptom | None:
     """Symptom of failed checks that no cause explains; None if each is explained.
 
     Args:
         verdict: the frame `verdict`.
-        causes: keys of the causes that the log shows.
-        mass_causes: keys of those that invalidate the mass, move it by about its uncertainty, or
-            have an effect on it that is not known; None: all.
+        found_causes: keys of the causes that the log shows.
+        found_mass_causes: keys of those that invalidate the mass, move it by about its uncertainty,
+            or have an effect on it that is not known; None: all.
     """
-    told, matter = set(causes), set(causes if mass_causes is None else mass_causes)
+    told, matter = (
+        set(found_causes),
+        set(found_causes if found_mass_causes is None else found_mass_causes),
+    )
     failed = [
-        row for row in verdict.iter_rows(named=True) if _is_check_unexplained(row, told, matter)
+        row
+        for row in verdict.iter_rows(named=True)
+        if _is_failed_mass_check_unexplained(row, told, matter)
     ]
     if not failed:
         return None
@@ -78,31 +85,37 @@ def make_unexplained_symptom(
     )
 
 
-def _is_check_unexplained(row: Mapping[str, Any], causes: set[str], mass_causes: set[str]) -> bool:
+def _is_failed_mass_check_unexplained(
+    check_row: Mapping[str, Any], found_causes: set[str], found_mass_causes: set[str]
+) -> bool:
     """Whether a failed check of the mass has no cause among those found."""
-    if row["about"] != "mass" or row["passed"] is not False or row["consequence"] not in _COSTS:
+    if (
+        check_row["about"] != "mass"
+        or check_row["passed"] is not False
+        or check_row["consequence"] not in _COSTS
+    ):
         return False
-    check = row["check"]
+    check = check_row["check"]
     if check in _OF_ONE_THING:
-        accounts = causes & set(_OF_ONE_THING[check])
+        accounts = found_causes & set(_OF_ONE_THING[check])
     else:
-        accounts = mass_causes | causes & set(_OF_ITS_QUANTITY.get(check, ()))
+        accounts = found_mass_causes | found_causes & set(_OF_ITS_QUANTITY.get(check, ()))
     return not accounts - set(_BEND_NOTHING)
 
 
-def _format_value_and_limit(row: Mapping[str, Any]) -> str:
+def _format_value_and_limit(check_row: Mapping[str, Any]) -> str:
     """Value and the limit that it exceeds, as text."""
-    if row["value"] is None:
+    if check_row["value"] is None:
         return "has no value"
-    low, high = row["minimum"], row["maximum"]
-    beyond = low is not None and row["value"] < low
+    low, high = check_row["minimum"], check_row["maximum"]
+    beyond = low is not None and check_row["value"] < low
     limit = f"< {low:g}" if beyond or high is None else f"> {high:g}"
-    return f"{row['value']:.3g} {limit}"
+    return f"{check_row['value']:.3g} {limit}"
 
 
-def _value_to_limit_ratio(row: Mapping[str, Any]) -> float:
+def _value_to_limit_ratio(check_row: Mapping[str, Any]) -> float:
     """Value over its limit, as the strength of the symptom."""
-    value, limit = row["value"], row["maximum"]
+    value, limit = check_row["value"], check_row["maximum"]
     if value is None or not limit or limit < 0.0:
         return LIMITS.numberless_check_strength
     return max(abs(value / limit), LIMITS.numberless_check_strength)

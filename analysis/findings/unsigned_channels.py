@@ -17,7 +17,11 @@ def find_unsigned_speed(inputs: FindingInputs) -> list[Symptom]:
     """Find a speed that is never negative although forces of both signs make it rise."""
     names, straight = inputs.speed_channels, inputs.check_inputs.straight_motion
     speeding = straight.speeding
-    if not names or not speeding.any() or not all(is_never_negative(inputs, n) for n in names):
+    if (
+        not names
+        or not speeding.any()
+        or not all(has_channel_lost_its_sign(inputs, n) for n in names)
+    ):
         return []
     size = np.abs(straight.f)
     drives = speeding & (size > LIMITS.unsigned_force_fraction * np.quantile(size[speeding], 0.99))
@@ -46,9 +50,9 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     name = inputs.force_channel
     if name is None:
         return []
-    opposing = inputs.checks.get("raw_opposing_share", np.nan)
+    opposing = inputs.check_values.get("raw_opposing_share", np.nan)
     if not np.isfinite(opposing):
-        opposing = inputs.checks.get("opposing_share", np.nan)
+        opposing = inputs.check_values.get("opposing_share", np.nan)
     straight = inputs.check_inputs.straight_motion
     if not straight.complete.any():
         return []
@@ -62,9 +66,9 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
         np.count_nonzero(straight.braking) >= fewest
         and opposing <= LIMITS.unsigned_opposing_fraction
     )
-    if not is_never_negative(inputs, name) or not (backwards or brakes):
+    if not has_channel_lost_its_sign(inputs, name) or not (backwards or brakes):
         return []
-    high = float(np.quantile(inputs.series[name][1], 0.99))
+    high = float(np.quantile(inputs.unfiltered_readings[name][1], 0.99))
     return [
         Symptom(
             LIMITS.sign_rank,
@@ -79,6 +83,9 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def is_never_negative(inputs: FindingInputs, name: str) -> bool:
+def has_channel_lost_its_sign(inputs: FindingInputs, channel: str) -> bool:
     """Whether a channel has lost its sign; noise about zero would be negative at times."""
-    return float((inputs.series[name][1] < 0.0).mean()) < LIMITS.unsigned_negative_fraction
+    return (
+        float((inputs.unfiltered_readings[channel][1] < 0.0).mean())
+        < LIMITS.unsigned_negative_fraction
+    )

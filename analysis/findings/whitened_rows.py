@@ -57,7 +57,7 @@ def build_whitened_force_rows(
         friction: viscous friction in N·s/m, for the effect of slip.
         brakes: whether braking counts as driving.
     """
-    taken = samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples)
+    taken = index_samples_of_whole_blocks(motion.group, LIMITS.force_mean_samples)
     usual_kg = float(np.median(mass_kg[motion.is_fittable]))
     std = float(
         np.sqrt(
@@ -70,7 +70,7 @@ def build_whitened_force_rows(
     std = max(std, np.finfo(np.float64).eps * motion.force_95_percent) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
-    rate = _force_rate(motion.force, motion.rate_hz)[taken]
+    rate = _differentiate_force(motion.force, motion.rate_hz)[taken]
     columns = {
         "delay:force": -rate,
         "delay:imu": rate,
@@ -88,7 +88,7 @@ def build_whitened_force_rows(
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def block_means(x: Floats) -> Floats:
-        return block_sums(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
+        return sum_blocks(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
 
     own = noise.covariance(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
@@ -129,10 +129,10 @@ def build_whitened_wheel_rows(
         part = part[: count * LIMITS.wheel_mean_samples]
         a, v, f = reads[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        white, added = compute_whitening_matrix(count, of_speed, of_acc)
+        white, added = compute_whitening_matrix_and_imu_noise(count, of_speed, of_acc)
         of_gained += added
         means = (
-            block_sums(
+            sum_blocks(
                 np.concatenate([v - gained, gained, np.abs(v) * f, a]), LIMITS.wheel_mean_samples
             )
             / LIMITS.wheel_mean_samples
@@ -148,7 +148,9 @@ def build_whitened_wheel_rows(
 
 
 @lru_cache(maxsize=256)
-def compute_whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
+def compute_whitening_matrix_and_imu_noise(
+    count: int, speed_variance: float, acceleration_variance: float
+) -> tuple[Floats, float]:
     """Matrix that whitens the noise of a stretch and removes its mean and slope.
 
     It also returns the accelerometer's share of that noise, summed over the rows.
@@ -158,8 +160,8 @@ def compute_whitening_matrix(count: int, of_speed: float, of_acc: float) -> tupl
         rows.
     """
     k = np.arange(count, dtype=np.float64)
-    adds_up = of_acc * np.minimum(k[:, None], k[None, :])
-    covariance = of_speed * np.eye(count) + adds_up
+    adds_up = acceleration_variance * np.minimum(k[:, None], k[None, :])
+    covariance = speed_variance * np.eye(count) + adds_up
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     line = white @ np.column_stack([np.ones(count), k])
     across = np.linalg.qr(line, mode="complete")[0][:, 2:]
@@ -167,22 +169,25 @@ def compute_whitening_matrix(count: int, of_speed: float, of_acc: float) -> tupl
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
-def samples_in_whole_blocks(group: Ints, block_size: int) -> Ints:
+def index_samples_of_whole_blocks(stretch_of_sample: Ints, block_size: int) -> Ints:
     """Indices of the samples in whole blocks of the given size within each stretch."""
-    own = [part[: part.size // block_size * block_size] for part in list_rows_by_group(group)]
+    own = [
+        part[: part.size // block_size * block_size]
+        for part in list_rows_by_group(stretch_of_sample)
+    ]
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
-def block_sums(x: Floats, block_size: int) -> Floats:
+def sum_blocks(values: Floats, block_size: int) -> Floats:
     """Sums of blocks of so many samples, (blocks,)."""
-    blocks = x.reshape(-1, block_size)
+    blocks = values.reshape(-1, block_size)
     total = blocks[:, 0].copy()
     for k in range(1, block_size):
         total += blocks[:, k]
     return total
 
 
-def _force_rate(force: Floats, rate_hz: float) -> Floats:
+def _differentiate_force(force: Floats, rate_hz: float) -> Floats:
     """Time derivative of the force, (n,) in N/s."""
     half = LIMITS.force_rate_samples // 2
     steps = (
@@ -208,41 +213,45 @@ class ProjectedEquation:
     variance: float
 
     @classmethod
-    def project_out(cls, system: EquationRows, picked_causes: Sequence[str]) -> "ProjectedEquation":
+    def project_out(
+        cls, whitened_rows: EquationRows, picked_causes: Sequence[str]
+    ) -> "ProjectedEquation":
         """Remove what the base and the picked causes explain, corrected for column noise."""
-        own = [name for name in picked_causes if name in system.columns]
-        others = [name for name in system.columns if name not in own]
-        known = np.column_stack([system.base, *(system.columns[name] for name in own)])
-        tried = np.column_stack(
-            [np.zeros((system.y.size, 0)), *(system.columns[n] for n in others)]
+        own = [name for name in picked_causes if name in whitened_rows.columns]
+        others = [name for name in whitened_rows.columns if name not in own]
+        known = np.column_stack(
+            [whitened_rows.base, *(whitened_rows.columns[name] for name in own)]
         )
-        count = system.base.shape[1]
+        tried = np.column_stack(
+            [np.zeros((whitened_rows.y.size, 0)), *(whitened_rows.columns[n] for n in others)]
+        )
+        count = whitened_rows.base.shape[1]
         gram = known.T @ known
-        gram[:count, :count] -= system.noise
+        gram[:count, :count] -= whitened_rows.noise
         cross = known.T @ tried
         for place, name in enumerate(others):
-            cross[:count, place] -= system.noise_with.get(name, np.zeros(count))
+            cross[:count, place] -= whitened_rows.noise_with.get(name, np.zeros(count))
         for place, name in enumerate(own, count):
-            both = system.noise_with.get(name, np.zeros(count))
+            both = whitened_rows.noise_with.get(name, np.zeros(count))
             gram[:count, place] -= both
             gram[place, :count] -= both
-            gram[place, place] -= system.noise_of.get(name, 0.0)
+            gram[place, place] -= whitened_rows.noise_of.get(name, 0.0)
         # a column that is noise alone explains nothing
         power = np.diag(gram)
         size = np.sqrt(np.where(power > 0.0, power, np.inf))
         inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-10, hermitian=True)
         inverse /= np.outer(size, size)
-        right = known.T @ system.y
-        right[count:] += [system.noise_of.get(name, 0.0) for name in own]
+        right = known.T @ whitened_rows.y
+        right[count:] += [whitened_rows.noise_of.get(name, 0.0) for name in own]
         theta = inverse @ right
-        left = system.y - known @ theta
+        left = whitened_rows.y - known @ theta
         # what noise of the columns adds to a score
         score = tried.T @ left
         for place, name in enumerate(others):
-            score[place] += system.noise_with.get(name, np.zeros(count)) @ theta[:count]
-            score[place] += system.noise_of.get(name, 0.0)
+            score[place] += whitened_rows.noise_with.get(name, np.zeros(count)) @ theta[:count]
+            score[place] += whitened_rows.noise_of.get(name, 0.0)
         squares = (tried**2).sum(axis=0)
-        squares -= [system.noise_of.get(name, 0.0) for name in others]
+        squares -= [whitened_rows.noise_of.get(name, 0.0) for name in others]
         information = squares - np.einsum("ij,ij->j", cross, inverse @ cross)
         kept = [
             k
@@ -254,7 +263,7 @@ class ProjectedEquation:
         if kept:
             q = np.linalg.qr(np.column_stack([known, tried[:, kept]]))[0]
             noise = left - q @ (q.T @ left)
-        variance = row_noise_variance(noise)
+        variance = compute_whitened_row_noise_variance(noise)
         return cls(
             {others[k]: float(information[k]) / variance for k in kept},
             {others[k]: float(score[k]) / variance for k in kept},
@@ -262,16 +271,16 @@ class ProjectedEquation:
             variance,
         )
 
-    def remaining_information(self, name: str) -> float:
+    def remaining_information(self, cause_name: str) -> float:
         """Remaining information about a candidate cause."""
-        return self.information.get(name, 0.0)
+        return self.information.get(cause_name, 0.0)
 
-    def remaining_score(self, name: str) -> float:
+    def remaining_score(self, cause_name: str) -> float:
         """Remaining Xᵀy of a candidate cause."""
-        return self.score.get(name, 0.0)
+        return self.score.get(cause_name, 0.0)
 
 
-def row_noise_variance(noise: Floats) -> float:
+def compute_whitened_row_noise_variance(noise: Floats) -> float:
     """Noise variance of a whitened row, raised where neighbouring rows are correlated."""
     own = float(noise @ noise) / max(noise.size, 1)
     if not own > 0.0:

@@ -7,7 +7,7 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
 
 
-def rank_concerns(
+def rank_recordings_by_concern(
     results: pl.DataFrame, cycles: pl.LazyFrame, findings: pl.LazyFrame
 ) -> pl.DataFrame:
     """Rank recordings by their problems.

@@ -40,7 +40,7 @@ class FleetCalibration(BaseModel):
     covariance: tuple[float, float, float]
     centre_kg: float
 
-    def estimate_and_variance_at_mass(self, mass_kg: float) -> tuple[float, float]:
+    def predict_estimate_and_variance_kg(self, mass_kg: float) -> tuple[float, float]:
         """Estimate m̂ of a mass by the line, and its variance in kg²."""
         level, both, own = self.covariance
         off = mass_kg - self.centre_kg
@@ -101,19 +101,19 @@ def find_line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChan
     return found
 
 
-def compare_calibration_lines(before: FleetCalibration, after: FleetCalibration) -> LineChange:
+def compare_calibration_lines(earlier: FleetCalibration, later: FleetCalibration) -> LineChange:
     """Change of offset and slope between two calibrations."""
-    middle = (before.centre_kg + after.centre_kg) / 2.0
+    middle = (earlier.centre_kg + later.centre_kg) / 2.0
     (old, old_kg2), (new, new_kg2) = (
-        before.estimate_and_variance_at_mass(middle),
-        after.estimate_and_variance_at_mass(middle),
+        earlier.predict_estimate_and_variance_kg(middle),
+        later.predict_estimate_and_variance_kg(middle),
     )
-    slope = np.sqrt(before.covariance[2] + after.covariance[2]) / abs(before.c1_1)
+    slope = np.sqrt(earlier.covariance[2] + later.covariance[2]) / abs(earlier.c1_1)
     return LineChange(
-        before,
-        after,
+        earlier,
+        later,
         new - old,
         LIMITS.change_coverage_factor * float(np.sqrt(old_kg2 + new_kg2)),
-        after.c1_1 / before.c1_1 - 1.0,
+        later.c1_1 / earlier.c1_1 - 1.0,
         LIMITS.change_coverage_factor * float(slope),
     )

@@ -59,10 +59,10 @@ def sum_weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
     """
     week = pl.col("day").str.to_date().dt.truncate("1w").alias("week")
     dated = results.filter(pl.col("day") != UNDATED)
-    return sum_results_by_group(dated.with_columns(week), ["machine", "week"])
+    return sum_tonnes_by_group(dated.with_columns(week), ["machine", "week"])
 
 
-def sum_results_by_group(results: pl.DataFrame, group_columns: list[str]) -> pl.DataFrame:
+def sum_tonnes_by_group(results: pl.DataFrame, group_columns: list[str]) -> pl.DataFrame:
     """Recordings, loads and tonnes grouped by some columns; see `weekly`."""
     return (
         results.group_by(group_columns)
@@ -83,7 +83,7 @@ def sum_results_by_group(results: pl.DataFrame, group_columns: list[str]) -> pl.
     )
 
 
-def sum_machines(machines: pl.DataFrame) -> Mapping[str, float]:
+def sum_daily_figures_over_machines(machines: pl.DataFrame) -> Mapping[str, float]:
     """Sum over machines; errors of different machines are independent.
 
     Args:

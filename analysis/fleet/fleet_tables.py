@@ -103,29 +103,29 @@ TABLES: Final[Mapping[str, Frame]] = {
 }
 
 
-def make_table_schema(name: str) -> pl.Schema:
+def make_table_schema(table_name: str) -> pl.Schema:
     """Columns of a table: key, machine, day and start, then those of the frame."""
-    columns = (*OF_RESULT, *TABLES[name].columns)
-    return pl.Schema({column.name: choose_stored_dtype(column) for column in columns})
+    columns = (*OF_RESULT, *TABLES[table_name].columns)
+    return pl.Schema({column.name: choose_parquet_dtype(column) for column in columns})
 
 
-def choose_stored_dtype(column: Column) -> pl.DataType:
+def choose_parquet_dtype(column: Column) -> pl.DataType:
     """Column type in Parquet; enumerations are stored as text, which every reader supports."""
     dtype = column.dtype() if isinstance(column.dtype, type) else column.dtype
     return pl.String() if isinstance(dtype, pl.Enum) else dtype
 
 
-def convert_rows_for_table(
-    name: str, frame: pl.DataFrame, key_values: Mapping[str, object]
+def convert_frame_to_table_rows(
+    table_name: str, frame: pl.DataFrame, key_values: Mapping[str, object]
 ) -> pl.DataFrame:
     """Convert rows of a frame to rows of its table.
 
     Args:
-        name: name of the frame and the table.
+        table_name: name of the frame and the table.
         frame: frame with some or all of its columns; missing ones become null.
         key_values: values of key, machine, day and t0_unix_ns.
     """
-    schema = make_table_schema(name)
+    schema = make_table_schema(table_name)
     given = frame.with_columns(**{each: pl.lit(value) for each, value in key_values.items()})
     return given.select(
         (pl.col(each) if each in given.columns else pl.lit(None)).cast(dtype).alias(each)
@@ -133,7 +133,7 @@ def convert_rows_for_table(
     )
 
 
-def make_tables_of_run(
+def make_fleet_tables_of_run(
     run: Run, other_frames: Mapping[str, pl.DataFrame]
 ) -> dict[str, pl.DataFrame]:
     """All tables of a run except `results`.

@@ -110,7 +110,7 @@ class MachineChart(NamedTuple):
         return std * (100.0 + self.change) if self.signal.logarithm else std
 
 
-def compute_drift_limit() -> float:
+def compute_cusum_limit_of_fleet() -> float:
     """Limit of each chart that allows half a false alarm per machine and year in total."""
     return find_cusum_limit(len(SIGNALS) * _DAYS / LIMITS.false_alarms_per_year)
 
@@ -121,7 +121,7 @@ def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
     Args:
         days: frame of `daily`.
     """
-    limit = compute_drift_limit()
+    limit = compute_cusum_limit_of_fleet()
     found: list[MachineChart] = []
     for _, rows in days.group_by("machine", maintain_order=True):
         parts = rows.with_columns(part=pl.col("calibration").rle_id())
@@ -134,32 +134,34 @@ def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
     return found
 
 
-def chart_quantity(days: pl.DataFrame, signal: ChartedQuantity, limit: float) -> MachineChart:
+def chart_quantity(
+    days: pl.DataFrame, quantity: ChartedQuantity, cusum_limit: float
+) -> MachineChart:
     """Chart of one quantity of a machine between two calibrations."""
-    values = days[signal.column].to_numpy()
-    if signal.logarithm:
+    values = days[quantity.column].to_numpy()
+    if quantity.logarithm:
         # what is not positive has no share to change by
         kept = values > 0.0
         days, values = days.filter(pl.Series(kept)), np.log(values[kept])
-    raw = np.exp(values) if signal.logarithm else values
+    raw = np.exp(values) if quantity.logarithm else values
     return MachineChart(
         str(days["machine"].first()),
-        signal,
+        quantity,
         str(days["calibration"].first()),
         tuple(days["day"].to_list()),
         tuple(float(value) for value in raw),
-        make_control_chart(values, limit),
+        make_control_chart(values, cusum_limit),
     )
 
 
-def make_control_chart(values: Floats, limit: float) -> ControlChart:
+def make_control_chart(values: Floats, cusum_limit: float) -> ControlChart:
     """Control chart of a series of values.
 
     Args:
         values: (n,) values in order of time, without NaN.
-        limit: limit of the sums, from `find_cusum_limit`.
+        cusum_limit: limit of the sums, from `find_cusum_limit`.
     """
-    innovation = standardise_innovations(whiten_series(values))
+    innovation = standardise_innovations(remove_lag_1_correlation(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
     flagged: int | None = None
     begins = [0, 0]
@@ -172,13 +174,13 @@ def make_control_chart(values: Floats, limit: float) -> ControlChart:
             max(low - u - LIMITS.cusum_allowance_std, 0.0),
         )
         up[n], down[n] = high, low
-        if flagged is None and max(high, low) > limit:
+        if flagged is None and max(high, low) > cusum_limit:
             flagged, since = n, begins[0 if high > low else 1]
-    change, std = estimate_change_and_std_at(values, since)
-    return ControlChart(innovation, up, down, limit, flagged, since, change, std)
+    change, std = estimate_mean_change_and_std_at_row(values, since)
+    return ControlChart(innovation, up, down, cusum_limit, flagged, since, change, std)
 
 
-def whiten_series(values: Floats) -> Floats:
+def remove_lag_1_correlation(values: Floats) -> Floats:
     """Part (n,) of each value that the value before does not predict.
 
     The correlation is that of differences over one and two values, E2 / E1 - 1 of a first-order
@@ -218,21 +220,23 @@ def standardise_innovations(values: Floats) -> Floats:
     return found
 
 
-def estimate_change_and_std_at(values: Floats, since_row: int | None) -> tuple[float, float]:
+def estimate_mean_change_and_std_at_row(
+    values: Floats, change_row: int | None
+) -> tuple[float, float]:
     """Change of the mean of the values (n,) at a row, and its standard deviation."""
-    if since_row is None or since_row < 2 or values.size - since_row < 2:
+    if change_row is None or change_row < 2 or values.size - change_row < 2:
         return float("nan"), float("nan")
-    before, after = values[:since_row], values[since_row:]
+    before, after = values[:change_row], values[change_row:]
     variance = before.var(ddof=1) / before.size + after.var(ddof=1) / after.size
     return float(after.mean() - before.mean()), float(np.sqrt(variance))
 
 
 @cache
-def find_cusum_limit(run_length: float) -> float:
-    """CUSUM limit, in standard deviations, for false alarms on average `run_length` values apart.
+def find_cusum_limit(average_run_length: float) -> float:
+    """CUSUM limit in standard deviations, for `average_run_length` values between false alarms.
 
     Args:
-        run_length: average run length of both sums together, without drift.
+        average_run_length: average run length of both sums together, without drift.
     """
     low, high = 0.5, 40.0
     # either sum alone has twice the run length
@@ -240,23 +244,23 @@ def find_cusum_limit(run_length: float) -> float:
         middle = (low + high) / 2.0
         low, high = (
             (middle, high)
-            if compute_average_run_length(middle) < 2.0 * run_length
+            if compute_cusum_average_run_length(middle) < 2.0 * average_run_length
             else (low, middle)
         )
     return (low + high) / 2.0
 
 
-def compute_average_run_length(limit: float, shift: float = 0.0) -> float:
+def compute_cusum_average_run_length(cusum_limit: float, mean_shift: float = 0.0) -> float:
     """Average run length of one CUSUM from 0, for normal values.
 
     Args:
-        limit: limit of the sum.
-        shift: mean of the values, in standard deviations.
+        cusum_limit: limit of the sum.
+        mean_shift: mean of the values, in standard deviations.
     """
-    width = 2.0 * limit / (2 * LIMITS.cusum_states - 1)
+    width = 2.0 * cusum_limit / (2 * LIMITS.cusum_states - 1)
     middle = np.arange(LIMITS.cusum_states) * width
     # from a state to another by a value less the allowance
-    to = middle[np.newaxis, :] - middle[:, np.newaxis] + LIMITS.cusum_allowance_std - shift
+    to = middle[np.newaxis, :] - middle[:, np.newaxis] + LIMITS.cusum_allowance_std - mean_shift
     chance = ndtr(to + width / 2.0) - ndtr(to - width / 2.0)
     chance[:, 0] = ndtr(to[:, 0] + width / 2.0)
     return float(

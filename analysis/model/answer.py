@@ -41,7 +41,7 @@ class AnswerRow:
         """The methods, in the order of the settings."""
         return tuple(self.estimates)
 
-    def value(self, quantity: str, method: str) -> float | None:
+    def estimate_of_quantity(self, quantity: str, method: str) -> float | None:
         """Value of a quantity; None if there is none."""
         return self.quantities.get(quantity, {}).get(method)
 
@@ -53,29 +53,29 @@ class AnswerRow:
     def from_masses(
         cls,
         masses: pl.DataFrame,
-        load: Mapping[str, Any] | None = None,
-        motion: Mapping[str, Any] | None = None,
+        load_row: Mapping[str, Any] | None = None,
+        planar_row: Mapping[str, Any] | None = None,
     ) -> "AnswerRow":
         """Build the row from the frame `masses`, with the joint fit as first method.
 
         Args:
             masses: frame with a row per method.
-            load: row of `loads` for a single load.
-            motion: row of `planar` for all motion, whose inertia is the answer's.
+            load_row: row of `loads` for a single load.
+            planar_row: row of `planar` for all motion, whose inertia is the answer's.
         """
         rows = {row["method"]: row for row in masses.to_dicts()}
-        if load is not None:
+        if load_row is not None:
             joint = dict.fromkeys(masses.columns) | {
-                "mass_kg": load["mass_kg"],
-                "mass_std_kg": load["u_kg"],
-                "payload_kg": load["payload_kg"],
-                "friction_x_N_s_m": load["friction_x_N_s_m"],
-                "friction_x_std_N_s_m": load["friction_x_std_N_s_m"],
-                "rows": load["manoeuvres"],
-                "withheld": load["withheld"],
+                "mass_kg": load_row["mass_kg"],
+                "mass_std_kg": load_row["u_kg"],
+                "payload_kg": load_row["payload_kg"],
+                "friction_x_N_s_m": load_row["friction_x_N_s_m"],
+                "friction_x_std_N_s_m": load_row["friction_x_std_N_s_m"],
+                "rows": load_row["manoeuvres"],
+                "withheld": load_row["withheld"],
             }
-            if motion is not None:
-                joint |= {name: motion[name] for name in _OF_SPINS if name in joint}
+            if planar_row is not None:
+                joint |= {name: planar_row[name] for name in _OF_SPINS if name in joint}
             rows = {JOINT: joint, **rows}
         return cls(
             {
@@ -148,7 +148,7 @@ class Answer:
         }
 
 
-def answer(run: Run, recording: str | None = None) -> Answer:
+def make_answer(run: Run, recording: str | None = None) -> Answer:
     """Build the answer from a run's frames; missing frames are skipped."""
     frames, about = run.frames, run.provenance
     masses, judged, gated = (frames.get(name) for name in ("masses", "verdict", "gate"))

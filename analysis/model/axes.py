@@ -55,12 +55,12 @@ Z: Final = Axis(
 )
 
 
-def list_available_axes(excitation: pl.DataFrame) -> tuple[Axis, ...]:
+def list_axes_allowed_by_channels(excitation: pl.DataFrame) -> tuple[Axis, ...]:
     """The axes that the channels allow: z needs a yaw torque, rate and acceleration."""
-    return list_axes_of_columns(excitation.columns)
+    return list_axes_allowed_by_columns(excitation.columns)
 
 
-def list_axes_of_columns(columns: Iterable[str]) -> tuple[Axis, ...]:
+def list_axes_allowed_by_columns(columns: Iterable[str]) -> tuple[Axis, ...]:
     """The axes that the columns of `excitation` allow."""
     return (X, Z) if set(YAW_COLUMNS) <= set(columns) else (X,)
 
@@ -118,12 +118,12 @@ def make_parameter_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, 
     return columns
 
 
-def make_trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
+def make_trace_columns(axis: Axis, trace: Trace) -> dict[str, Floats]:
     """Values of a trace, by the frames' column names."""
     return {
-        **make_parameter_columns(axis, traced.theta, traced.std),
-        axis.residual_rms: traced.residual_rms,
-        "condition_1": traced.condition,
+        **make_parameter_columns(axis, trace.theta, trace.std),
+        axis.residual_rms: trace.residual_rms,
+        "condition_1": trace.condition,
     }
 
 
@@ -135,7 +135,7 @@ def read_parameters_and_stds(axis: Axis, estimates: pl.DataFrame) -> tuple[Float
     return theta, std
 
 
-def select_rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
+def select_estimate_rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
     """Rows of an axis; all rows if x is the only one."""
     if "axis" not in estimates.columns:
         return estimates if axis is X else estimates.clear()

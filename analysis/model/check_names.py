@@ -82,17 +82,17 @@ _COLUMNS: Final[Mapping[str, tuple[str, Callable[[str], str]]]] = {
 }
 
 
-def rename_stored_checks(name: str, rows: Rows) -> Rows:
+def rename_stored_checks(frame_name: str, rows: Rows) -> Rows:
     """Replace former names of checks in a stored frame or table.
 
     Args:
-        name: name of the frame, or of the table of a fleet.
+        frame_name: name of the frame, or of the table of a fleet.
         rows: its rows, or some of its columns.
 
     Returns:
         The rows with the present names.
     """
-    column, rename = _COLUMNS.get(name, ("", replace_former_check_names))
+    column, rename = _COLUMNS.get(frame_name, ("", replace_former_check_names))
     if column not in rows.lazy().collect_schema():
         return rows
     return rows.with_columns(

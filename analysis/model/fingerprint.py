@@ -42,7 +42,7 @@ class Fingerprint(BaseModel):
         )
 
 
-def take_fingerprint(
+def make_run_fingerprint(
     frames: Mapping[str, pl.DataFrame],
     inputs: Iterable[str],
     machine: Mapping[str, Any],
@@ -72,10 +72,10 @@ def digest_frame(frame: pl.DataFrame) -> str:
     below a null does not count.
     """
     if frame.height < LIMITS.threaded_rows:
-        columns = list(map(_digest_column, frame.get_columns()))
+        columns = list(map(_digest_column_values, frame.get_columns()))
     else:
         with ThreadPoolExecutor() as pool:  # hashlib releases the interpreter's lock
-            columns = list(pool.map(_digest_column, frame.get_columns()))
+            columns = list(pool.map(_digest_column_values, frame.get_columns()))
     return _digest_json([frame.height, columns])
 
 
@@ -84,7 +84,7 @@ def _digest_json(value: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _digest_column(series: pl.Series) -> str:
+def _digest_column_values(series: pl.Series) -> str:
     values, nulls = hashlib.sha256(), hashlib.sha256()
     for part in (
         series[begin : begin + LIMITS.hashed_rows]
@@ -94,11 +94,11 @@ def _digest_column(series: pl.Series) -> str:
             nulls.update(np.packbits(part.is_null().to_numpy()).data)
         for array in iter_value_arrays(part):
             values.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data)
-    about = [series.name, *_describe_dtype(series.dtype)]
+    about = [series.name, *_convert_dtype_to_json(series.dtype)]
     return _digest_json([about, values.hexdigest(), nulls.hexdigest()])
 
 
-def _describe_dtype(dtype: pl.DataType) -> list[Any]:
+def _convert_dtype_to_json(dtype: pl.DataType) -> list[Any]:
     if isinstance(dtype, pl.Enum):
         return ["Enum", dtype.categories.to_list()]
     return [str(dtype)]
@@ -113,7 +113,7 @@ def iter_value_arrays(series: pl.Series) -> Iterator[NDArray[Any]]:
     elif dtype.is_integer() or dtype.is_float():
         yield _fill_null(series, 0).to_numpy()
     elif dtype == pl.Boolean:
-        yield np.packbits(_fill_null(series, value=False).to_numpy())
+        yield np.packbits(_fill_null(series, fill_value=False).to_numpy())
     elif dtype.is_temporal():
         yield from iter_value_arrays(series.to_physical())
     else:
@@ -123,12 +123,12 @@ def iter_value_arrays(series: pl.Series) -> Iterator[NDArray[Any]]:
         yield np.frombuffer(encoded, np.uint8)
 
 
-def _fill_null(part: pl.Series, value: float | str) -> pl.Series:
+def _fill_null(values: pl.Series, fill_value: float | str) -> pl.Series:
     """Fill nulls, if any; a polars query takes longer than a small column."""
-    return part.fill_null(value) if part.null_count() else part
+    return values.fill_null(fill_value) if values.null_count() else values
 
 
-def _write_values_as_text(part: pl.Series) -> pl.Series:
+def _write_values_as_text(values: pl.Series) -> pl.Series:
     """Convert a dtype that recordings do not hold (nested, binary, decimal) to text."""
-    written = [None if value is None else repr(value) for value in part.to_list()]
-    return pl.Series(part.name, written, dtype=pl.String)
+    written = [None if value is None else repr(value) for value in values.to_list()]
+    return pl.Series(values.name, written, dtype=pl.String)

@@ -193,7 +193,7 @@ class Machine(BaseModel):
         return {**content, "channels": channels}
 
     @model_validator(mode="after")
-    def _check_channels(self) -> Self:
+    def _refuse_inconsistent_channels(self) -> Self:
         known = {column.name for column in CHANNEL_COLUMNS}
         for name, channel in self.channels.items():
             for source in channel.direct_source_channels:
@@ -226,11 +226,11 @@ class Machine(BaseModel):
                 if key in BODY_NUMBERS and getattr(self.machine, key) is None:
                     raise ValueError(f"channels.{name}: machine.{key} is not given")
         self.order_channels_by_derivation()
-        self._check_required_channels()
-        self._check_wheel_radius()
+        self._require_force_speed_and_acceleration()
+        self._refuse_different_wheel_radii()
         return self
 
-    def _check_wheel_radius(self) -> None:
+    def _refuse_different_wheel_radii(self) -> None:
         """Raise an error if force and speed of the wheels use different radii."""
         radius_m = self.machine.wheel_radius_m
         if radius_m is None:
@@ -255,7 +255,7 @@ class Machine(BaseModel):
                     'of them, or set scale = "wheel_radius_m", or unit = "m/s" for a speed in m/s'
                 )
 
-    def _check_required_channels(self) -> None:
+    def _require_force_speed_and_acceleration(self) -> None:
         """Raise an error unless the channels give force, speed and acceleration."""
         torques = {"torque_left_N_m", "torque_right_N_m"} <= set(self.channels)
         if "force_x_N" not in self.channels and not torques:

@@ -19,14 +19,14 @@ from analysis.model.strict_config import STRICT
 MachineId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 
 
-def _check_timezone(name: str) -> str:
+def _require_known_timezone(timezone_name: str) -> str:
     try:
-        ZoneInfo(name)
+        ZoneInfo(timezone_name)
     except (ZoneInfoNotFoundError, ValueError, OSError):
         raise ValueError(
-            f"no time zone '{name}'; use a name like 'America/Santiago' or 'UTC'"
+            f"no time zone '{timezone_name}'; use a name like 'America/Santiago' or 'UTC'"
         ) from None
-    return name
+    return timezone_name
 
 
 class ImuMounting(BaseModel):
@@ -111,11 +111,11 @@ class Body(BaseModel):
     #: Whether it has a bucket to dig with: without one no start is driven into a pile.
     digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
-    timezone: Annotated[str, AfterValidator(_check_timezone)] = "UTC"
+    timezone: Annotated[str, AfterValidator(_require_known_timezone)] = "UTC"
     imu: ImuMounting = ImuMounting()
 
     @model_validator(mode="after")
-    def _check_attachment(self) -> Self:
+    def _refuse_inconsistent_attachment(self) -> Self:
         weighed, here = self.empty_mass_attachment, self.attachment
         if weighed is not None and here is not None and weighed != here:
             raise ValueError(

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 import polars as pl
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
-from analysis.model.fingerprint import Fingerprint, take_fingerprint
+from analysis.model.fingerprint import Fingerprint, make_run_fingerprint
 from analysis.model.loss import Loss
 from analysis.model.settings import Settings
 from estimators.errors import one_line
@@ -68,7 +68,7 @@ class Run:
         """Copy of the run with the fingerprint of its frames in the provenance."""
         about = self.provenance
         digests = [each.sha256 for each in about.inputs]
-        taken = take_fingerprint(
+        taken = make_run_fingerprint(
             self.frames, digests, about.machine, about.settings.model_dump(mode="json")
         )
         return replace(self, provenance=about.model_copy(update={"fingerprint": taken}))

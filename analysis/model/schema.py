@@ -915,37 +915,39 @@ FRAMES: Final[dict[str, Frame]] = {
 }
 
 
-def find_frame_declaration(name: str) -> Frame:
+def find_frame_declaration(frame_name: str) -> Frame:
     """Declaration of a frame by its name in a run (`estimates/ls` → estimates).
 
     Raises:
         KeyError: the name is not in the table (`raw/...` has no fixed columns).
     """
-    family = name.partition("/")[0]
+    family = frame_name.partition("/")[0]
     if family not in FRAMES:
-        raise KeyError(f"{name}: no such frame; declare it in analysis/model/schema.py")
+        raise KeyError(f"{frame_name}: no such frame; declare it in analysis/model/schema.py")
     return FRAMES[family]
 
 
-def conform_to_schema(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+def conform_frame_to_schema(frame_name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """Put `frame` into the declared order and dtypes; undeclared columns raise an error."""
-    return _make_declared_frame(name, {each: frame.get_column(each) for each in frame.columns})
-
-
-def build_frame(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> pl.DataFrame:
-    """Make the frame `name` from arrays; NaN becomes null."""
     return _make_declared_frame(
-        name, {each: _make_series(each, column) for each, column in columns.items()}
+        frame_name, {each: frame.get_column(each) for each in frame.columns}
     )
 
 
-def _make_declared_frame(name: str, columns: Mapping[str, pl.Series]) -> pl.DataFrame:
+def build_frame(frame_name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> pl.DataFrame:
+    """Make the frame `frame_name` from arrays; NaN becomes null."""
+    return _make_declared_frame(
+        frame_name, {each: _make_declared_series(each, column) for each, column in columns.items()}
+    )
+
+
+def _make_declared_frame(frame_name: str, columns: Mapping[str, pl.Series]) -> pl.DataFrame:
     """Frame of the given columns in declared order and dtypes."""
-    declared = find_frame_declaration(name)
+    declared = find_frame_declaration(frame_name)
     unknown = columns.keys() - {column.name for column in declared.columns}
     if unknown:
         raise KeyError(
-            f"{name}: columns without a declaration: {sorted(unknown)}; declare them in "
+            f"{frame_name}: columns without a declaration: {sorted(unknown)}; declare them in "
             "analysis/model/schema.py"
         )
     # column by column: a query a frame, or a frame of a mapping, costs more than all of its casts
@@ -958,7 +960,7 @@ def _make_declared_frame(name: str, columns: Mapping[str, pl.Series]) -> pl.Data
     )
 
 
-def _make_series(name: str, column: NDArray[Any] | pl.Series) -> pl.Series:
+def _make_declared_series(name: str, column: NDArray[Any] | pl.Series) -> pl.Series:
     if isinstance(column, np.ndarray):
         has_nan = column.dtype.kind == "f" and bool(np.isnan(column).any())
         return pl.Series(name, column, nan_to_null=has_nan)

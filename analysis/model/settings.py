@@ -13,13 +13,13 @@ from analysis.model.verdict_limits import VerdictLimits
 from estimators.errors import suggest_choice
 
 
-def _check_method(name: str) -> str:
+def _require_known_method(name: str) -> str:
     if name not in METHODS:
         raise ValueError(f"no method '{name}'; {suggest_choice(name, METHODS)}")
     return name
 
 
-MethodName = Annotated[str, AfterValidator(_check_method)]
+MethodName = Annotated[str, AfterValidator(_require_known_method)]
 
 
 class FilterSettings(BaseModel):
@@ -172,7 +172,7 @@ class LoadSettings(BaseModel):
     empty_to_s: float | None = Field(None, description="up to here, in seconds from the start")
 
     @model_validator(mode="after")
-    def _check_empty_span(self) -> Self:
+    def _refuse_reversed_empty_spans(self) -> Self:
         first, last = self.empty_from_s, self.empty_to_s
         if (first is None) != (last is None):
             raise ValueError("empty_from_s and empty_to_s must be given together")
@@ -191,10 +191,12 @@ class PlanarSettings(BaseModel):
     )
 
 
-def suggest_setting(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
+def suggest_similar_setting(
+    unknown_key: str, models_by_stage: Mapping[str, type[BaseModel]]
+) -> str | None:
     """The setting, with its stage, whose name is most like a key that is none."""
-    stages = {name: stage for stage, part in parts.items() for name in part.model_fields}
-    close = get_close_matches(key, stages, n=1)
+    stages = {name: stage for stage, part in models_by_stage.items() for name in part.model_fields}
+    close = get_close_matches(unknown_key, stages, n=1)
     return f"{stages[close[0]]}.{close[0]}" if close else None
 
 
@@ -222,14 +224,14 @@ class Settings(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _check_stages(cls, content: Any) -> Any:
+    def _require_stage_of_values(cls, content: Any) -> Any:
         """Name the stage of a value that was given without one."""
         if not isinstance(content, Mapping):
             return content
         for key, value in content.items():
             if key in cls.model_fields or isinstance(value, Mapping | BaseModel):
                 continue
-            if meant := suggest_setting(key, cls.list_stage_models()):
+            if meant := suggest_similar_setting(key, cls.list_stage_models()):
                 raise ValueError(f"unknown key '{key}'; did you mean 'settings.{meant}'?")
         return content
 
@@ -250,9 +252,9 @@ class Settings(BaseModel):
             for name, value in part.items()
         }
 
-    def value(self, name: str) -> Any:
+    def value_of_setting(self, dotted_name: str) -> Any:
         """The setting of a dotted name, as `gate.threshold_nat`."""
-        part, _, key = name.partition(".")
+        part, _, key = dotted_name.partition(".")
         return getattr(getattr(self, part), key)
 
     def with_changes(self, changes: Mapping[str, Any]) -> Self:

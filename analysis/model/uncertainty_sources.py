@@ -32,12 +32,12 @@ class UncertaintySource:
     shrinks: str
 
 
-def sort_largest_first(sources: Iterable[UncertaintySource]) -> list[UncertaintySource]:
+def sort_sources_largest_first(sources: Iterable[UncertaintySource]) -> list[UncertaintySource]:
     """Sort the sources by size, unknown ones last."""
     return sorted(sources, key=lambda source: np.inf if source.u is None else -source.u)
 
 
-def unknown_scale_source_names(sources: Iterable[UncertaintySource]) -> list[str]:
+def list_scale_sources_without_u(sources: Iterable[UncertaintySource]) -> list[str]:
     """Names of scale sources whose uncertainty the machine file lacks."""
     return [source.name for source in sources if source.u is None]
 
@@ -91,12 +91,12 @@ def has_torque_of_sides(machine: Machine) -> bool:
     return "torque_z_N_m" not in machine.channels
 
 
-def relative_uncertainty(u: float | None, value: float | None) -> float | None:
+def compute_relative_uncertainty(u: float | None, value: float | None) -> float | None:
     """A standard uncertainty over its value; None if one of them is not stated."""
     return None if u is None or value is None else u / value
 
 
-def _radius_by_load_u(machine: Machine) -> float | None:
+def _relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
     """Relative u of a mass due to the radius under load: of the force, and of a wheel's motion."""
     u = machine.machine.wheel_radius_by_load_u
     by_wheels = machine.settings.forces.acceleration == "kinematic"
@@ -115,7 +115,7 @@ SCALES: Final = (
     Scale(
         "force_share",
         lambda machine: machine.machine.force_share < 1.0,
-        lambda machine: relative_uncertainty(
+        lambda machine: compute_relative_uncertainty(
             machine.machine.force_share_u, machine.machine.force_share
         ),
         "machine.force_share_u",
@@ -132,7 +132,7 @@ SCALES: Final = (
     Scale(
         "wheel_radius",
         _derives_force_from_torque,
-        lambda machine: relative_uncertainty(
+        lambda machine: compute_relative_uncertainty(
             machine.machine.wheel_radius_u_m, machine.machine.wheel_radius_m
         ),
         "machine.wheel_radius_u_m",
@@ -141,7 +141,7 @@ SCALES: Final = (
     Scale(
         "wheel_radius_by_load",
         _derives_force_from_torque,
-        _radius_by_load_u,
+        _relative_mass_u_by_wheel_radius,
         "machine.wheel_radius_by_load_u",
         "change of the wheels' rolling radius with the load that presses their tyres",
         by_load=True,
@@ -151,7 +151,7 @@ SCALES: Final = (
 TRACK_WIDTH: Final = Scale(
     "track_width",
     has_torque_of_sides,
-    lambda machine: relative_uncertainty(
+    lambda machine: compute_relative_uncertainty(
         machine.machine.track_width_u_m, machine.machine.track_width_m
     ),
     "machine.track_width_u_m",

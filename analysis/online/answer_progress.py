@@ -71,7 +71,7 @@ class AnswerProgress:
             return None
         return max(0, min(missing, (self.manoeuvres + missing) // 2 - self.reverse))
 
-    def add(self, mass_kg: float, u_kg: float, speed_m_s: float) -> "AnswerProgress":
+    def add_manoeuvre(self, mass_kg: float, u_kg: float, speed_m_s: float) -> "AnswerProgress":
         """Add a manoeuvre; one with another load starts again.
 
         Args:
@@ -97,22 +97,27 @@ class AnswerProgress:
         )
 
 
-def choose_target_u_kg(body: Body, requested_u_kg: float | None) -> float | None:
+def choose_target_uncertainty_kg(body: Body, requested_u_kg: float | None) -> float | None:
     """Target uncertainty in kg: the given one, or a fraction of the empty mass; None without."""
     if requested_u_kg is not None or body.empty_mass_kg is None:
         return requested_u_kg
     return LIMITS.target_u_1 * body.empty_mass_kg
 
 
-def describe_missing_manoeuvres(missing: int | None, reverse: int | None) -> str:
+def describe_missing_manoeuvres(
+    missing_count: int | None, missing_reverse_count: int | None
+) -> str:
     """Missing manoeuvres in words; empty if none is missing or the number is unknown.
 
     Args:
-        missing: number of missing manoeuvres.
-        reverse: number of them in reverse.
+        missing_count: number of missing manoeuvres.
+        missing_reverse_count: number of them in reverse.
     """
-    if missing is None or reverse is None:
+    if missing_count is None or missing_reverse_count is None:
         return "a start that the gate accepts"
-    parts = [(missing - reverse, "forward"), (reverse, "in reverse")]
+    parts = [
+        (missing_count - missing_reverse_count, "forward"),
+        (missing_reverse_count, "in reverse"),
+    ]
     starts = [f"{n} more start{'s' * (n != 1)} {how}" for n, how in parts if n]
     return " and ".join(starts)

@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.online.answer_progress import AnswerProgress, choose_target_u_kg
+from analysis.online.answer_progress import AnswerProgress, choose_target_uncertainty_kg
 from analysis.online.gate_state import GateRow, convert_cell_to_float
 from analysis.online.growing_log import GrowingLog, make_causal_machine
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
@@ -20,8 +20,8 @@ from analysis.online.online_report import (
     Event,
     OnlineReport,
     PooledEstimate,
-    judge_mass,
-    judge_spin,
+    judge_mass_validity,
+    judge_spin_validity,
 )
 from estimators.estimate import Estimate
 
@@ -63,7 +63,7 @@ class _RowTimeline:
     breaks: list[tuple[int, int]] = field(default_factory=list)
     rows: int = 0
 
-    def add(self, t_ns: int) -> None:
+    def append_row_time(self, t_ns: int) -> None:
         place = round(t_ns / self.step_ns)
         row, last = self.breaks[-1] if self.breaks else (0, -1)
         if not self.breaks or place - last != self.rows - row:
@@ -110,7 +110,7 @@ class Follower:
         self.manoeuvres = 0
         self.spins = 0
         #: of the load that the machine carries now
-        self.progress = AnswerProgress(choose_target_u_kg(machine.machine, until_u_kg))
+        self.progress = AnswerProgress(choose_target_uncertainty_kg(machine.machine, until_u_kg))
         #: since when the machine has moved ahead (speed in m/s) or backwards, the newest last
         self._directions: deque[tuple[int, float]] = deque(maxlen=LIMITS.max_directions)
         self._noise, self._valid_s = noise, valid_s
@@ -137,7 +137,7 @@ class Follower:
             samples: frame with `log_time_ns` (Int64, time of recording), `header_stamp_ns` (Int64,
                 time of measurement, null if unknown) and a column per field of the channels.
         """
-        self.log.take(topic, samples)
+        self.log.append_topic_samples(topic, samples)
 
     def advance(self, *, is_whole: bool = False) -> list[OnlineReport]:
         """Process all rows that the samples so far determine; returns the reports.
@@ -156,26 +156,26 @@ class Follower:
 
     def iter_rows(self, *, is_whole: bool = False) -> Iterator[FollowedRow]:
         """Yield the same rows, each once it is stepped; those that nobody takes are lost."""
-        table = self.log.take_new_rows(is_whole=is_whole)
+        table = self.log.compute_new_excitation_rows(is_whole=is_whole)
         if table is not None:
             yield from map(self._step_row, table.iter_rows(named=True))
         if is_whole and self._state is not None:
             yield from self._finish_rows(self._state)
 
     def _step_row(self, row: Mapping[str, Any]) -> FollowedRow:
-        state, times = self._begin_stages()
+        state, times = self._start_online_state_and_timeline()
         t_ns = int(row["t_ns"])
-        times.add(t_ns)
+        times.append_row_time(t_ns)
         stepped = step(state, row)
         self._state, self.last_gate = stepped.state, stepped.gate
         self._now = t_ns, row["phase"]
-        self._note_direction(t_ns, row)
+        self._note_change_of_driving_direction(t_ns, row)
         estimates = self._time_estimates(stepped.estimates)
         self.newest |= estimates
         spun = self._time_estimates(stepped.spin.estimates) if stepped.spin else {}
         second = t_ns // 1_000_000_000
-        reports = [self._make_report("manoeuvre")] if self._update_mass(estimates) else []
-        reports += [self._make_report("spin")] if self._update_inertia(spun) else []
+        reports = [self._make_report("manoeuvre")] if self._update_last_mass(estimates) else []
+        reports += [self._make_report("spin")] if self._update_last_inertia(spun) else []
         if second > self._second and not reports:
             reports.append(self._make_report("second"))
         self._second = second
@@ -190,14 +190,14 @@ class Follower:
             found = self._time_estimates(late)
             if axis is X:
                 self.newest |= found
-                reports = (self._make_report("manoeuvre"),) if self._update_mass(found) else ()
+                reports = (self._make_report("manoeuvre"),) if self._update_last_mass(found) else ()
                 yield FollowedRow(t_ns, phase, None, found, reports)
             else:
-                reports = (self._make_report("spin"),) if self._update_inertia(found) else ()
+                reports = (self._make_report("spin"),) if self._update_last_inertia(found) else ()
                 yield FollowedRow(t_ns, phase, None, {}, reports, spin_estimates=found)
         yield FollowedRow(t_ns, phase, None, {}, (self._make_report("end"),))
 
-    def _begin_stages(self) -> tuple[OnlineState, _RowTimeline]:
+    def _start_online_state_and_timeline(self) -> tuple[OnlineState, _RowTimeline]:
         if self._state is None or self._times is None:
             basis = self.log.basis
             assert basis is not None, "there are rows"
@@ -206,33 +206,39 @@ class Follower:
         return self._state, self._times
 
     def _time_estimates(
-        self, found: Mapping[str, TimedEstimate]
+        self, estimates: Mapping[str, TimedEstimate]
     ) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None
         return {
-            name: (self._times.find_row_time_ns(row), each) for name, (row, each) in found.items()
+            name: (self._times.find_row_time_ns(row), each)
+            for name, (row, each) in estimates.items()
         }
 
-    def _update_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
+    def _update_last_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
         if "pooled" not in estimates:
             return False
         self.last_mass = last = PooledEstimate(*estimates["pooled"])
         self.manoeuvres += 1
         assert self.log.basis is not None, "there are rows"
-        if judge_mass(last, last.t_ns, self.log.basis.machine.machine, math.inf) == "valid":
+        if (
+            judge_mass_validity(last, last.t_ns, self.log.basis.machine.machine, math.inf)
+            == "valid"
+        ):
             speeds = [speed for since, speed in self._directions if since <= last.t_ns]
             mass_kg, u_kg = float(last.estimate.theta[0]), float(last.estimate.std[0])
-            self.progress = self.progress.add(mass_kg, u_kg, speeds[-1] if speeds else 0.0)
+            self.progress = self.progress.add_manoeuvre(
+                mass_kg, u_kg, speeds[-1] if speeds else 0.0
+            )
         return True
 
-    def _update_inertia(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
+    def _update_last_inertia(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
         if "pooled" not in estimates:
             return False
         self.last_inertia = PooledEstimate(*estimates["pooled"])
         self.spins += 1
         return True
 
-    def _note_direction(self, t_ns: int, row: Mapping[str, Any]) -> None:
+    def _note_change_of_driving_direction(self, t_ns: int, row: Mapping[str, Any]) -> None:
         """Note when the driving direction changes."""
         speed = convert_cell_to_float(row["speed_x_m_s"])
         if row["phase"] in (None, "standstill") or not speed:
@@ -244,9 +250,12 @@ class Follower:
         basis, gate, last = self.log.basis, self.last_gate, self.last_mass
         assert basis is not None
         t_ns, phase = self._now
-        validity = judge_mass(last, t_ns, basis.machine.machine, self._valid_s)
+        validity = judge_mass_validity(last, t_ns, basis.machine.machine, self._valid_s)
         given = last.estimate if last is not None and validity in ("valid", "old") else None
-        spun, spin_validity = self.last_inertia, judge_spin(self.last_inertia, t_ns, self._valid_s)
+        spun, spin_validity = (
+            self.last_inertia,
+            judge_spin_validity(self.last_inertia, t_ns, self._valid_s),
+        )
         turning = spun.estimate if spun and spin_validity in ("valid", "old") else None
         index = gate.mi_nat if gate else math.nan
         progress = self.progress

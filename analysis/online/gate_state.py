@@ -13,14 +13,18 @@ import numpy as np
 from analysis.model.axes import Axis, X, Z
 from analysis.model.schema import PHASES
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import find_slipping_samples, subtract_gravity
+from analysis.stages.gating.gate import mark_slipping_samples, subtract_gravity
 from analysis.stages.gating.gate_rules import (
     UNKNOWN,
-    decide_windows,
-    flag_rows_by_reason,
+    decide_window_acceptance,
+    flag_excluding_rows_by_reason,
     mark_braking_rows,
 )
-from analysis.stages.motion.phases import TURNS, count_speed_rate_rows, sign_of_yaw_rate_change
+from analysis.stages.motion.phases import (
+    TURNS,
+    count_rows_of_speed_rate_span,
+    sign_of_yaw_rate_change,
+)
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, compute_gate_statistics
 from estimators.methods.ls import WindowStatistics
@@ -104,7 +108,7 @@ class GateState:
 def make_initial_gate_state(axis: Axis, settings: Settings) -> GateState:
     """State before the first row."""
     nothing = np.zeros(1, np.bool_)
-    reasons = flag_rows_by_reason(
+    reasons = flag_excluding_rows_by_reason(
         axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate
     )
     return GateState(
@@ -112,12 +116,16 @@ def make_initial_gate_state(axis: Axis, settings: Settings) -> GateState:
         row=-1,
         first_whole=None,
         last=dict.fromkeys(("gap", *reasons), _NEVER),
-        accelerations=(float("nan"),) * count_speed_rate_rows(settings) if axis is X else (),
-        yaw_rates=(float("nan"),) * (count_speed_rate_rows(settings) + 1) if axis is Z else (),
+        accelerations=(float("nan"),) * count_rows_of_speed_rate_span(settings)
+        if axis is X
+        else (),
+        yaw_rates=(float("nan"),) * (count_rows_of_speed_rate_span(settings) + 1)
+        if axis is Z
+        else (),
         known=False,
         kind=None,
         segment_id=-1,
-        braking_lag=count_speed_rate_rows(settings) + settings.smooth.samples
+        braking_lag=count_rows_of_speed_rate_span(settings) + settings.smooth.samples
         if settings.gate.exclude_braking
         else 1,
     )
@@ -139,7 +147,7 @@ def judge_window(
         settings: settings with window, thresholds and rejections.
         noise: (p + 1, p + 1) noise covariance of a row of [A f]; None if unknown.
     """
-    now = append_gate_row(state, window, row, settings)
+    now = append_row_without_decision(state, window, row, settings)
     samples = settings.gate.window_samples
     holds = {why: np.array([now.row - last < samples]) for why, last in now.last.items()}
     complete = now.row >= samples - 1 and not holds["gap"][0]
@@ -153,7 +161,7 @@ def judge_window(
             settings.gate.ksg_neighbours,
         )
 
-    decided = decide_windows(
+    decided = decide_window_acceptance(
         now.axis,
         compute_gate_statistics(window, noise) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
@@ -176,7 +184,7 @@ def judge_window(
     )
 
 
-def append_gate_row(
+def append_row_without_decision(
     state: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
 ) -> GateState:
     """State including this row."""
@@ -194,7 +202,7 @@ def append_gate_row(
     else:
         yaw_rates = (*yaw_rates[1:], convert_cell_to_float(row["yaw_rate_rad_s"]))
         slows = sign_of_yaw_rate_change(np.array(yaw_rates), settings)[-1:] < 0
-    flags = flag_rows_by_reason(axis, phase, sample[-1:], slows, slips, settings.gate)
+    flags = flag_excluding_rows_by_reason(axis, phase, sample[-1:], slows, slips, settings.gate)
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
     if known:
@@ -215,10 +223,10 @@ def append_gate_row(
 
 
 def _is_slipping(
-    row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings
+    row: Mapping[str, Any], recent_accelerations: tuple[float, ...], settings: Settings
 ) -> Bools:
     rate = np.array([convert_cell_to_float(row["speed_rate_x_m_s2"])])
-    return find_slipping_samples(rate, np.array(accelerations), settings)
+    return mark_slipping_samples(rate, np.array(recent_accelerations), settings)
 
 
 def _forward_acceleration(row: Mapping[str, Any]) -> float:
@@ -227,6 +235,6 @@ def _forward_acceleration(row: Mapping[str, Any]) -> float:
     return float(subtract_gravity(measured, pitch)[0])
 
 
-def convert_cell_to_float(value: float | None) -> float:
+def convert_cell_to_float(cell: float | None) -> float:
     """Cell as a float; NaN if missing."""
-    return np.nan if value is None else float(value)
+    return np.nan if cell is None else float(cell)

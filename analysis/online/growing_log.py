@@ -17,16 +17,20 @@ from analysis.model.machine import Machine
 from analysis.model.schema import HINTS
 from analysis.online.online_limits import LIMITS
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.phases import count_speed_rate_rows
+from analysis.stages.motion.phases import count_rows_of_speed_rate_span
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import Origin, align_on_grid, find_grid_origin
+from analysis.stages.signals.align import (
+    Origin,
+    align_known_rows_on_causal_grid,
+    find_origin_of_causal_grid,
+)
 from analysis.stages.signals.derive import derive, read_measured_channels
-from analysis.stages.signals.grid_rate import set_rate_from_log
+from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
     HeldReadings,
-    drop_repeated_rows,
+    drop_rows_with_held_readings,
     find_held_channels,
-    write_held_reading_notes,
+    list_held_reading_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
@@ -104,12 +108,12 @@ class GrowingLog:
         """Number of samples of all topics kept for later rows."""
         return sum(frame.height for frame in self._raw.values())
 
-    def take(self, topic: str, samples: pl.DataFrame) -> None:
+    def append_topic_samples(self, topic: str, samples: pl.DataFrame) -> None:
         """Add samples of a topic: log_time_ns, header_stamp_ns (or null) and its fields."""
         if samples.height:
             self._new.setdefault(topic, []).append(samples)
 
-    def take_new_rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
+    def compute_new_excitation_rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
         """New rows of `excitation` that are determined by now.
 
         Args:
@@ -121,30 +125,30 @@ class GrowingLog:
         if not (self._new or is_whole):
             return None
         try:
-            self._append_samples()
-            if self.basis is None and not self._try_to_find_basis(is_whole=is_whole):
+            self._append_new_samples_to_kept()
+            if self.basis is None and not self._try_to_determine_basis(is_whole=is_whole):
                 return None
-            return self._make_next_rows(is_whole=is_whole)
+            return self._make_next_excitation_rows(is_whole=is_whole)
         except DataError:
             # too few samples, or none that is a number: more may come
             if is_whole and self.basis is None:
                 raise
             return None
 
-    def _append_samples(self) -> None:
+    def _append_new_samples_to_kept(self) -> None:
         """Append the new samples to those kept."""
         for topic, parts in self._new.items():
             frame = concatenate_samples(parts)
             if self.basis is not None:
                 frame = self._add_unix_stamps(topic, frame)
-                self._count_late_samples(frame)
+                self._count_samples_that_came_late(frame)
             parts.clear()
             before = self._raw.get(topic)
             kept = frame if before is None else concatenate_samples([before, frame])
             self._raw[topic] = sort_by_time(kept, "unix_ns" if self.basis else "log_time_ns")
         self._new.clear()
 
-    def _count_late_samples(self, frame: pl.DataFrame) -> None:
+    def _count_samples_that_came_late(self, frame: pl.DataFrame) -> None:
         assert self.basis is not None
         if self._last_t_ns >= 0:
             known = self._last_t_ns + self.basis.t0_unix_ns
@@ -161,7 +165,7 @@ class GrowingLog:
             placed = placed.filter(stamps.is_not_null() & ((stamps != 0) | (behind is not None)))
         return placed
 
-    def _try_to_find_basis(self, *, is_whole: bool) -> bool:
+    def _try_to_determine_basis(self, *, is_whole: bool) -> bool:
         """Determine stamps, rates and the grid's origin once the first seconds are available."""
         if not self._raw.keys() >= set(self.topics):
             if is_whole:
@@ -176,15 +180,15 @@ class GrowingLog:
         placed, labels, _ = assign_timestamps(head)
         read, _ = read_measured_channels(placed, self.machine)
         held = find_held_channels(read)
-        notes = write_held_reading_notes(read, held)
-        read = drop_repeated_rows(read, held)
-        machine, chosen = set_rate_from_log(read, self.machine)
+        notes = list_held_reading_notes(read, held)
+        read = drop_rows_with_held_readings(read, held)
+        machine, chosen = choose_grid_rate_by_log(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
             machine,
             {topic: find_log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
             labels,
-            find_grid_origin(channels, machine),
+            find_origin_of_causal_grid(channels, machine),
             held,
             (*notes, *chosen),
         )
@@ -193,17 +197,19 @@ class GrowingLog:
         }
         return True
 
-    def _make_next_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
+    def _make_next_excitation_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
         assert self.basis is not None
         machine = self.basis.machine
         settings = machine.settings
         read, _ = read_measured_channels(self._raw, machine)
-        channels, _ = derive(drop_repeated_rows(read, self.basis.held), machine)
+        channels, _ = derive(drop_rows_with_held_readings(read, self.basis.held), machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
-        looks_back = settings.smooth.samples + 2 * count_speed_rate_rows(settings) + 2
+        looks_back = settings.smooth.samples + 2 * count_rows_of_speed_rate_span(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
-        aligned = align_on_grid(channels, machine, self.basis.origin, after_ns, is_whole=is_whole)
+        aligned = align_known_rows_on_causal_grid(
+            channels, machine, self.basis.origin, after_ns, is_whole=is_whole
+        )
         if aligned.is_empty() or int(aligned["t_ns"][-1]) <= self._last_t_ns:
             return None
         rows = compute_excitation(smooth(aligned, settings.smooth), machine)
@@ -236,9 +242,9 @@ def concatenate_samples(frames: list[pl.DataFrame]) -> pl.DataFrame:
     return reduce(pl.DataFrame.vstack, frames)
 
 
-def sort_by_time(frame: pl.DataFrame, key: str) -> pl.DataFrame:
+def sort_by_time(frame: pl.DataFrame, time_column: str) -> pl.DataFrame:
     """Sort by a time column, which is mostly sorted already."""
-    return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
+    return frame if frame[time_column].is_sorted() else frame.sort(time_column, maintain_order=True)
 
 
 def cut_topics_to_first_seconds(
@@ -258,12 +264,12 @@ def cut_topics_to_first_seconds(
     return {t: f.filter(f["log_time_ns"] <= max(reached)) for t, f in topics.items()}
 
 
-def find_log_time_offset_ns(frame: pl.DataFrame, label: str) -> int | None:
+def find_log_time_offset_ns(frame: pl.DataFrame, topic: str) -> int | None:
     """Offset subtracted from log times; None if header stamps are used.
 
     Header stamps that scatter are identified by their label: log time is used although they exist.
     """
-    if label == "header":
+    if topic == "header":
         return None
     headers = frame["header_stamp_ns"]
     if headers.null_count() == frame.height or (headers == 0).any():

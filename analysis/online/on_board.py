@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, list_axes_of_columns, list_regressor_columns
+from analysis.model.axes import Axis, list_axes_allowed_by_columns, list_regressor_columns
 from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.settings import Settings
 from analysis.online.gate_state import (
@@ -164,7 +164,7 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
         row: regressors, force, phase and what the settings require; None is missing. With yaw
             torque, rate and acceleration spins are estimated as well.
     """
-    axes = state.axes or _start_axes(state, row)
+    axes = state.axes or _make_initial_axis_states(state, row)
     stepped = [_step_axis(each, row) for each in axes]
     after = OnlineState(state.settings, state.noise, tuple(each for each, _ in stepped))
     _, straight = stepped[0]
@@ -178,11 +178,11 @@ def finish(state: OnlineState) -> Iterator[tuple[Axis, Mapping[str, TimedEstimat
             yield axis_state.axis, found
 
 
-def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, ...]:
+def _make_initial_axis_states(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, ...]:
     settings = state.settings
     window = settings.gate.window_samples
     found: list[AxisState] = []
-    for axis in list_axes_of_columns(row):
+    for axis in list_axes_allowed_by_columns(row):
         parameters = len(list_regressor_columns(axis, settings)) - 1
         found.append(
             AxisState(
@@ -229,10 +229,10 @@ def _finish_axis(state: AxisState) -> Iterator[Mapping[str, TimedEstimate]]:
         state, fed = feed_recursive_methods(state)
         yield fed
     for pending in state.pending:
-        if _begins_next_manoeuvre(state, pending):
+        if _does_sample_begin_next_manoeuvre(state, pending):
             yield _make_pooled_estimates(state)
             state = _start_empty_pool(state)
-        state = pool_sample(state, pending)
+        state = pool_sample_unless_braking(state, pending)
     yield _make_pooled_estimates(state)
 
 
@@ -294,9 +294,9 @@ def pool_settled_samples(
     """Pool samples that braking can no longer exclude; an estimate at a manoeuvre's end."""
     waiting = list(state.pending)
     while waiting and row - waiting[0].row >= state.gate.braking_lag - 1:
-        if _begins_next_manoeuvre(state, waiting[0]):
+        if _does_sample_begin_next_manoeuvre(state, waiting[0]):
             break
-        state = pool_sample(state, waiting.pop(0))
+        state = pool_sample_unless_braking(state, waiting.pop(0))
     state = replace(state, pending=tuple(waiting))
     is_awaited = any(each.segment_id == state.pooled_id for each in waiting)
     if is_manoeuvre_over(state, row) and not is_awaited:
@@ -304,7 +304,7 @@ def pool_settled_samples(
     return state, {}
 
 
-def _begins_next_manoeuvre(state: AxisState, pending_sample: PendingSample) -> bool:
+def _does_sample_begin_next_manoeuvre(state: AxisState, pending_sample: PendingSample) -> bool:
     return state.pool.samples > 0 and pending_sample.segment_id != state.pooled_id
 
 
@@ -327,7 +327,7 @@ def is_manoeuvre_over(state: AxisState, row: int) -> bool:
     return since >= window - 1 or max(refused, state.accepted_row) > last_row
 
 
-def pool_sample(state: AxisState, pending_sample: PendingSample) -> AxisState:
+def pool_sample_unless_braking(state: AxisState, pending_sample: PendingSample) -> AxisState:
     """Pool a sample, unless braking has excluded it."""
     if state.gate.last_braking_row >= pending_sample.row:
         return state

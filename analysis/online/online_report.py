@@ -130,7 +130,7 @@ def _describe_json_type(annotation: Any) -> dict[str, Any]:
     return {"type": kinds if len(kinds) > 1 else kinds[0]}
 
 
-def judge_mass(
+def judge_mass_validity(
     last_estimate: PooledEstimate | None, t_ns: int, body: Body, valid_s: float
 ) -> Validity:
     """Validity of the last mass at a grid time `t_ns`.
@@ -145,15 +145,17 @@ def judge_mass(
     limits = (0.0, math.inf)
     if empty is not None:
         limits = (LIMITS.min_over_empty_1 * empty, LIMITS.max_over_empty_1 * empty)
-    return _judge_estimate_age(last_estimate, t_ns, valid_s, limits)
+    return _judge_validity_by_age(last_estimate, t_ns, valid_s, limits)
 
 
-def judge_spin(last_estimate: PooledEstimate | None, t_ns: int, valid_s: float) -> Validity:
+def judge_spin_validity(
+    last_estimate: PooledEstimate | None, t_ns: int, valid_s: float
+) -> Validity:
     """Validity of the last inertia at a grid time; it only has to be positive and recent."""
-    return _judge_estimate_age(last_estimate, t_ns, valid_s, (0.0, math.inf))
+    return _judge_validity_by_age(last_estimate, t_ns, valid_s, (0.0, math.inf))
 
 
-def _judge_estimate_age(
+def _judge_validity_by_age(
     last_estimate: PooledEstimate | None, t_ns: int, valid_s: float, limits: tuple[float, float]
 ) -> Validity:
     """Validity of the last estimate by its size, uncertainty and age."""

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from typing import Any, Final, Literal, Self, TypeAlias
 
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.run_record import Run
 from analysis.online.online_report import describe_report_fields
 
@@ -101,7 +101,7 @@ class ReplayReport:
         loads = tuple(LoadReport(**load) for load in given.pop("loads"))
         return cls(loads=loads, withheld_by=tuple(given.pop("withheld_by")), **given)
 
-    def at_time(self, unix_ns: int) -> Self:
+    def with_age_at(self, unix_ns: int) -> Self:
         """The same with its age at a later time of the log."""
         return replace(self, age_s=max(0.0, (unix_ns - self.unix_ns) / 1e9))
 
@@ -125,13 +125,13 @@ def make_replay_report_schema() -> dict[str, Any]:
     }
 
 
-def report_replay(run: Run) -> ReplayReport:
+def make_replay_report(run: Run) -> ReplayReport:
     """Report the result of a replay of the log so far, without the time that it took."""
-    found, t_ns = answer(run), run.frames["excitation"]["t_ns"]
+    found, t_ns = make_answer(run), run.frames["excitation"]["t_ns"]
     t0_unix_ns, last_ns = run.provenance.t0_unix_ns, int(t_ns[-1]) if t_ns.len() else 0
     loads = tuple(iter_load_reports(found, t0_unix_ns))
-    turning = find_turning_fit(found.planar)
-    inertia = finite_or_none(turning["inertia_z_kg_m2"]) if turning else None
+    turning = select_fit_with_inertia(found.planar)
+    inertia = replace_nonfinite_by_none(turning["inertia_z_kg_m2"]) if turning else None
     return ReplayReport(
         event="replay",
         unix_ns=t0_unix_ns + last_ns,
@@ -145,15 +145,19 @@ def report_replay(run: Run) -> ReplayReport:
             "none_yet" if turning is None else "withheld" if inertia is None else "valid"
         ),
         inertia_z_kg_m2=inertia,
-        inertia_u_kg_m2=finite_or_none(turning["inertia_z_std_kg_m2"]) if turning else None,
+        inertia_u_kg_m2=replace_nonfinite_by_none(turning["inertia_z_std_kg_m2"])
+        if turning
+        else None,
         fingerprint=found.fingerprint.results if found.fingerprint else "",
     )
 
 
-def find_turning_fit(planar: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+def select_fit_with_inertia(planar: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
     """The fit with an inertia, of joint motion before arcs; without an inertia, the first fit."""
     fits = [row for kind in _FITS_OF_TURNING for row in planar if row["kind"] == kind]
-    has_inertia = (row for row in fits if finite_or_none(row["inertia_z_kg_m2"]) is not None)
+    has_inertia = (
+        row for row in fits if replace_nonfinite_by_none(row["inertia_z_kg_m2"]) is not None
+    )
     return next(has_inertia, fits[0] if fits else None)
 
 
@@ -181,11 +185,12 @@ def iter_load_reports(answer: Answer, t0_unix_ns: int) -> Iterator[LoadReport]:
             withheld_by=row["withheld_for"],
             empty=row["empty"],
             **{
-                name: finite_or_none(value) if is_valid else None for name, value in numbers.items()
+                name: replace_nonfinite_by_none(value) if is_valid else None
+                for name, value in numbers.items()
             },
         )
 
 
-def finite_or_none(value: float | None) -> float | None:
+def replace_nonfinite_by_none(value: float | None) -> float | None:
     """The number, or None where JSON has none for it."""
     return value if value is not None and isfinite(value) else None

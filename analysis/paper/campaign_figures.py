@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import compute_mean_intervals
@@ -60,7 +60,7 @@ def tabulate_masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFra
         rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
         rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
     )  # fmt: skip
-    return calibrate_methods(estimates).join(
+    return fit_calibration_line_by_method(estimates).join(
         errors, ["method", "load_kg"], "left", maintain_order="left"
     )
 

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import polars as pl
 
-from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import compute_mean_intervals, find_keys_of_lowest_error
 from analysis.paper.replayed_campaign import (
@@ -57,7 +57,7 @@ class Table2:
 def fit_calibration_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     """Fit (19) to a campaign; one row per method with `chain`, `alpha_1` and `beta_kg`."""
     return (
-        calibrate_methods(campaign.tabulate_masses_by_method_and_trial())
+        fit_calibration_line_by_method(campaign.tabulate_masses_by_method_and_trial())
         .group_by("method", maintain_order=True)
         .agg(pl.lit(chain).alias("chain"), pl.col("alpha_1", "beta_kg").first())
     )
@@ -88,7 +88,7 @@ def make_table_2(extracts: Extracts) -> Table2:
         for row in table.filter(pl.col("method") == "ls").iter_rows(named=True)
     }
     alpha_1, beta_kg = (
-        printed_numbers.values_by_method(row)["ls"] for row in printed_numbers.TABLE_2.values()
+        printed_numbers.read_values_by_method(row)["ls"] for row in printed_numbers.TABLE_2.values()
     )
     return Table2(
         frame=table,
@@ -218,7 +218,7 @@ def _average_errors_by_setting(
         [
             {setting: at, "method": method, "paper_kg": error}
             for at, row in printed.items()
-            for method, error in printed_numbers.values_by_method(row).items()
+            for method, error in printed_numbers.read_values_by_method(row).items()
         ]
     )
     return (
@@ -231,10 +231,12 @@ def _average_errors_by_setting(
     )
 
 
-def find_best_and_worst_setting(method: str, setting: str, part: pl.DataFrame) -> ErrorExtremes:
+def find_best_and_worst_setting(
+    method: str, setting: str, selected_rows: pl.DataFrame
+) -> ErrorExtremes:
     """The values of a setting with the least and the largest error of a method."""
-    known = dict(part.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
+    known = dict(selected_rows.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
     (best, *_), worst = find_keys_of_lowest_error(known), max(known, key=lambda at: known[at])
-    high = part.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]
+    high = selected_rows.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]
     alike = tuple(at for at, error in known.items() if high is not None and error <= high)
     return ErrorExtremes(method, best, known[best], worst, known[worst], alike, len(known))

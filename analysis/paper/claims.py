@@ -15,7 +15,7 @@ from analysis.calibration.campaign.method_errors import compute_start_errors
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
-from analysis.paper.confidence_intervals import bootstrap_rms_interval, compute_mean_intervals
+from analysis.paper.confidence_intervals import bootstrap_rms_and_interval, compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign, estimate_with_gate
 from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
@@ -183,7 +183,7 @@ class BufferErrors:
     rls_kg: tuple[float, float]
 
 
-def compare_claims(extracts: Extracts) -> Claims:
+def check_claims_by_simulation(extracts: Extracts) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
     means = compute_mean_intervals(
         pl.concat(extracts.list_results_of_extract(CAMPAIGN_ERRORS), how="vertical_relaxed"),
@@ -191,10 +191,10 @@ def compare_claims(extracts: Extracts) -> Claims:
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
     gated = means.filter(pl.col("fed") == "gated")
-    windows = extracts.single_result(TEN_SECONDS).filter(
+    windows = extracts.single_result_of_extract(TEN_SECONDS).filter(
         pl.col("method").is_in(printed_numbers.METHODS)
     )
-    buffer = _make_buffer_rows(
+    buffer = _make_error_and_memory_rows_by_window(
         pl.concat(extracts.list_results_of_extract(OVER_WINDOWS), how="vertical_relaxed")
     )
     rows = [
@@ -204,13 +204,13 @@ def compare_claims(extracts: Extracts) -> Claims:
             for row in gated.iter_rows(named=True)
         ),
         make_claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
-        *(_make_window_row(row) for row in windows.iter_rows(named=True)),
+        *(_make_claim_row_of_window_length(row) for row in windows.iter_rows(named=True)),
         *(
             make_claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
-        *make_cruise_rows(np.array(extracts.list_results_of_extract(CRUISE_ERRORS))),
-        *_make_campaign_rows(means),
+        *make_claim_rows_of_cruises(np.array(extracts.list_results_of_extract(CRUISE_ERRORS))),
+        *_make_claim_rows_of_campaigns(means),
     ]
     frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(
         of_mass_percent=pl.col("found_kg") / printed_numbers.MASS_KG * 100.0,
@@ -227,21 +227,21 @@ def compare_claims(extracts: Extracts) -> Claims:
         frame=frame,
         rms_limit_kg=limit_kg,
         rms_held=bool((rms["found_kg"] < limit_kg).all()),
-        rms_kg=_value_range(rms["found_kg"]),
+        rms_kg=_min_and_max_of_column(rms["found_kg"]),
         constant_percent=constant["of_mass_percent"].item(),
         window_spread_1=spread_1,
         windows_claimed=(spread_1 / printed_numbers.SIMULATION_ERROR[1]) ** 2,
         bias_kg=ls["bias_kg"],
         biased=abs(ls["bias_kg"]) > _NORMAL * ls["bias_std_kg"],
-        experiment_mass_percent=_value_range(experiment["of_mass_percent"]),
-        experiment_range_percent=_value_range(experiment["of_load_range_percent"]),
+        experiment_mass_percent=_min_and_max_of_column(experiment["of_mass_percent"]),
+        experiment_range_percent=_min_and_max_of_column(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
-        saved_by=find_best_rls_remedy(means),
-        buffer=_compare_buffers(frame.filter(pl.col("claim") == "buffer")),
+        saved_by=find_best_remedy_of_rls(means),
+        buffer=_compare_ls_buffer_with_rls(frame.filter(pl.col("claim") == "buffer")),
     )
 
 
-def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
+def _make_error_and_memory_rows_by_window(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     """Errors of OLS and RLS by window length, and the memory of each."""
     means = compute_mean_intervals(
         campaigns.filter(pl.col("method").is_in(["ls", "rls"])),
@@ -259,48 +259,48 @@ def _make_buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     return rows
 
 
-def _compare_buffers(frame: pl.DataFrame) -> BufferErrors:
+def _compare_ls_buffer_with_rls(frame: pl.DataFrame) -> BufferErrors:
     ls, rls = (frame.filter(pl.col("method") == method) for method in ("ls", "rls"))
     beside = ls.join(rls, "window_samples", suffix="_rls", maintain_order="left")
     reaches = pl.min_horizontal("found_kg_low_rls", "found_kg_rls") <= pl.col("found_kg")
     return BufferErrors(
         windows=tuple(beside["window_samples"]),
         as_good=tuple(beside.filter(reaches)["window_samples"]),
-        ls_kg=_value_range(ls["found_kg"]),
-        rls_kg=_value_range(rls["found_kg"]),
+        ls_kg=_min_and_max_of_column(ls["found_kg"]),
+        rls_kg=_min_and_max_of_column(rls["found_kg"]),
     )
 
 
 def make_claim_row(
-    claim: str, sample_kind: str, row: Mapping[str, Any], name: str
+    claim: str, sample_kind: str, means_row: Mapping[str, Any], number_name: str
 ) -> dict[str, Any]:
-    """Row of a finding whose number and interval are in `row` under `name`."""
+    """Row of a finding whose number and interval are in `means_row` under `number_name`."""
     return {
         "claim": claim,
         "of": sample_kind,
-        "method": row.get("method"),
-        "fed": row.get("fed"),
-        "directional": row.get("directional", False),
-        "windows": row.get("trials") if sample_kind == "window" else None,
-        "window_samples": row.get("window_samples"),
-        "buffer_bytes": row.get("buffer_bytes"),
-        "found_kg": row[name],
-        "found_kg_low": row.get(f"{name}_low"),
-        "found_kg_high": row.get(f"{name}_high"),
-        "smaller_percent": row.get("smaller_percent"),
+        "method": means_row.get("method"),
+        "fed": means_row.get("fed"),
+        "directional": means_row.get("directional", False),
+        "windows": means_row.get("trials") if sample_kind == "window" else None,
+        "window_samples": means_row.get("window_samples"),
+        "buffer_bytes": means_row.get("buffer_bytes"),
+        "found_kg": means_row[number_name],
+        "found_kg_low": means_row.get(f"{number_name}_low"),
+        "found_kg_high": means_row.get(f"{number_name}_high"),
+        "smaller_percent": means_row.get("smaller_percent"),
     }
 
 
-def _make_window_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    half = _NORMAL * row["bias_std_kg"]
-    ends = {"bias_kg_low": row["bias_kg"] - half, "bias_kg_high": row["bias_kg"] + half}
-    return make_claim_row("simulation", "window", {**row, **ends}, "bias_kg")
+def _make_claim_row_of_window_length(means_row: Mapping[str, Any]) -> dict[str, Any]:
+    half = _NORMAL * means_row["bias_std_kg"]
+    ends = {"bias_kg_low": means_row["bias_kg"] - half, "bias_kg_high": means_row["bias_kg"] + half}
+    return make_claim_row("simulation", "window", {**means_row, **ends}, "bias_kg")
 
 
-def make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
+def make_claim_rows_of_cruises(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     """Rows of findings from errors (cruises, 4), one column for each of `CRUISE_FED`."""
     rng = np.random.default_rng(0)
-    found = [bootstrap_rms_interval(errors, rng) for errors in errors_kg.T]
+    found = [bootstrap_rms_and_interval(errors, rng) for errors in errors_kg.T]
     ungated_kg = found[0][0]
     return [
         make_claim_row(
@@ -321,7 +321,7 @@ def make_cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     ]
 
 
-def _make_campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
+def _make_claim_rows_of_campaigns(means: pl.DataFrame) -> list[dict[str, Any]]:
     rls = means.filter(pl.col("method") == "rls")
     ungated_kg = rls.filter(pl.col("fed") == "ungated")["rms_left_out_kg"][0]
     rows: list[dict[str, Any]] = []
@@ -340,7 +340,7 @@ def _compute_reduction_percent(error_kg: float, ungated_kg: float) -> float:
     return 100.0 * (1.0 - error_kg / ungated_kg)
 
 
-def find_best_rls_remedy(
+def find_best_remedy_of_rls(
     means: pl.DataFrame,
 ) -> Literal["nothing", "refusing braking", "the index"]:
     """Compare RLS on short starts: gated, without braking, ungated."""
@@ -355,7 +355,7 @@ def find_best_rls_remedy(
     )
 
 
-def _value_range(column: pl.Series) -> tuple[float, float]:
+def _min_and_max_of_column(column: pl.Series) -> tuple[float, float]:
     low, high = column.min(), column.max()
     assert isinstance(low, float)
     assert isinstance(high, float)

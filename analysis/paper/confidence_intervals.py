@@ -1,12 +1,21 @@
 """95 % intervals of means over independent repetitions, and of root mean squares by bootstrap."""
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 
 from analysis.paper.paper_limits import LIMITS
 from estimators.arrays import Floats
+
+
+class RmsInterval(NamedTuple):
+    """Root mean square and the ends of its interval."""
+
+    rms: float
+    low: float
+    high: float
 
 
 def compute_mean_intervals(
@@ -47,7 +56,7 @@ def compute_mean_intervals(
     return pl.DataFrame(columns)
 
 
-def bootstrap_rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float, float]:
+def bootstrap_rms_and_interval(errors: Floats, rng: np.random.Generator) -> RmsInterval:
     """Root mean square of independent errors with its percentile bootstrap interval.
 
     The errors need not share one variance: windows that start at different phases do not.
@@ -62,15 +71,15 @@ def bootstrap_rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[fl
     squares = errors[np.isfinite(errors)] ** 2
     n = squares.size
     if n == 0:
-        return np.nan, np.nan, np.nan
+        return RmsInterval(np.nan, np.nan, np.nan)
     roots = np.sqrt(
         [squares[rng.integers(n, size=n)].mean() for _ in range(LIMITS.bootstrap_resamples)]
     )
     tail = (1.0 - LIMITS.confidence_1) / 2.0
     low, high = np.quantile(roots, [tail, 1.0 - tail])
-    return float(np.sqrt(squares.mean())), float(low), float(high)
+    return RmsInterval(float(np.sqrt(squares.mean())), float(low), float(high))
 
 
-def find_keys_of_lowest_error(errors: Mapping[float, float]) -> list[float]:
+def find_keys_of_lowest_error(errors_by_key: Mapping[float, float]) -> list[float]:
     """Keys of the smallest error, ties included."""
-    return [at for at, error in errors.items() if error == min(errors.values())]
+    return [at for at, error in errors_by_key.items() if error == min(errors_by_key.values())]

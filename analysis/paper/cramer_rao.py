@@ -12,7 +12,7 @@ from analysis.simulation.scenario.scenario import SimulatedSensors
 from estimators.arrays import Floats
 
 
-def equation_noise_std_newtons(
+def compute_equation_noise_std_newtons(
     sensors: SimulatedSensors, mass_kg: float, friction_N_s_m: float
 ) -> float:
     """Standard deviation σ in N of one sample of f - a m - v b, before any moving mean."""
@@ -25,13 +25,13 @@ def equation_noise_std_newtons(
     )
 
 
-def compute_mass_bounds_kg(
+def compute_cramer_rao_mass_bounds_kg(
     noise_N: float, sum_a_squared: Floats, sum_a_v: Floats, sum_v_squared: Floats
 ) -> Floats:
     """Smallest standard deviation of the mass, in kg.
 
     Args:
-        noise_N: σ of a sample (`equation_noise_std_newtons`).
+        noise_N: σ of a sample (`compute_equation_noise_std_newtons`).
         sum_a_squared: (...,) sum of the squared noise-free accelerations of the samples used.
         sum_a_v: (...,) sum of acceleration times speed.
         sum_v_squared: (...,) sum of the squared speeds.

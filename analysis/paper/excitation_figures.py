@@ -100,7 +100,7 @@ def make_figure_3_data(campaign: ReplayedCampaign) -> Figure3:
         frame=series,
         true_mass_kg=truth["mass_kg"],
         rms_kg=compute_rms_error_by_method(series, "mass_kg", "true_mass_kg"),
-        converging=compute_early_and_late_rms_errors(series),
+        converging=compute_converging_and_later_rms_errors(series),
         memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
         window_samples=settings.gate.window_samples,
     )
@@ -186,16 +186,16 @@ def _trace_estimates(
             return tls.trace(A, f, window, complete, tls.TlsOptions(noise[:-1], noise[-1]))
 
 
-def _make_spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.DataFrame:
+def _make_spin_series(method: str, spin_trace: Trace, excitation: pl.DataFrame) -> pl.DataFrame:
     return _select_plotted_rows(
         pl.DataFrame(
             {
-                "t_ns": excitation["t_ns"].to_numpy()[traced.index],
-                "method": [method] * traced.index.size,
-                "inertia_z_kg_m2": traced.theta[:, 0],
-                "inertia_z_std_kg_m2": traced.std[:, 0],
-                "friction_z_N_m_s": traced.theta[:, 1],
-                "friction_z_std_N_m_s": traced.std[:, 1],
+                "t_ns": excitation["t_ns"].to_numpy()[spin_trace.index],
+                "method": [method] * spin_trace.index.size,
+                "inertia_z_kg_m2": spin_trace.theta[:, 0],
+                "inertia_z_std_kg_m2": spin_trace.std[:, 0],
+                "friction_z_N_m_s": spin_trace.theta[:, 1],
+                "friction_z_std_N_m_s": spin_trace.std[:, 1],
             }
         )
     ).drop("t_ns")
@@ -216,7 +216,7 @@ def compute_rms_error_by_method(
     return dict(errors.iter_rows())
 
 
-def compute_early_and_late_rms_errors(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
+def compute_converging_and_later_rms_errors(series: pl.DataFrame) -> dict[str, EarlyAndLateRms]:
     """R.m.s. error of LS and RLS in the first `converging_s`, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,

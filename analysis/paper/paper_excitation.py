@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.paper.cramer_rao import compute_mass_bounds_kg, equation_noise_std_newtons
+from analysis.paper.cramer_rao import (
+    compute_cramer_rao_mass_bounds_kg,
+    compute_equation_noise_std_newtons,
+)
 from analysis.paper.paper_limits import LIMITS
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
@@ -73,15 +76,15 @@ class SteadyDrive:
         return MeasuredWindows(
             A=np.stack(smoothed[:2], -1),
             f=smoothed[2],
-            bound_kg=self._bounds_kg(sensors, true[:, before:]),
-            strict_bound_kg=self._bounds_kg(sensors, true),
+            bound_kg=self._cramer_rao_bounds_kg(sensors, true[:, before:]),
+            strict_bound_kg=self._cramer_rao_bounds_kg(sensors, true),
         )
 
-    def _bounds_kg(self, sensors: SimulatedSensors, true: Floats) -> Floats:
+    def _cramer_rao_bounds_kg(self, sensors: SimulatedSensors, true: Floats) -> Floats:
         a, v = true[..., 0], true[..., 1]
-        noise_N = equation_noise_std_newtons(sensors, self.mass_kg, self.friction_N_s_m)
+        noise_N = compute_equation_noise_std_newtons(sensors, self.mass_kg, self.friction_N_s_m)
         sums = ((x * y).sum(axis=1) for x, y in ((a, a), (a, v), (v, v)))
-        return compute_mass_bounds_kg(noise_N, *sums)
+        return compute_cramer_rao_mass_bounds_kg(noise_N, *sums)
 
 
 def make_waveform_scenario(

@@ -10,12 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_rms_errors, compute_start_errors
+from analysis.calibration.campaign.method_errors import (
+    compute_rms_errors_by_method,
+    compute_start_errors,
+)
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings
-from analysis.paper.cramer_rao import compute_mass_bounds_kg, equation_noise_std_newtons
+from analysis.paper.cramer_rao import (
+    compute_cramer_rao_mass_bounds_kg,
+    compute_equation_noise_std_newtons,
+)
 from analysis.simulation import Scenario
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_in_windows
@@ -87,7 +93,7 @@ def compute_calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
         (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),
     )  # fmt: skip
-    means = compute_rms_errors(calibrate_methods(estimates)).select(
+    means = compute_rms_errors_by_method(fit_calibration_line_by_method(estimates)).select(
         "method", mean_kg="rmse_kg", mean_left_out_kg="rmse_left_out_kg"
     )
     return single.join(means, "method", "left", maintain_order="left")
@@ -115,9 +121,9 @@ def compute_trial_bound_kg(campaign: ReplayedCampaign) -> float:
         .agg(aa=(a * a).sum(), av=(a * v).sum(), vv=(v * v).sum())
     )
     noise_N = [
-        equation_noise_std_newtons(scenario.sensors, row["mass_kg"], row["friction_N_s_m"])
+        compute_equation_noise_std_newtons(scenario.sensors, row["mass_kg"], row["friction_N_s_m"])
         for row in motion.iter_rows(named=True)
     ]
     sums = (motion[name].to_numpy() for name in ("aa", "av", "vv"))
-    bounds_kg = np.array(noise_N) * compute_mass_bounds_kg(1.0, *sums)
+    bounds_kg = np.array(noise_N) * compute_cramer_rao_mass_bounds_kg(1.0, *sums)
     return float(np.sqrt((bounds_kg**2).mean())) if bounds_kg.size else float("nan")

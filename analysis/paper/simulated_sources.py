@@ -85,7 +85,7 @@ class Extracts:
     def __init__(self) -> None:
         self._made: dict[Extract[Any, Any], list[Any]] = {}
 
-    def add(self, extract: Extract[Any, T], result: T) -> None:
+    def add_result_of_extract(self, extract: Extract[Any, T], result: T) -> None:
         """Add the result of an extract from another repetition."""
         self._made.setdefault(extract, []).append(result)
 
@@ -93,7 +93,7 @@ class Extracts:
         """Results of an extract from all repetitions."""
         return self._made[extract]
 
-    def single_result(self, extract: Extract[Any, T]) -> T:
+    def single_result_of_extract(self, extract: Extract[Any, T]) -> T:
         """Result of an extract whose source has a single repetition."""
         (made,) = self._made[extract]
         return made
@@ -106,23 +106,23 @@ class Repetition(NamedTuple):
     take: Callable[[], None]
 
 
-def set_paper_noise(machine: Machine) -> Machine:
+def with_paper_noise(machine: Machine) -> Machine:
     """Machine with the paper's noise instead of the log's."""
     return machine.model_copy(update={"settings": machine.settings.with_changes(PAPER_NOISE)})
 
 
 def plan_repetitions(
-    needs: Iterable[Extract[Any, Any]], study: StudySettings, extracts: Extracts
+    needed_extracts: Iterable[Extract[Any, Any]], study: StudySettings, extracts: Extracts
 ) -> list[Repetition]:
     """Plan every repetition of every needed source.
 
     Args:
-        needs: extracts to make; duplicates are made once.
+        needed_extracts: extracts to make; duplicates are made once.
         study: settings and number of simulations.
         extracts: destination of the results.
     """
     wanted: dict[SimulationSource[Any], list[Extract[Any, Any]]] = {}
-    for extract in dict.fromkeys(needs):
+    for extract in dict.fromkeys(needed_extracts):
         wanted.setdefault(extract.source, []).append(extract)
     planned: list[Repetition] = []
     for source, of_it in wanted.items():
@@ -144,7 +144,7 @@ def _add_repetition(
 ) -> None:
     made = source.make(study, repetition)
     for extract in wanted_extracts:
-        extracts.add(extract, extract.make(made))
+        extracts.add_result_of_extract(extract, extract.make(made))
 
 
 class SteadyStudy(NamedTuple):
@@ -155,7 +155,7 @@ class SteadyStudy(NamedTuple):
     windows: int
 
 
-def _return_log(log: SimulatedLog) -> SimulatedLog:
+def _return_log_as_extract(log: SimulatedLog) -> SimulatedLog:
     return log
 
 
@@ -173,7 +173,9 @@ def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCa
         }
     )
     machine = study.machine.model_copy(update={"settings": settings})
-    return study.replay(study.make_scenario_of_repetition(repetition), machine, _return_log)
+    return study.replay(
+        study.make_scenario_of_repetition(repetition), machine, _return_log_as_extract
+    )
 
 
 def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
@@ -189,27 +191,31 @@ def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> Repl
 
 def _replay_straight_drive(study: StudySettings, _: int) -> ReplayedCampaign:
     driven = make_waveform_scenario(study.scenario, force=ForceWave(), torque=None)
-    return study.replay(driven, study.machine, _return_log)
+    return study.replay(driven, study.machine, _return_log_as_extract)
 
 
 def _replay_spin(study: StudySettings, _: int) -> ReplayedCampaign:
     driven = make_waveform_scenario(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
-    return study.replay(driven, machine, _return_log)
+    return study.replay(driven, machine, _return_log_as_extract)
 
 
 def _replay_start(study: StudySettings, _: int) -> ReplayedCampaign:
-    return study.replay(make_one_start_scenario(study.scenario), study.machine, _return_log)
+    return study.replay(
+        make_scenario_of_one_start(study.scenario), study.machine, _return_log_as_extract
+    )
 
 
 def _replay_cruise(study: StudySettings, repetition: int) -> ReplayedCampaign:
-    short = make_one_start_scenario(study.make_scenario_of_repetition(repetition))
+    short = make_scenario_of_one_start(study.make_scenario_of_repetition(repetition))
     campaign = short.campaign.model_copy(update={"cruise_s": LIMITS.cruise_s})
-    return study.replay(short.model_copy(update={"campaign": campaign}), study.machine, _return_log)
+    return study.replay(
+        short.model_copy(update={"campaign": campaign}), study.machine, _return_log_as_extract
+    )
 
 
-def make_one_start_scenario(scenario: Scenario) -> Scenario:
+def make_scenario_of_one_start(scenario: Scenario) -> Scenario:
     """Scenario with one start and stop without load."""
     campaign = scenario.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})
     return scenario.model_copy(update={"campaign": campaign})

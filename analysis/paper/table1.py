@@ -16,7 +16,11 @@ import numpy as np
 import polars as pl
 
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import bootstrap_rms_interval, find_keys_of_lowest_error
+from analysis.paper.confidence_intervals import (
+    RmsInterval,
+    bootstrap_rms_and_interval,
+    find_keys_of_lowest_error,
+)
 from analysis.paper.paper_excitation import MeasuredWindows, SteadyDrive
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.simulated_sources import OSCILLATION, Extract, Extracts, SteadyStudy
@@ -73,7 +77,9 @@ class Table1:
 
 def make_table_1(extracts: Extracts) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
-    table = pl.concat([extracts.single_result(extract) for extract in AT_LENGTH.values()])
+    table = pl.concat(
+        [extracts.single_result_of_extract(extract) for extract in AT_LENGTH.values()]
+    )
     beside = table.filter(pl.col("paper_kg").is_not_null())
     ours = {
         str(method): find_keys_of_lowest_error(
@@ -83,10 +89,11 @@ def make_table_1(extracts: Extracts) -> Table1:
     }
     long = table.filter((pl.col("window_s") >= LONG_S) & pl.col("method").is_in(["ls", "tls"]))
     over_bound = long["over_bound_1"].to_list()
-    long_rms = find_worst_rms_over_bound(long)
+    long_rms = find_worst_rms_over_bound_and_interval(long)
     forgetting = RlsOptions().forgetting
     noisier = {
-        row["method"]: row for row in extracts.single_result(RAW_UNITS).iter_rows(named=True)
+        row["method"]: row
+        for row in extracts.single_result_of_extract(RAW_UNITS).iter_rows(named=True)
     }
     return Table1(
         frame=table,
@@ -102,7 +109,7 @@ def make_table_1(extracts: Extracts) -> Table1:
         best_s=ours,
         long_over_bound_1=(min(over_bound), max(over_bound)),
         long_rms_1=long_rms,
-        long_reached=has_reached_bound(max(over_bound), long_rms),
+        long_reached=is_cramer_rao_bound_reached(max(over_bound), long_rms),
         forgetting_1=forgetting,
         half_s=log(0.5) / log(forgetting) / SimulatedSensors().rate_hz,
         longest=table.filter(pl.col("method") == "rls").sort("window_s").row(-1, named=True),
@@ -111,7 +118,7 @@ def make_table_1(extracts: Extracts) -> Table1:
     )
 
 
-def find_worst_rms_over_bound(long_window_errors: pl.DataFrame) -> tuple[float, float, float]:
+def find_worst_rms_over_bound_and_interval(long_window_errors: pl.DataFrame) -> RmsInterval:
     """R.m.s. of the errors over their bounds, of the worse method, with its χ² interval."""
     from scipy.stats import chi2
 
@@ -121,10 +128,10 @@ def find_worst_rms_over_bound(long_window_errors: pl.DataFrame) -> tuple[float, 
     square, windows = by_method.sort("square").select("square", "windows").row(-1)
     tail = (1.0 - LIMITS.confidence_1) / 2.0
     low, high = (square * windows / chi2.ppf(share, windows) for share in (1.0 - tail, tail))
-    return square**0.5, float(low) ** 0.5, float(high) ** 0.5
+    return RmsInterval(square**0.5, float(low) ** 0.5, float(high) ** 0.5)
 
 
-def has_reached_bound(
+def is_cramer_rao_bound_reached(
     largest_ratio: float, rms_interval_1: tuple[float, float, float]
 ) -> bool | None:
     """Whether the bound is reached; None if the interval leaves it open."""
@@ -167,9 +174,9 @@ def compute_errors_by_window_length(
         bound_kg, strict_kg, errors = compute_bounds_and_errors_kg(
             drive, sensors, window_s, smooth_samples, windows, methods, rng
         )
-        printed = printed_numbers.values_by_method(printed_numbers.TABLE_1_KG.get(window_s))
+        printed = printed_numbers.read_values_by_method(printed_numbers.TABLE_1_KG.get(window_s))
         for method, error in errors.items():
-            rmse, low, high = bootstrap_rms_interval(error, rng)
+            rmse, low, high = bootstrap_rms_and_interval(error, rng)
             known = error[np.isfinite(error)]
             rows.append(
                 {
@@ -263,7 +270,7 @@ def _compute_errors_at_length(study: SteadyStudy, window_s: float) -> pl.DataFra
     )
 
 
-def _study_raw_units(study: SteadyStudy) -> pl.DataFrame:
+def _compute_raw_unit_errors_of_study(study: SteadyStudy) -> pl.DataFrame:
     return compute_errors_in_raw_units(study.drive, study.sensors, study.windows)
 
 
@@ -272,4 +279,4 @@ AT_LENGTH: Final = {
     window_s: Extract(OSCILLATION, partial(_compute_errors_at_length, window_s=window_s))
     for window_s in printed_numbers.TABLE_1_KG
 }
-RAW_UNITS: Final = Extract(OSCILLATION, _study_raw_units)
+RAW_UNITS: Final = Extract(OSCILLATION, _compute_raw_unit_errors_of_study)

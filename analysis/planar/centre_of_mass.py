@@ -17,13 +17,13 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import unknown_scale_source_names
+from analysis.model.uncertainty_sources import list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import (
     combine_standard_uncertainty,
     compute_quantity_gradient,
     list_uncertainty_sources,
-    make_budget_rows,
+    make_planar_budget_rows,
 )
 from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_motion import make_planar_drive
@@ -35,7 +35,7 @@ from analysis.planar.planar_samples import (
 )
 from analysis.planar.planar_terms import TERMS, select_terms_of_drive
 from analysis.stages.estimation import fit_quality
-from analysis.stages.gating.gate import mark_samples_to_pool
+from analysis.stages.gating.gate import mark_samples_for_pooling
 from analysis.stages.gating.segments import number_manoeuvres
 from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
@@ -104,7 +104,7 @@ def make_planar_frames(
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
     parts = (
-        make_budget_rows(joint[0], joint[1].estimate, joint[1].response_names, machine)
+        make_planar_budget_rows(joint[0], joint[1].estimate, joint[1].response_names, machine)
         if joint
         else []
     )
@@ -114,12 +114,12 @@ def make_planar_frames(
 
 
 def fit_arcs(
-    log: PlanarLog, gated: pl.DataFrame, verdict: Verdict, start: Floats
+    drive: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial: Floats
 ) -> Iterator[dict[str, Any]]:
     """Each arc that lasts a window, and all of them as one fit."""
-    plane, settings = log.plane, log.machine.settings
-    steady = plane.usable & (log.excitation["phase"] == "arc").fill_null(False).to_numpy()
-    arc_id = np.where(steady, number_manoeuvres(log.excitation, settings), -1)
+    plane, settings = drive.plane, drive.machine.settings
+    steady = plane.usable & (drive.excitation["phase"] == "arc").fill_null(False).to_numpy()
+    arc_id = np.where(steady, number_manoeuvres(drive.excitation, settings), -1)
     ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
     lasting = counts >= settings.gate.window_samples
     if not lasting.any():
@@ -130,7 +130,9 @@ def fit_arcs(
     known = Prior.make_zero_mean({}, 2)
     for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_estimate_inertia), strict=True):
         if told:
-            known = known.combine_with(make_prior_from_axis(log, gated, start, *stage))
+            known = known.combine_with_prior(
+                make_arc_prior_from_axis(drive, gated, initial, *stage)
+            )
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known.names
     parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
@@ -139,17 +141,17 @@ def fit_arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = fit_planar_iteratively(log, of, start, known, _BOTH if both else _FORCE)
-        row = _make_fit_row(kind, log, of >= 0, fitted, known.names)
+        fitted = fit_planar_iteratively(drive, of, initial, known, _BOTH if both else _FORCE)
+        row = _make_fit_row(kind, drive, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _withhold_undetermined(row, reason, withheld=not verdict.can_weigh)
+        yield _withhold_fit_row(row, reason, withheld=not verdict.can_weigh)
 
 
-def make_prior_from_axis(
+def make_arc_prior_from_axis(
     log: PlanarLog,
     gated: pl.DataFrame,
     start: Floats,
@@ -161,7 +163,7 @@ def make_prior_from_axis(
     nothing = Prior.make_zero_mean({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
-    used = mark_samples_to_pool(log.excitation, gated, log.machine.settings, axis)
+    used = mark_samples_for_pooling(log.excitation, gated, log.machine.settings, axis)
     used &= log.plane.known
     if not used.any():
         return nothing
@@ -170,17 +172,21 @@ def make_prior_from_axis(
     ).estimate
     if not np.isfinite(fitted.theta).all():
         return nothing
-    own = [n for n, name in enumerate(fitted.parameters) if occurs_on_one_axis_only(name, axis)]
+    own = [
+        n
+        for n, name in enumerate(fitted.parameters)
+        if does_parameter_occur_on_one_axis(name, axis)
+    ]
     mean = np.zeros((2, len(own)))
     mean[rows] = fitted.by_axis[:, own]
     names = tuple(fitted.parameters[n] for n in own)
     return Prior(names, mean, fitted.covariance[np.ix_(own, own)])
 
 
-def occurs_on_one_axis_only(name: str, axis: Axis) -> bool:
+def does_parameter_occur_on_one_axis(parameter_name: str, axis: Axis) -> bool:
     """Whether a parameter or term occurs in the equation of one axis only."""
-    return name in PARAMETERS or any(
-        term.name == name and term.axes == axis.letter for term in TERMS
+    return parameter_name in PARAMETERS or any(
+        term.name == parameter_name and term.axes == axis.letter for term in TERMS
     )
 
 
@@ -205,15 +211,15 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
     believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.has_failed_by_number
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
-    return _withhold_undetermined(row, reason, withheld=not believed), fitted
+    return _withhold_fit_row(row, reason, withheld=not believed), fitted
 
 
 def is_fit_plausible(
-    samples: PlanarSamples, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
+    samples: PlanarSamples, estimate: BaseEstimate, fit_row: Mapping[str, Any], settings: Settings
 ) -> bool:
     """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
     limits = settings.verdict
-    explained = min(row["r_squared_x_1"], row["r_squared_z_1"])
+    explained = min(fit_row["r_squared_x_1"], fit_row["r_squared_z_1"])
     # of a mass and an inertia; those that the motion does not determine are not told anyway
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.std[:2][told]
@@ -285,7 +291,7 @@ def fit_planar_once(
     regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
     noise = compute_planar_column_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
-    prior = restrict_prior_to_rows(known_prior, rows, names).combine_with(
+    prior = restrict_prior_to_rows(known_prior, rows, names).combine_with_prior(
         Prior.make_zero_mean(width, noise.shape[0])
     )
     fitted = base_parameters.fit(
@@ -295,19 +301,19 @@ def fit_planar_once(
         np.ascontiguousarray(segment_id[part]),
         prior,
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
-        regressor.noise_loading,
+        regressor.column_noise_mixing,
     )
     names = prior.names
     for term, _ in terms:
         if term.least_u and term.name in width:
-            fitted = fitted.add_parameter_uncertainty(term.name, term.least_u)
+            fitted = fitted.with_parameter_uncertainty(term.name, term.least_u)
             names = (*names, term.name)
     return PlanarFit(fitted, names)
 
 
-def restrict_prior_to_rows(prior: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
+def restrict_prior_to_rows(prior: Prior, rows: slice, term_names: tuple[str, ...]) -> Prior:
     """The part of a prior that a fit of these rows has parameters of."""
-    own = [n for n, name in enumerate(prior.names) if name in names]
+    own = [n for n, name in enumerate(prior.names) if name in term_names]
     return Prior(
         tuple(prior.names[n] for n in own),
         prior.mean[rows][:, own],
@@ -316,19 +322,23 @@ def restrict_prior_to_rows(prior: Prior, rows: slice, names: tuple[str, ...]) ->
 
 
 def _make_fit_row(
-    kind: str, log: PlanarLog, used: Bools, fitted: PlanarFit, known: tuple[str, ...]
+    motion_kind: str,
+    log: PlanarLog,
+    used_samples: Bools,
+    fitted: PlanarFit,
+    known_names: tuple[str, ...],
 ) -> dict[str, Any]:
     """Make the row of a fit, by column."""
     estimate, plane = fitted.estimate, log.plane
     found = estimate.identifiability
-    t_ns = plane.t_ns[used]
+    t_ns = plane.t_ns[used_samples]
     row: dict[str, Any] = {
-        "kind": kind,
+        "kind": motion_kind,
         "start_t_ns": int(t_ns[0]),
         "end_t_ns": int(t_ns[-1]),
         "samples": int(t_ns.size),
-        "speed_x_m_s": float(plane.motion.speed[used].mean()),
-        "yaw_rate_rad_s": float(plane.motion.yaw_rate[used].mean()),
+        "speed_x_m_s": float(plane.motion.speed[used_samples].mean()),
+        "yaw_rate_rad_s": float(plane.motion.yaw_rate[used_samples].mean()),
         "condition_1": found.condition,
         "rank": found.rank,
         "identifiable": ", ".join(
@@ -343,21 +353,23 @@ def _make_fit_row(
         return combine_standard_uncertainty(estimate, gradient, fitted.response_names, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
-        if name in PARAMETERS and name not in known:
+        if name in PARAMETERS and name not in known_names:
             row[name], row[_COLUMNS[name]] = (
                 float(value),
                 u_of(compute_quantity_gradient(estimate, name)),
             )
     for axis, moment in zip("xy", MOMENTS, strict=True):
-        value, gradient = estimate.slope(moment, "mass_kg")
+        value, gradient = estimate.ratio_and_gradient(moment, "mass_kg")
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = describe_missing_settings(
+    row["scale_unknown"] = list_missing_settings_text(
         fitted, [compute_quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
-    row["com_scale_unknown"] = describe_missing_settings(
-        fitted, [estimate.slope(moment, "mass_kg")[1] for moment in MOMENTS], log.machine
+    row["com_scale_unknown"] = list_missing_settings_text(
+        fitted,
+        [estimate.ratio_and_gradient(moment, "mass_kg")[1] for moment in MOMENTS],
+        log.machine,
     )
     for name, rms in zip(
         ("residual_rms_N", "residual_rms_N_m"), estimate.residual_rms, strict=False
@@ -366,20 +378,20 @@ def _make_fit_row(
     return row
 
 
-def describe_missing_settings(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
+def list_missing_settings_text(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [
         list_uncertainty_sources(fitted.estimate, g, fitted.response_names, machine) for g in told
     ]
-    names = (name for found in each for name in unknown_scale_source_names(found))
+    names = (name for found in each for name in list_scale_sources_without_u(found))
     return ", ".join(dict.fromkeys(names))
 
 
-def _withhold_undetermined(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+def _withhold_fit_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
-    row = {**row, "reason": reason, "withheld": withheld}
+    fit_row = {**fit_row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":
         hidden = {*_COLUMNS, *_COLUMNS.values(), *_COM, *_UNKNOWN}
-        row = {name: None if name in hidden else value for name, value in row.items()}
-    return row
+        fit_row = {name: None if name in hidden else value for name, value in fit_row.items()}
+    return fit_row

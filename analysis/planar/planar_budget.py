@@ -13,7 +13,7 @@ from analysis.model.uncertainty_sources import (
     UncertaintySource,
     combine_u,
     has_torque_of_sides,
-    sort_largest_first,
+    sort_sources_largest_first,
 )
 from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_terms import TERMS
@@ -34,9 +34,9 @@ _QUANTITIES: Final = {
 }
 
 
-def compute_quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
+def compute_quantity_gradient(estimate: BaseEstimate, quantity: str) -> Floats:
     """Gradient (p,) of a parameter or quantity by the parameters."""
-    return np.array([float(each == name) for each in estimate.parameters])
+    return np.array([float(each == quantity) for each in estimate.parameters])
 
 
 def list_uncertainty_sources(
@@ -70,7 +70,7 @@ def list_uncertainty_sources(
             found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
-    return sort_largest_first(
+    return sort_sources_largest_first(
         [*found, *iter_machine_uncertainty_sources(estimate, gradient, stated, machine)]
     )
 
@@ -122,26 +122,26 @@ def combine_standard_uncertainty(
     return combine_u(list_uncertainty_sources(estimate, gradient, terms, machine))
 
 
-def make_budget_rows(
-    row: Mapping[str, Any], estimate: BaseEstimate, terms: tuple[str, ...], machine: Machine
+def make_planar_budget_rows(
+    fit_row: Mapping[str, Any], estimate: BaseEstimate, terms: tuple[str, ...], machine: Machine
 ) -> list[dict[str, Any]]:
     """Rows on the sources of uncertainty of each quantity that all motion determines.
 
     Args:
-        row: the fit of all motion in `planar`.
+        fit_row: the fit of all motion in `planar`.
         estimate: the fit.
         terms: as `list_uncertainty_sources` takes them.
         machine: machine file with its uncertainties.
     """
     parts: list[dict[str, Any]] = []
     for quantity, unit in _QUANTITIES.items():
-        if row.get(quantity) is None or not np.isfinite(row[quantity]):
+        if fit_row.get(quantity) is None or not np.isfinite(fit_row[quantity]):
             continue
         if quantity in PARAMETERS:
             gradient = compute_quantity_gradient(estimate, quantity)
         else:
             moment = MOMENTS["xy".index(quantity[4])]
-            gradient = estimate.slope(moment, "mass_kg")[1]
+            gradient = estimate.ratio_and_gradient(moment, "mass_kg")[1]
         found = list_uncertainty_sources(estimate, gradient, terms, machine)
         total = combine_u(found)
         parts += [

@@ -112,25 +112,27 @@ class PlanarDrive:
         """Weight of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 
-    def _read_term_coefficient(self, name: str) -> float:
-        return float(self.coefficients[_AT[name]])
+    def _read_term_coefficient(self, term_name: str) -> float:
+        return float(self.coefficients[_AT[term_name]])
 
-    def cut(self, part: slice) -> "PlanarDrive":
+    def cut(self, sample_slice: slice) -> "PlanarDrive":
         """Cut the drive to a slice of samples."""
-        return replace(self, plane=self.plane.cut(part), term_inputs=self.term_inputs[:, part])
+        return replace(
+            self, plane=self.plane.cut(sample_slice), term_inputs=self.term_inputs[:, sample_slice]
+        )
 
-    def turning_samples(self, part: slice) -> TurningSamples:
+    def compute_turning_samples(self, sample_slice: slice) -> TurningSamples:
         """Samples of a slice."""
         moved = self.plane.motion
         return TurningSamples(
-            moved.specific_force_x[part],
-            moved.specific_force_y[part],
-            moved.speed[part],
-            moved.yaw_rate[part],
-            moved.yaw_acceleration[part],
-            *self.plane.f[part].T,
-            *self.term_inputs[:, part],
-            one=np.ones(moved.speed[part].size),
+            moved.specific_force_x[sample_slice],
+            moved.specific_force_y[sample_slice],
+            moved.speed[sample_slice],
+            moved.yaw_rate[sample_slice],
+            moved.yaw_acceleration[sample_slice],
+            *self.plane.f[sample_slice].T,
+            *self.term_inputs[:, sample_slice],
+            one=np.ones(moved.speed[sample_slice].size),
             drive=self,
         )
 
@@ -192,11 +194,11 @@ def make_planar_drive(
         machine,
         coefficients,
         np.nan_to_num(term_inputs),
-        find_robust_maximum(samples.f[:, 0], used),
-        find_robust_maximum(samples.f[:, 1], turns),
-        find_robust_maximum(motion.speed, used),
-        find_robust_maximum(motion.yaw_rate, turns),
-        find_robust_maximum(motion.specific_force_y, turns),
+        estimate_robust_maximum(samples.f[:, 0], used),
+        estimate_robust_maximum(samples.f[:, 1], turns),
+        estimate_robust_maximum(motion.speed, used),
+        estimate_robust_maximum(motion.yaw_rate, turns),
+        estimate_robust_maximum(motion.specific_force_y, turns),
     )
 
 
@@ -205,7 +207,7 @@ def read_half_track_m(machine: Machine) -> float:
     return (machine.machine.track_width_m or 2.0) / 2.0
 
 
-def find_robust_maximum(values: Floats, is_used: Bools) -> float:
+def estimate_robust_maximum(values: Floats, is_used: Bools) -> float:
     """Maximum without outliers; a small positive number if there is none."""
     found = (
         float(np.quantile(np.abs(values[is_used]), LIMITS.reached_quantile))

@@ -54,7 +54,7 @@ class Regressor:
     def __getitem__(self, part: slice) -> Floats:
         """Regressor of a slice of samples, (m, rows, columns)."""
         plain = self.drive.plane.motion[part]
-        motion = self.drive.turning_samples(part)
+        motion = self.drive.compute_turning_samples(part)
         more = np.einsum("nkc,kct->nkt", plain, self.mixtures)
         for number, term in enumerate(self.terms):
             for axis, column in enumerate(term.columns(motion)):
@@ -63,11 +63,11 @@ class Regressor:
         return np.concatenate([plain[..., self.columns], more], axis=-1)[:, self.axes]
 
     @property
-    def noise_loading(self) -> Floats:
+    def column_noise_mixing(self) -> Floats:
         """(rows, p, p) loading of each column on the noise of each, see `base_parameters.fit`."""
         size, own = self.shape[-1], self.columns.size
         found = np.tile(np.eye(size), (2, 1, 1))
-        found[:, :own, :own] = of_columns = self._noise_loading_of_columns()
+        found[:, :own, :own] = of_columns = self._mixing_of_selected_columns()
         found[:, own:, :own] = self.mixtures[:, self.columns].transpose(0, 2, 1) @ of_columns
         return found[self.axes]
 
@@ -81,13 +81,13 @@ class Regressor:
             return 0.0, 0.0
         return self.drive.machine.machine.imu.position_m[:2]
 
-    def _noise_loading_of_columns(self) -> Floats:
+    def _mixing_of_selected_columns(self) -> Floats:
         """Loading (2, c, c) of the selected columns on the noise of each other."""
         found = np.tile(np.eye(self.columns.size), (2, 1, 1))
         x_m, y_m = self.imu_position_m
         if x_m or y_m:
             mass, inertia, moment_x, moment_y, *_ = range(len(PARAMETERS))
-            # `transfer_to_origin` adds ω² x + ω̇ y to s_x, and ω² y - ω̇ x to s_y
+            # `transfer_acceleration_to_origin` adds ω² x + ω̇ y to s_x, and ω² y - ω̇ x to s_y
             found[0, mass, [moment_x, moment_y]] = -x_m, -y_m
             found[1, moment_y, inertia] = -y_m
             if has_lateral_accelerometer(self.drive.machine):

@@ -7,12 +7,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.axes import Z, list_available_axes
+from analysis.model.axes import Z, list_axes_allowed_by_channels
 from analysis.model.schema import column_values
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import mark_possible_braking
 from analysis.stages.motion.phases import TURNS, sign_of_speed_change, sign_of_yaw_rate_change
-from analysis.stages.noise.column_noise import compute_stds_after_moving_mean
+from analysis.stages.noise.column_noise import compute_column_stds_after_moving_mean
 from estimators.arrays import Bools, Floats
 from estimators.planar import planar_rows
 
@@ -47,17 +47,17 @@ class PlanarSamples:
     has_torque: bool
     noise: Mapping[str, float]
 
-    def cut(self, part: slice) -> "PlanarSamples":
+    def cut(self, sample_slice: slice) -> "PlanarSamples":
         """Slice of the samples, sharing their memory."""
         return PlanarSamples(
-            t_ns=self.t_ns[part],
-            motion=self.motion.slice_samples(part),
-            f=self.f[part],
-            known=self.known[part],
-            usable=self.usable[part],
-            moving=self.moving[part],
-            turning=self.turning[part],
-            pace=self.pace[part],
+            t_ns=self.t_ns[sample_slice],
+            motion=self.motion.slice_samples(sample_slice),
+            f=self.f[sample_slice],
+            known=self.known[sample_slice],
+            usable=self.usable[sample_slice],
+            moving=self.moving[sample_slice],
+            turning=self.turning[sample_slice],
+            pace=self.pace[sample_slice],
             has_torque=self.has_torque,
             noise=self.noise,
         )
@@ -67,7 +67,7 @@ def collect_planar_samples(
     excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
 ) -> PlanarSamples:
     """Collect the samples for the planar fits."""
-    n, has_torque = excitation.height, Z in list_available_axes(excitation)
+    n, has_torque = excitation.height, Z in list_axes_allowed_by_channels(excitation)
     phase = excitation["phase"]
     speed = column_values(excitation, "speed_x_m_s")
     yaw_rate = column_values(excitation, "yaw_rate_rad_s")
@@ -95,7 +95,7 @@ def collect_planar_samples(
         stands = (phase == "standstill").fill_null(True).to_numpy()
         speeds_up = ((along > 0) | (about > 0)) & ~slows
         usable = known & ~mark_possible_braking(slows, settings)
-        usable &= ~mark_ends_of_stops(slows, speeds_up, stands)
+        usable &= ~mark_samples_between_braking_and_stand(slows, speeds_up, stands)
     return PlanarSamples(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
@@ -106,11 +106,13 @@ def collect_planar_samples(
         turning=turning,
         pace=along,
         has_torque=has_torque,
-        noise=compute_stds_after_moving_mean(settings, noise),
+        noise=compute_column_stds_after_moving_mean(settings, noise),
     )
 
 
-def mark_ends_of_stops(is_slowing: Bools, is_speeding_up: Bools, is_standing: Bools) -> Bools:
+def mark_samples_between_braking_and_stand(
+    is_slowing: Bools, is_speeding_up: Bools, is_standing: Bools
+) -> Bools:
     """Samples between braking and the following stand, (n,).
 
     Unmeasured brakes still act there, too gently to be classified as braking.

@@ -85,32 +85,32 @@ def _has_unknown_slope(machine: Machine) -> bool:
     return has_unmeasured_slope(machine) or _has_unmeasured_lateral_slope(machine)
 
 
-def make_unmeasured_gravity_columns(m: TurningSamples, along: Floats, across: Floats) -> Columns:
+def make_unmeasured_gravity_columns(turn: TurningSamples, along: Floats, across: Floats) -> Columns:
     """Force of an unmeasured gravity component (along, across) the machine."""
-    x = along if has_unmeasured_slope(m.drive.machine) else 0.0 * along
-    y = across if _has_unmeasured_lateral_slope(m.drive.machine) else 0.0 * across
-    return (m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x)
+    x = along if has_unmeasured_slope(turn.drive.machine) else 0.0 * along
+    y = across if _has_unmeasured_lateral_slope(turn.drive.machine) else 0.0 * across
+    return (turn.drive.mass_kg * x, turn.drive.moment_x_kg_m * y - turn.drive.moment_y_kg_m * x)
 
 
-def _make_slip_columns(m: TurningSamples) -> Columns:
+def _make_slip_columns(turn: TurningSamples) -> Columns:
     """Columns of longitudinal slip in both equations."""
-    slips = np.abs(m.speed) * np.abs(m.force)
-    sideways = None
-    if not has_lateral_accelerometer(m.drive.machine) and m.drive.mass_kg:
-        sideways = -m.drive.moment_x_kg_m / m.drive.mass_kg * m.yaw_rate * np.sign(m.speed) * slips
-    along = -m.slip_rate if not has_forward_accelerometer(m.drive.machine) else None
+    slip = np.abs(turn.speed) * np.abs(turn.force)
+    drive, sideways = turn.drive, None
+    if not has_lateral_accelerometer(drive.machine) and drive.mass_kg:
+        sideways = -drive.moment_x_kg_m / drive.mass_kg * turn.yaw_rate * np.sign(turn.speed) * slip
+    along = -turn.slip_rate if not has_forward_accelerometer(drive.machine) else None
     return along, sideways
 
 
-def _make_gyro_bias_columns(m: TurningSamples) -> Columns:
-    sideways = 0.0 if has_lateral_accelerometer(m.drive.machine) else m.drive.moment_x_kg_m
+def _make_gyro_bias_columns(turn: TurningSamples) -> Columns:
+    sideways = 0.0 if has_lateral_accelerometer(turn.drive.machine) else turn.drive.moment_x_kg_m
     return (
-        -2.0 * m.drive.moment_x_kg_m * m.yaw_rate,
-        sideways * m.speed + m.drive.turning_friction,
+        -2.0 * turn.drive.moment_x_kg_m * turn.yaw_rate,
+        sideways * turn.speed + turn.drive.turning_friction,
     )
 
 
-def _make_gyro_gain_mixture(drive: PlanarDrive) -> Mixture:
+def _mix_columns_by_gyro_gain_error(drive: PlanarDrive) -> Mixture:
     """How an error of the gyroscope's gain mixes the parameters."""
     sideways = 0.0 if has_lateral_accelerometer(drive.machine) else drive.moment_x_kg_m
     turned = {
@@ -121,34 +121,34 @@ def _make_gyro_gain_mixture(drive: PlanarDrive) -> Mixture:
     return {_MOMENT_X: 2.0 * drive.moment_x_kg_m, _MOMENT_Y: drive.moment_y_kg_m}, turned
 
 
-def _make_accelerometer_gain_mixture(drive: PlanarDrive) -> Mixture:
+def _mix_columns_by_accelerometer_gain_error(drive: PlanarDrive) -> Mixture:
     sideways = drive.moment_x_kg_m if has_lateral_accelerometer(drive.machine) else 0.0
     return {_MASS: drive.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: drive.moment_y_kg_m}
 
 
-def make_turning_torque_columns(m: TurningSamples, moment_kg_m: float) -> Columns:
+def make_turning_torque_columns(turn: TurningSamples, moment_kg_m: float) -> Columns:
     """Yaw torque of an acceleration ω² per metre, which the six columns lack."""
-    return None, moment_kg_m * m.yaw_rate**2
+    return None, moment_kg_m * turn.yaw_rate**2
 
 
-def _make_lateral_arm_mixture(drive: PlanarDrive) -> Mixture:
+def _mix_columns_by_lateral_force_arm(drive: PlanarDrive) -> Mixture:
     """How an unknown arm of the sideways force mixes the parameters."""
     # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
     return {}, {_MOMENT_X: drive.mass_kg, _INERTIA: drive.moment_x_kg_m}
 
 
-def _make_imu_x_mixture(drive: PlanarDrive) -> Mixture:
+def _mix_columns_by_imu_x_error(drive: PlanarDrive) -> Mixture:
     """How an error of the IMU's position ahead mixes the parameters."""
     sideways = drive.moment_x_kg_m if has_lateral_accelerometer(drive.machine) else 0.0
     return {_MOMENT_X: -drive.mass_kg}, {_INERTIA: -sideways}
 
 
-def _make_imu_y_mixture(drive: PlanarDrive) -> Mixture:
+def _mix_columns_by_imu_y_error(drive: PlanarDrive) -> Mixture:
     """How an error of the IMU's position to the left mixes the parameters."""
     return {_MOMENT_Y: -drive.mass_kg}, {_INERTIA: -drive.moment_y_kg_m}
 
 
-def _coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
+def _planar_coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
     return friction_force_prior_std(drive.peak_force_N, drive.machine_weight, priors)
 
 
@@ -169,7 +169,7 @@ TERMS: Final = (
     Term(
         "direction",
         lambda m: (m.direction_x, None),
-        _coulomb_prior_std,
+        _planar_coulomb_prior_std,
         "Coulomb friction and rolling resistance",
         "driving both ways, and starts at different throttles",
         "x",
@@ -178,7 +178,7 @@ TERMS: Final = (
         # of wheels that roll against each other rolling resistance is no force, of a drive it is
         "direction_spinning",
         lambda m: (m.direction_x_spinning, None),
-        _coulomb_prior_std,
+        _planar_coulomb_prior_std,
         "longitudinal Coulomb friction in a spin, where left and right wheels turn opposite ways",
         "spins about the origin",
         "x",
@@ -264,7 +264,7 @@ TERMS: Final = (
         "an accelerometer whose position is known: the force then determines the centre of mass "
         "alone",
         "z",
-        mixture=_make_lateral_arm_mixture,
+        mixture=_mix_columns_by_lateral_force_arm,
     ),
     Term(
         "turning_drift",
@@ -341,7 +341,7 @@ TERMS: Final = (
         "an accelerometer that is calibrated",
         "xz",
         has_forward_accelerometer,
-        mixture=_make_accelerometer_gain_mixture,
+        mixture=_mix_columns_by_accelerometer_gain_error,
     ),
     Term(
         "yaw_rate_bias",
@@ -358,7 +358,7 @@ TERMS: Final = (
         "gain of the gyroscope",
         "turning a known angle",
         "xz",
-        mixture=_make_gyro_gain_mixture,
+        mixture=_mix_columns_by_gyro_gain_error,
     ),
     Term(
         f"{IMU_POSITION.name}_x",
@@ -370,7 +370,7 @@ TERMS: Final = (
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        mixture=_make_imu_x_mixture,
+        mixture=_mix_columns_by_imu_x_error,
     ),
     Term(
         f"{IMU_POSITION.name}_y",
@@ -383,7 +383,7 @@ TERMS: Final = (
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        mixture=_make_imu_y_mixture,
+        mixture=_mix_columns_by_imu_y_error,
     ),
 )
 

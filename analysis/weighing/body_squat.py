@@ -18,14 +18,21 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.fitted_stretches import stretch_spans
+from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.haul_route import Route
-from analysis.weighing.motion_samples import Floats, MotionSamples, ground_to_wheel_speed_ratio
-from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
-from analysis.weighing.uneven_ground import random_walk_ratio
+from analysis.weighing.motion_samples import (
+    Floats,
+    MotionSamples,
+    compute_ground_to_wheel_speed_ratio,
+)
+from analysis.weighing.pitch_squat import (
+    compute_pitch_squat_cross_products,
+    fit_instrumental_variables,
+)
+from analysis.weighing.uneven_ground import relative_random_walk_std
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
-from estimators.numerics.autocorrelation import student_to_normal_ratio
+from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 
 #: Columns of a stretch before those of the grade: gain by load, gain, slip, delay.
 _OWN_COLUMNS: Final = 4
@@ -47,18 +54,18 @@ class LoadSquat:
     relative_load: Floats
 
     @property
-    def mass_overestimation_factor(self) -> Floats:
+    def mass_overestimation_factors(self) -> Floats:
         """(masses,) factor by which each mass is overestimated."""
         return 1.0 + self.gain * self.relative_load
 
-    def u_kg(self, weights: Floats, masses_kg: Floats) -> float:
+    def sum_u_kg(self, coefficients: Floats, masses_kg: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg.
 
         Args:
-            weights: (masses,) of each mass in the sum.
+            coefficients: (masses,) of each mass in the sum.
             masses_kg: (masses,).
         """
-        return abs(float(weights @ (masses_kg * self.relative_load))) * self.std
+        return abs(float(coefficients @ (masses_kg * self.relative_load))) * self.std
 
 
 def estimate_load_squat(
@@ -84,12 +91,12 @@ def estimate_load_squat(
     """
     if wheels.pitch_shows_squat:
         gain, variance = estimate_gain_change_and_variance(
-            wheels.squat[0], estimate_squat_by_pitch(motion, loads)
+            wheels.squat[0], estimate_gain_change_by_pitch(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
-    widths = np.empty(0) if route is None else grade_prior_stds(route)
+    widths = np.empty(0) if route is None else compute_grade_prior_stds_m_s2(route)
     found = estimate_gain_change_by_wheels(
-        make_centred_stretch_rows(motion, wheels, loads, route), widths
+        centre_rows_of_stretches(motion, wheels, loads, route), widths
     )
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
@@ -105,7 +112,7 @@ def estimate_load_squat(
     # a squat that the pitch hides grows with the load by anything up to itself
     hidden_1 = 0.0 if motion.without_gravity is None else max(-wheels.gain[0], 0.0)
     least_std = hidden_1 / np.sqrt(3.0)
-    if is_explained_by_grades(found, wheels):
+    if could_grades_explain_gain_change(found, wheels):
         return LoadSquat(0.0, max(float(np.sqrt(before)) * prior_std, least_std), relative_load)
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
@@ -146,7 +153,7 @@ def estimate_gain_change_and_variance(
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-def make_centred_stretch_rows(
+def centre_rows_of_stretches(
     motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads, route: Route | None
 ) -> list[_Stretch]:
     """Centred columns (means, 4 and those of the grade), response, time and load of each stretch.
@@ -158,11 +165,16 @@ def make_centred_stretch_rows(
     known = wheels.is_consistent
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
     in_time = motion.advance_speed(delay_s)
-    ground = in_time.speed * ground_to_wheel_speed_ratio(in_time.speed, motion.force, slip_1_N)
-    relative = loads.relative_loads_of_units(motion.unit)
-    along = route and (route.relative_distances_to_dump(motion), route.headings_from_dump(motion))
+    ground = in_time.speed * compute_ground_to_wheel_speed_ratio(
+        in_time.speed, motion.force, slip_1_N
+    )
+    relative = loads.look_up_relative_loads(motion.unit)
+    along = route and (
+        route.compute_relative_distances_to_dump(motion),
+        route.compute_headings_from_dump(motion),
+    )
     found: list[_Stretch] = []
-    for begin, end in stretch_spans(motion.group).tolist():
+    for begin, end in find_stretch_spans(motion.group).tolist():
         means = (end - begin) // LIMITS.squat_mean_samples
         if means < LIMITS.squat_min_means:
             continue
@@ -176,7 +188,7 @@ def make_centred_stretch_rows(
         )
         if along:
             place, heading = (each[part] for each in along)
-            columns = np.hstack([columns, integrate_grade(place, heading) / motion.rate_hz])
+            columns = np.hstack([columns, integrate_grade_columns(place, heading) / motion.rate_hz])
         y = ground[part] - gained
         both = (
             np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)
@@ -187,7 +199,7 @@ def make_centred_stretch_rows(
     return found
 
 
-def integrate_grade(position_1: Floats, heading: Floats) -> Floats:
+def integrate_grade_columns(position_1: Floats, heading: Floats) -> Floats:
     """Sums over the samples of the grade's level and of its change over each part of the route.
 
     Args:
@@ -206,7 +218,7 @@ def integrate_grade(position_1: Floats, heading: Floats) -> Floats:
     return np.cumsum(grade, axis=0) - grade / 2.0
 
 
-def estimate_squat_by_pitch(
+def estimate_gain_change_by_pitch(
     motion: MotionSamples, loads: RelativeLoads
 ) -> tuple[float, float] | None:
     """Change of gain with the load from the measured pitch, and its variance.
@@ -217,8 +229,8 @@ def estimate_squat_by_pitch(
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
-    squats = pitch_squat_cross_products(gravity, motion)
-    relative = loads.relative_loads_of_units(motion.unit)[squats.first]
+    squats = compute_pitch_squat_cross_products(gravity, motion)
+    relative = loads.look_up_relative_loads(motion.unit)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
     # beside the share and the rate, the share that grows with the load
@@ -230,7 +242,9 @@ def estimate_squat_by_pitch(
         return None
     theta, covariance = solved
     # the accelerometer reads more by what the pitch adds, and the mass is less by it
-    variance = float(covariance[0, 0]) * student_to_normal_ratio(relative.size - theta.size) ** 2
+    variance = (
+        float(covariance[0, 0]) * compute_student_to_normal_ratio(relative.size - theta.size) ** 2
+    )
     return -float(theta[0]), variance
 
 
@@ -250,7 +264,9 @@ class GainChangeByLoad:
     residual_ratio: float
 
 
-def is_explained_by_grades(gain_change: GainChangeByLoad, wheels: WheelKinematics) -> bool:
+def could_grades_explain_gain_change(
+    gain_change: GainChangeByLoad, wheels: WheelKinematics
+) -> bool:
     """Whether grades that recur with the load explain the change of gain.
 
     Grades bend the comparison either way and leave most of the disagreement; springs only make the
@@ -262,28 +278,30 @@ def is_explained_by_grades(gain_change: GainChangeByLoad, wheels: WheelKinematic
     return gain_change.gain > 0.0 or not explained
 
 
-def grade_prior_stds(route: Route) -> Floats:
+def compute_grade_prior_stds_m_s2(route: Route) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
-    change = LIMITS.grade_change_m_s2 * random_walk_ratio(route.length_m / LIMITS.squat_grade_parts)
+    change = LIMITS.grade_change_m_s2 * relative_random_walk_std(
+        route.length_m / LIMITS.squat_grade_parts
+    )
     return np.append(LIMITS.grade_m_s2, np.full(LIMITS.squat_grade_parts, change))
 
 
 def estimate_gain_change_by_wheels(
-    rows: list[_Stretch], grade_std: Floats
+    stretches: list[_Stretch], grade_std: Floats
 ) -> GainChangeByLoad | None:
     """Change of gain with the load from the wheels; None if undetermined.
 
     Args:
-        rows: the stretches.
+        stretches: the stretches.
         grade_std: (columns,) prior standard deviations of the grade's columns, in m/s².
     """
-    if len(rows) < LIMITS.squat_min_stretches or len({load for *_, load in rows}) < 2:
+    if len(stretches) < LIMITS.squat_min_stretches or len({load for *_, load in stretches}) < 2:
         return None
-    free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
+    free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in stretches]
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
     own = X[:, :_OWN_COLUMNS]
-    freedom = max(y.size - _OWN_COLUMNS - 2 * len(rows), 1)
+    freedom = max(y.size - _OWN_COLUMNS - 2 * len(stretches), 1)
     pilot = float(((y - own @ np.linalg.lstsq(own, y)[0]) ** 2).sum()) / freedom
     prior = np.zeros((grade_std.size, X.shape[1]))
     np.fill_diagonal(prior[:, _OWN_COLUMNS:], np.sqrt(pilot) / grade_std)
@@ -296,12 +314,12 @@ def estimate_gain_change_by_wheels(
         return None
     bare = y - X[:, 1:] @ np.linalg.lstsq(rows_X[:, 1:], rows_y)[0]
     left = float(np.linalg.norm(y - X @ beta) / np.linalg.norm(bare))
-    slopes = np.array([time @ (y - X @ beta) / (time @ time) for X, y, time, _ in rows])
-    noise = np.array([variance / (time @ time) for *_, time, _ in rows])
+    slopes = np.array([time @ (y - X @ beta) / (time @ time) for X, y, time, _ in stretches])
+    noise = np.array([variance / (time @ time) for *_, time, _ in stretches])
     count = slopes.size
     scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
-    scatter *= student_to_normal_ratio(count - 1) ** 2
-    part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
+    scatter *= compute_student_to_normal_ratio(count - 1) ** 2
+    part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in stretches]
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])
@@ -321,7 +339,7 @@ def estimate_gain_change_by_wheels(
     meat = scores.T @ scores * count / freedom + prior_information * variance
     # stretches that agree by chance tell no more than white noise lets them
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
-    found *= student_to_normal_ratio(freedom) ** 2
+    found *= compute_student_to_normal_ratio(freedom) ** 2
     return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 

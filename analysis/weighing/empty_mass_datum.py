@@ -22,7 +22,7 @@ from analysis.model.uncertainty_sources import (
     SCALES,
     UncertaintySource,
     combine_u,
-    sort_largest_first,
+    sort_sources_largest_first,
 )
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
@@ -49,7 +49,7 @@ _CARRIED: Final = UncertaintySource(
 )
 
 
-def note_outdated_weighbridge_ticket(body: Body, begin_ns: int) -> list[str]:
+def list_outdated_ticket_notes(body: Body, begin_ns: int) -> list[str]:
     """Notes on a weighbridge ticket of another day than the log.
 
     Args:
@@ -70,7 +70,7 @@ def note_outdated_weighbridge_ticket(body: Body, begin_ns: int) -> list[str]:
     ]
 
 
-def factor_names_without_uncertainty(sources: Sequence[UncertaintySource]) -> list[str]:
+def list_factors_without_uncertainty(sources: Sequence[UncertaintySource]) -> list[str]:
     """Names of the factors of unknown uncertainty that an empty machine determines."""
     return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
 
@@ -130,7 +130,7 @@ class EmptyMachine:
             return ""
         scale_kg = (
             LIMITS.unknown_scale_u * self.mass_with_rotating_parts_kg
-            if factor_names_without_uncertainty(self.uncertainty_sources)
+            if list_factors_without_uncertainty(self.uncertainty_sources)
             else 0.0
         )
         u_kg = float(np.hypot(combine_u(self.uncertainty_sources), scale_kg))
@@ -156,14 +156,15 @@ class EmptyMachine:
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
         return self.mass_with_rotating_parts_kg / stated_kg, u_1
 
-    def make_payload_datum(self, payload_weights: Floats) -> "EmptyDatum | None":
+    def make_payload_datum(self, payload_coefficients: Floats) -> "EmptyDatum | None":
         """Relate payloads to the empty mass; None if that does not reduce their uncertainty.
 
         Args:
-            payload_weights: (masses,) weights of the sum of payloads whose variance is minimised.
+            payload_coefficients: (masses,) weights of the sum of payloads whose variance is
+                minimised.
         """
         stated_kg, stated_u_kg = self._stated_empty_mass_kg, self._stated_empty_mass_u_kg
-        sum_kg = float(payload_weights @ self.weighing.fit.masses_kg)
+        sum_kg = float(payload_coefficients @ self.weighing.fit.masses_kg)
         if (
             stated_kg is None
             or stated_u_kg is None
@@ -181,14 +182,14 @@ class EmptyMachine:
                 by_kg * stated_u_kg,
             )
 
-        if factor_names_without_uncertainty(self.uncertainty_sources):
+        if list_factors_without_uncertainty(self.uncertainty_sources):
             found = make_datum(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
-        own_kg2 = self._variance_of_weighted_sum(payload_weights)
+        own_kg2 = self._variance_of_weighted_sum(payload_coefficients)
         empty_kg2 = combine_u(self.uncertainty_sources) ** 2
         ratio_kg2 = self._variance_of_weighted_sum(
-            payload_weights - in_ratio * sum_kg * self.weights
+            payload_coefficients - in_ratio * sum_kg * self.weights
         )
         together_kg2 = (
             own_kg2
@@ -200,14 +201,14 @@ class EmptyMachine:
         found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
         if (
             found.scale_1 <= 0.0
-            or combine_u(found.payload_uncertainty_sources(payload_weights)) ** 2 >= own_kg2
+            or combine_u(found.list_payload_sources(payload_coefficients)) ** 2 >= own_kg2
         ):
             return None
         return found
 
-    def _variance_of_weighted_sum(self, weights: Floats) -> float:
+    def _variance_of_weighted_sum(self, coefficients: Floats) -> float:
         """Variance of a weighted sum of masses, in kg²."""
-        return combine_u(make_mass_budget(self.weighing, self.machine, weights)) ** 2
+        return combine_u(make_mass_budget(self.weighing, self.machine, coefficients)) ** 2
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,7 @@ class EmptyDatum:
         payload_kg = float(payload @ self.empty.weighing.fit.masses_kg)
         return payload - self.by_kg * payload_kg * self.empty.weights
 
-    def payload_uncertainty_sources(self, payload: Floats) -> list[UncertaintySource]:
+    def list_payload_sources(self, payload: Floats) -> list[UncertaintySource]:
         """Uncertainty sources of a payload, in kg, the largest first.
 
         Args:
@@ -244,14 +245,14 @@ class EmptyDatum:
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
         found = make_mass_budget(empty.weighing, empty.machine, self.payload_sensitivities(payload))
-        known = factor_names_without_uncertainty(found)
+        known = list_factors_without_uncertainty(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))
             for each in found
             if each.name not in known
         ]
         bucket_kg = self.by_kg * payload_kg * empty.carried_kg[1]
-        return sort_largest_first(
+        return sort_sources_largest_first(
             [
                 *kept,
                 replace(_TICKET, u=self.ticket_1 * payload_kg),
@@ -260,8 +261,8 @@ class EmptyDatum:
         )
 
 
-def payload_uncertainty_sources(
-    weighing: Weighing, machine: Machine, datum: EmptyDatum | None, weights: Floats
+def list_payload_uncertainties(
+    weighing: Weighing, machine: Machine, datum: EmptyDatum | None, coefficients: Floats
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a sum of masses, in kg, using the datum if there is one.
 
@@ -269,8 +270,8 @@ def payload_uncertainty_sources(
         weighing: joint fit of the log.
         machine: machine file, with the scale's uncertainties.
         datum: calibration by the empty mass, or None.
-        weights: (masses,) weights in the sum.
+        coefficients: (masses,) weights in the sum.
     """
     if datum is None:
-        return make_mass_budget(weighing, machine, weights)
-    return datum.payload_uncertainty_sources(weights)
+        return make_mass_budget(weighing, machine, coefficients)
+    return datum.list_payload_sources(coefficients)

@@ -46,7 +46,7 @@ class EmptyMassDrift:
         """Relative standard uncertainty of the force's gain due to the change."""
         return LIMITS.empty_drift_u_1 * abs(self.change_1)
 
-    def mass_responses_kg(self, masses_kg: Floats) -> Floats:
+    def mass_responses_to_gain_kg(self, masses_kg: Floats) -> Floats:
         """(3, masses) response of each mass to a gain with this drift, in kg.
 
         The first row is a gain that is stated for either end of the log. The second is its course,
@@ -67,9 +67,9 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     states, loads = fit.states, fit.found.relative_loads
     if states is None or loads is None or not states.load_returns:
         return None
-    light = ~loads.are_loaded(states.unit)
+    light = ~loads.mark_loaded_manoeuvres_by_number(states.unit)
     # a small load is light as well, and what is beside it is lighter
-    light = np.flatnonzero(light & are_local_minima(fit.masses_kg[states.membership]))
+    light = np.flatnonzero(light & mark_local_mass_minima(fit.masses_kg[states.membership]))
     first = light[np.unique(states.membership[light], return_index=True)[1]]
     if first.size < LIMITS.empty_drift_min_states:
         return None
@@ -86,28 +86,35 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
         u_1,
         LIMITS.fuel_loss_1_h * hours,
         tuple(states.membership[np.sort(first)].tolist()),
-        empty_masses_around_states_kg(fit.masses_kg, states.membership, light) / mean_kg - 1.0,
+        find_empty_masses_around_states_kg(fit.masses_kg, states.membership, light) / mean_kg - 1.0,
     )
 
 
-def empty_masses_around_states_kg(masses_kg: Floats, membership: Ints, empty: Ints) -> Floats:
+def find_empty_masses_around_states_kg(
+    masses_kg: Floats, state_of_manoeuvre: Ints, empty_manoeuvres: Ints
+) -> Floats:
     """(2, states) mass of the empty machine before and after each state, in kg.
 
     Args:
         masses_kg: (states,).
-        membership: (manoeuvres,) load state of each.
-        empty: manoeuvres without a load, ascending.
+        state_of_manoeuvre: (manoeuvres,) load state of each.
+        empty_manoeuvres: manoeuvres without a load, ascending.
     """
-    number = np.arange(membership.size)
-    before = empty[(np.searchsorted(empty, number, "right") - 1).clip(0)]
-    after = empty[np.searchsorted(empty, number).clip(0, empty.size - 1)]
-    count = np.bincount(membership)
+    number = np.arange(state_of_manoeuvre.size)
+    before = empty_manoeuvres[(np.searchsorted(empty_manoeuvres, number, "right") - 1).clip(0)]
+    after = empty_manoeuvres[
+        np.searchsorted(empty_manoeuvres, number).clip(0, empty_manoeuvres.size - 1)
+    ]
+    count = np.bincount(state_of_manoeuvre)
     return np.vstack(
-        [np.bincount(membership, masses_kg[membership[near]]) / count for near in (before, after)]
+        [
+            np.bincount(state_of_manoeuvre, masses_kg[state_of_manoeuvre[near]]) / count
+            for near in (before, after)
+        ]
     )
 
 
-def are_local_minima(mass_kg: Floats) -> Bools:
+def mark_local_mass_minima(mass_kg: Floats) -> Bools:
     """Whether a load is no heavier than those before and after, (n,).
 
     Args:

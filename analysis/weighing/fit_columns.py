@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import count_samples_since_start, is_last_of_stretch
-from analysis.weighing.force_hysteresis import Play, trace_force_direction
+from analysis.weighing.force_hysteresis import Play, trace_direction_of_force_change
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
@@ -19,7 +19,7 @@ from analysis.weighing.motion_samples import (
     Floats,
     Ints,
     MotionSamples,
-    ground_to_wheel_speed_ratio,
+    compute_ground_to_wheel_speed_ratio,
 )
 from analysis.weighing.nuisances import ColumnInputs, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
@@ -52,7 +52,7 @@ class RelativeLoads:
 
     @classmethod
     def from_masses(
-        cls, unit: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
+        cls, manoeuvre_numbers: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
     ) -> Self | None:
         """Relate (units,) masses to their mean; None if they are not plausible masses.
 
@@ -64,26 +64,26 @@ class RelativeLoads:
         if not reference_kg > 0.0:
             return None
         value = np.maximum(mass_kg / reference_kg - 1.0, LIMITS.least_relative_load)
-        return cls(unit, value, weight_shares)
+        return cls(manoeuvre_numbers, value, weight_shares)
 
     @property
     def rms(self) -> float:
         """Root mean square of the relative loads, above 0."""
         return max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
-    def are_loaded(self, unit: Ints) -> Bools:
+    def mark_loaded_manoeuvres_by_number(self, manoeuvre_numbers: Ints) -> Bools:
         """Whether these manoeuvres carry more than midway between light and heavy loads, (n,)."""
-        return self.relative_loads_of_units(unit) > float(
+        return self.look_up_relative_loads(manoeuvre_numbers) > float(
             np.quantile(self.value, LIMITS.load_contrast_quantiles).mean()
         )
 
-    def relative_loads_of_units(self, unit: Ints) -> Floats:
+    def look_up_relative_loads(self, manoeuvre_numbers: Ints) -> Floats:
         """Relative load of these manoeuvres, (n,); an unknown one takes that of the one before."""
         # samples come in runs of one manoeuvre
-        first = np.flatnonzero(np.diff(unit, prepend=unit[:1] - 1))
-        place = np.searchsorted(self.unit, unit[first], "right") - 1
+        first = np.flatnonzero(np.diff(manoeuvre_numbers, prepend=manoeuvre_numbers[:1] - 1))
+        place = np.searchsorted(self.unit, manoeuvre_numbers[first], "right") - 1
         value = self.value[place.clip(0, self.unit.size - 1)]
-        return np.repeat(value, np.diff(np.append(first, unit.size)))
+        return np.repeat(value, np.diff(np.append(first, manoeuvre_numbers.size)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,20 +186,20 @@ class FitColumns:
         """Make the columns; the arguments are those of `average_columns`."""
 
         def make_columns(piece: MotionSamples) -> _PieceColumns:
-            fitted = _find_fitted_samples(piece, previous.lag_s)
-            return _make_piece_columns(piece, fitted, noise, terms, previous)
+            fitted = _find_fitted_samples_after_lag(piece, previous.lag_s)
+            return _make_columns_of_piece(piece, fitted, noise, terms, previous)
 
         pieces = map_in_threads(make_columns, list(motion.pieces))
         return cls(pieces, terms, previous, motion.rate_hz)
 
-    def average_to_rows(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
+    def average_to_rows(self, noise: ColumnNoiseModel, mean_samples: int) -> FitRows:
         """Average the columns over so many samples."""
-        return _average_all_pieces(
+        return _average_columns_of_pieces(
             self.pieces.__getitem__,
             [piece.group for piece in self.pieces],
             noise,
             self.terms,
-            samples,
+            mean_samples,
             self.found.uneven_1_s,
             self.rate_hz,
         )
@@ -209,7 +209,7 @@ def average_columns(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
-    samples: int,
+    mean_samples: int,
     previous: PreviousEstimates,
 ) -> FitRows:
     """Average the columns, with the force advanced by its delay.
@@ -218,23 +218,25 @@ def average_columns(
         motion: the samples.
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
-        samples: length of the longest mean.
+        mean_samples: length of the longest mean.
         previous: estimates of earlier rounds.
     """
     pieces = motion.pieces
-    fitted = [_find_fitted_samples(piece, previous.lag_s) for piece in pieces]
-    return _average_all_pieces(
-        lambda number: _make_piece_columns(pieces[number], fitted[number], noise, terms, previous),
+    fitted = [_find_fitted_samples_after_lag(piece, previous.lag_s) for piece in pieces]
+    return _average_columns_of_pieces(
+        lambda number: _make_columns_of_piece(
+            pieces[number], fitted[number], noise, terms, previous
+        ),
         [piece.group[own] for piece, own in zip(pieces, fitted, strict=True)],
         noise,
         terms,
-        samples,
+        mean_samples,
         previous.uneven_1_s,
         motion.rate_hz,
     )
 
 
-def _average_all_pieces(
+def _average_columns_of_pieces(
     make_columns: Callable[[int], "_PieceColumns"],
     groups: list[Ints],
     noise: ColumnNoiseModel,
@@ -254,7 +256,7 @@ def _average_all_pieces(
         uneven_1_s: see `PreviousEstimates`.
         rate_hz: rate of the grid.
     """
-    stride = fitted_mean_stride(samples)
+    stride = stride_of_fitted_means(samples)
     kept = [np.flatnonzero(select_every_nth_sample(group, stride)) for group in groups]
     ends = np.cumsum([each.size for each in kept]).tolist()
     places = [slice(end - each.size, end) for each, end in zip(kept, ends, strict=True)]
@@ -272,12 +274,14 @@ def _average_all_pieces(
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.covariance(int(length)) for length in lengths])
-    weight = row_weights(A[:, :2], f, covariances, which)
+    weight = compute_row_weight_roots(A[:, :2], f, covariances, which)
 
     def weigh_rows(number: int) -> tuple[Floats, Floats]:
         (group, raw), rows = pieces[number], places[number]
         A[rows] *= weight[rows, None]
-        return noise_moments(terms, group, raw, covariances, which[rows], weight[rows])
+        return sum_noise_moments_by_stretch(
+            terms, group, raw, covariances, which[rows], weight[rows]
+        )
 
     added = map_in_threads(weigh_rows, range(len(places)))
     f *= weight
@@ -305,7 +309,7 @@ def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, variance_ratio: 
         variance_ratio: variance of the intercepts over that of a row.
     """
     for part in list_rows_by_group(group):
-        off, rows = 1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size), convert_to_slice(part)
+        off, rows = (1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size), convert_to_slice(part))
         A[rows] -= off * A[rows].mean(axis=0)
         f[rows] -= off * f[rows].mean()
 
@@ -320,9 +324,9 @@ class _PieceColumns:
     raw: ColumnInputs
 
 
-def _make_piece_columns(
+def _make_columns_of_piece(
     motion: MotionSamples,
-    fitted: Ints,
+    fitted_samples: Ints,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     previous: PreviousEstimates,
@@ -339,10 +343,12 @@ def _make_piece_columns(
         acceleration = acceleration + previous.motion_gain * own
     loads = previous.relative_loads
     zeros = np.zeros(motion.speed.size)
-    relative_load = zeros if loads is None else loads.relative_loads_of_units(motion.unit)
+    relative_load = zeros if loads is None else loads.look_up_relative_loads(motion.unit)
     if previous.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
-        swing_m_s2 = previous.swing.swing_m_s2(motion.specific_force, motion.rate_hz)
+        swing_m_s2 = previous.swing.filter_swing_acceleration_m_s2(
+            motion.specific_force, motion.rate_hz
+        )
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
     wheels = motion.wheel_acceleration
     force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
@@ -350,10 +356,10 @@ def _make_piece_columns(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
-        ground_to_wheel_speed_ratio(speed, acting, previous.slip_1_N),
+        compute_ground_to_wheel_speed_ratio(speed, acting, previous.slip_1_N),
         acting,
-        derive_force_rate(force, motion.rate_hz, force_std, keep_small=wheels is not None),
-        zeros if previous.play is None else trace_force_direction(force, previous.play),
+        differentiate_force(force, motion.rate_hz, force_std, keep_small=wheels is not None),
+        zeros if previous.play is None else trace_direction_of_force_change(force, previous.play),
         motion.direction,
         motion.progress,
         motion.samples_since_start / motion.rate_hz,
@@ -367,17 +373,17 @@ def _make_piece_columns(
         previous.transfer_s2_m,
         0.0 if previous.play is None else previous.play.by_force_1_N,
         (0.0, 0.0) if loads is None else loads.weight_shares,
-    ).select_rows(fitted)
-    A = np.empty((2 + len(terms), fitted.size))
+    ).select_rows(fitted_samples)
+    A = np.empty((2 + len(terms), fitted_samples.size))
     A[0], A[1] = raw.acceleration, raw.speed
     for place, term in enumerate(terms, start=2):
         A[place] = term.column(raw)
-    return _PieceColumns(A, force[fitted], motion.group[fitted], raw)
+    return _PieceColumns(A, force[fitted_samples], motion.group[fitted_samples], raw)
 
 
-def fitted_mean_stride(samples: int) -> int:
+def stride_of_fitted_means(mean_samples: int) -> int:
     """Stride in samples between the means that are fitted."""
-    return max(1, samples // LIMITS.rows_per_mean)
+    return max(1, mean_samples // LIMITS.rows_per_mean)
 
 
 def route_positions_and_length_m(
@@ -390,10 +396,10 @@ def route_positions_and_length_m(
     loads, route = previous.relative_loads, previous.route
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
-    return route.relative_distances_to_dump(motion), route.length_m
+    return route.compute_relative_distances_to_dump(motion), route.length_m
 
 
-def _find_fitted_samples(motion: MotionSamples, lag_s: float) -> Ints:
+def _find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
     """Samples in stretches, but for the first ones of each, whose force is from before it."""
     fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
     if lag:
@@ -408,7 +414,9 @@ def select_every_nth_sample(group: Ints, stride: int) -> Bools:
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
-def row_weights(A: Floats, force: Floats, covariances: Floats, row_indices: Ints) -> Floats:
+def compute_row_weight_roots(
+    A: Floats, force: Floats, covariances: Floats, row_indices: Ints
+) -> Floats:
     """Square root of each row's weight, (rows,); a start's first means hold few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
@@ -418,7 +426,9 @@ def row_weights(A: Floats, force: Floats, covariances: Floats, row_indices: Ints
     return np.sqrt(variances[-1] / np.maximum(variances[row_indices], variances[-1]))
 
 
-def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_small: bool) -> Floats:
+def differentiate_force(
+    force: Floats, rate_hz: float, noise_N: float, *, keep_small: bool
+) -> Floats:
     """Derivative of the force in N/s; 0 where it is within the noise.
 
     Args:
@@ -431,15 +441,15 @@ def derive_force_rate(force: Floats, rate_hz: float, noise_N: float, *, keep_sma
     """
     halves = sorted({count_rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s})
     for half in halves if keep_small else ():
-        rate, std = derive_by_parabola(force, half, rate_hz, noise_N)
+        rate, std = fit_parabola_slope_and_noise(force, half, rate_hz, noise_N)
         clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
         if float(np.sqrt(np.mean(rate**2))) > clear * std:
             return rate
-    rate, std = derive_by_parabola(force, halves[0], rate_hz, noise_N)
+    rate, std = fit_parabola_slope_and_noise(force, halves[0], rate_hz, noise_N)
     return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 
 
-def derive_by_parabola(
+def fit_parabola_slope_and_noise(
     force: Floats, half_width_rows: int, rate_hz: float, noise_N: float
 ) -> tuple[Floats, float]:
     """Slope of a parabola through so many rows to either side, (n,) in N/s, and its noise."""
@@ -453,31 +463,31 @@ def derive_by_parabola(
     return slope, noise_N * float(np.sqrt(steps @ steps))
 
 
-def noise_moments(
+def sum_noise_moments_by_stretch(
     terms: tuple[Nuisance, ...],
-    group: Ints,
-    raw: ColumnInputs,
+    stretch_of_row: Ints,
+    column_inputs: ColumnInputs,
     covariances: Floats,
     row_indices: Ints,
-    weight: Floats,
+    weight_roots: Floats,
 ) -> tuple[Floats, Floats]:
     """Noise terms of AᵀA and Aᵀf by acceleration, speed and force, by stretch.
 
     Args:
         terms: the nuisances.
-        group: (rows,) stretch of each row.
-        raw: means that the columns are made of.
+        stretch_of_row: (rows,) stretch of each row.
+        column_inputs: means that the columns are made of.
         covariances: (kinds, 3, 3) noise covariance of means of each length.
         row_indices: (rows,) kind of each row.
-        weight: (rows,) factor of each row.
+        weight_roots: (rows,) factor of each row.
     """
-    ids, index = np.unique(group, return_inverse=True)
+    ids, index = np.unique(stretch_of_row, return_inverse=True)
     # derivatives of the columns by acceleration, speed and force; the others are 0
-    slopes, places = [weight, weight], [(0, 0), (1, 1)]
+    slopes, places = [weight_roots, weight_roots], [(0, 0), (1, 1)]
     for j, term in enumerate(terms, start=2):
         for channel, by in enumerate((term.by_acceleration, term.by_speed, term.by_force)):
             if by is not None:
-                slopes.append(by(raw) * weight)
+                slopes.append(by(column_inputs) * weight_roots)
                 places.append((j, channel))
     return group_sums.sum_noise_moments(
         np.stack(slopes),

@@ -11,18 +11,18 @@ from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (
     JointFit,
     PriorMeans,
-    resistance_slope_at_mean_speed,
-    term_index,
+    compute_resistance_slope_at_mean_speed,
+    find_term_index,
 )
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
-from analysis.weighing.load_states import LoadStates, units_of_stretches
+from analysis.weighing.load_states import LoadStates, find_manoeuvre_of_stretches
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
     Nuisance,
-    const_prior_std,
-    split_constant_force_std,
-    split_constant_term_by_weight,
-    split_coulomb_term_by_weight,
+    const_term_prior_std_newtons,
+    estimate_load_proportional_share_of_constant,
+    estimate_load_proportional_share_of_coulomb,
+    split_constant_prior_into_error_and_force,
 )
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weighing_limits import LIMITS
@@ -63,81 +63,85 @@ class FitTask:
     def cut_to_first_stretches(self, stretches: int) -> "FitTask":
         """Cut the task to its first stretches."""
         motion = self.motion.cut_to_first_stretches(stretches)
-        states = None if self.states is None else self.states.restrict_to(motion)
+        states = None if self.states is None else self.states.renumber_for_motion(motion)
         return replace(self, motion=motion, states=states)
 
     @cached_property
     def initial_estimates(self) -> PreviousEstimates:
         """Estimates before the first round."""
         return PreviousEstimates(
-            slip_1_N=(self._slip_and_std_from_wheels() or (0.0, 0.0))[0],
-            motion_gain=self._squat_gain(),
-            swing=self._body_swing(),
-            speed_late_s=self._speed_delay_s(),
+            slip_1_N=(self._estimate_slip_and_std_by_wheels() or (0.0, 0.0))[0],
+            motion_gain=self._estimate_squat_gain_correction(),
+            swing=self._estimate_body_swing(),
+            speed_late_s=self._estimate_speed_delay_s(),
             relative_loads=(loads := self._relative_loads()),
             route=self._find_route(loads),
             uneven_1_s=self.uneven_1_s,
         )
 
-    def fit_means(
+    def fit_over_means(
         self,
-        samples: int,
+        mean_samples: int,
         rounds: int,
         *,
-        shift: bool = True,
-        begin: JointFit | None = None,
-        rows: FitRows | None = None,
+        advance_force: bool = True,
+        initial_fit: JointFit | None = None,
+        fit_rows: FitRows | None = None,
     ) -> JointFit:
-        """Fit means of `samples`, iterating since the columns depend on lag and slip.
+        """Fit means of `mean_samples`, iterating since the columns depend on lag and slip.
 
         A late force is advanced by its delay. A low-passed force is not, since its derivative alone
         corrects it (f + τ df/dt).
 
         Args:
-            samples: length of the longest mean.
+            mean_samples: length of the longest mean.
             rounds: maximum number of rounds.
-            shift: whether the force is advanced by its delay.
-            begin: fit to start from; None starts from `initial_estimates`.
-            rows: rows of the first round, if already computed.
+            advance_force: whether the force is advanced by its delay.
+            initial_fit: fit to start from; None starts from `initial_estimates`.
+            fit_rows: rows of the first round, if already computed.
         """
-        lag = term_index("lag", self.terms)
+        lag = find_term_index("lag", self.terms)
         std = np.zeros(len(self.terms))
-        levels = None if self.states is None else self.states.random_intercepts(self.motion)
-        known = begin.found if begin else self.initial_estimates
-        known = known if shift else replace(known, lag_s=0.0)
+        levels = None if self.states is None else self.states.make_random_intercepts(self.motion)
+        known = initial_fit.found if initial_fit else self.initial_estimates
+        known = known if advance_force else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        cost = begin and self._compute_slip_cost(begin.theta, begin.solution, begin.terms)
+        cost = initial_fit and self._compute_slip_cost(
+            initial_fit.theta, initial_fit.solution, initial_fit.terms
+        )
         for number in range(rounds):
-            mean, std = self._priors_of_round(cost)
-            self._narrow_gain_drift_prior(std)
+            mean, std = self._make_priors_of_round(cost)
+            self._exclude_gain_drift_if_loads_return(std)
             known_s = known.lag_s
             mean[lag] -= known_s
-            if number or rows is None:
+            if number or fit_rows is None:
                 # of a shift each holds hundreds of megabytes
-                rows = solution = None
-                rows = average_columns(self.motion, self.noise, self.terms, samples, known)
+                fit_rows = solution = None
+                fit_rows = average_columns(self.motion, self.noise, self.terms, mean_samples, known)
             solution = prior_fit.solve(
-                rows.A,
-                rows.f,
-                rows.group,
-                rows.noise,
+                fit_rows.A,
+                fit_rows.f,
+                fit_rows.group,
+                fit_rows.noise,
                 np.concatenate([np.zeros(2), mean]),
                 np.concatenate([np.full(2, np.inf), std]),
-                Grouping(rows.direction, rows.shortest, levels),
+                Grouping(fit_rows.direction, fit_rows.shortest, levels),
             )
             if not np.isfinite(solution.theta).all():
                 break
             cost = self._compute_slip_cost(solution.theta, solution, self.terms)
-            if cost.slip_1_N is not None and self._slip_and_std_from_wheels() is None:
+            if cost.slip_1_N is not None and self._estimate_slip_and_std_by_wheels() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
-            known, moved = self._update_estimates(known, solution.theta, shift=shift)
+            known, moved = self._update_estimates(
+                known, solution.theta, advance_force=advance_force
+            )
             if number and moved < LIMITS.lag_tolerance_s:
                 break
         assert solution is not None
         theta = solution.theta.copy()
         # behind the masses and friction
         first = theta.size - len(self.terms)
-        if shift:
+        if advance_force:
             theta[first + lag] = known.lag_s
         return JointFit(
             self.terms,
@@ -146,11 +150,11 @@ class FitTask:
             solution,
             self.states,
             self.wheels,
-            samples,
+            mean_samples,
             self.motion,
             np.zeros(first - 1),
             known,
-            shift,
+            advance_force,
             self._prior_means(mean, known_s),
         )
 
@@ -164,7 +168,10 @@ class FitTask:
         if states is None or states.state_count < 2:
             return None
         masses_kg = states.means_kg if masses_kg is None else masses_kg
-        splits = (split_constant_term_by_weight, split_coulomb_term_by_weight)
+        splits = (
+            estimate_load_proportional_share_of_constant,
+            estimate_load_proportional_share_of_coulomb,
+        )
         shares = [split(self.motion, self.priors).expected for split in splits]
         return RelativeLoads.from_masses(
             states.unit, masses_kg[states.membership], (shares[0], shares[1])
@@ -174,10 +181,12 @@ class FitTask:
         """Find the route between the places where these loads are loaded and dumped."""
         if loads is None:
             return None
-        return Route.from_motion(self.motion, loads.unit, loads.are_loaded(loads.unit))
+        return Route.from_motion(
+            self.motion, loads.unit, loads.mark_loaded_manoeuvres_by_number(loads.unit)
+        )
 
     def _update_estimates(
-        self, previous: PreviousEstimates, theta: Floats, *, shift: bool
+        self, previous: PreviousEstimates, theta: Floats, *, advance_force: bool
     ) -> tuple[PreviousEstimates, float]:
         """Update the estimates by a round, and return the change of the lag in s."""
         masses = theta.size - 1 - len(self.terms)
@@ -185,11 +194,11 @@ class FitTask:
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
         late_s = by_name["lag"]
         lag_s = float(np.clip(previous.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s))
-        share, _ = split_constant_force_std(self.motion, self.priors)
-        width = const_prior_std(self.motion, self.priors)
+        share, _ = split_constant_prior_into_error_and_force(self.motion, self.priors)
+        width = const_term_prior_std_newtons(self.motion, self.priors)
         after = replace(
             previous,
-            lag_s=lag_s if shift else 0.0,
+            lag_s=lag_s if advance_force else 0.0,
             transfer_s2_m=by_name.get("load_transfer", 0.0),
             offset_N=float(
                 np.clip(
@@ -204,54 +213,56 @@ class FitTask:
         )
         return after, abs(late_s)
 
-    def manoeuvre_masses(self, fit: JointFit, rows: FitRows) -> GroupEffects:
+    def estimate_manoeuvre_masses(self, fit: JointFit, fit_rows: FitRows) -> GroupEffects:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
-        mean, std = self._priors_of_round(
+        mean, std = self._make_priors_of_round(
             self._compute_slip_cost(fit.theta, fit.solution, fit.terms)
         )
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
-            std[term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
+            std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
         # loads that alternate and ground that does are told apart by the fit of both, not here
         ground = [place for place, term in enumerate(self.terms) if term.source == BY_GROUND]
         mean[ground] = fit.theta[fit.mass_count + 1 :][ground]
         std[ground] *= LIMITS.left_out_prior_ratio
-        lag = term_index("lag", self.terms)
+        lag = find_term_index("lag", self.terms)
         mean[lag] -= fit.found.lag_s
         return estimate_group_effects(
-            rows.A,
-            rows.f,
-            rows.group,
-            rows.noise,
+            fit_rows.A,
+            fit_rows.f,
+            fit_rows.group,
+            fit_rows.noise,
             np.append(0.0, mean),
             np.append(np.inf, std),
-            np.unique(units_of_stretches(self.motion), return_inverse=True)[1],
+            np.unique(find_manoeuvre_of_stretches(self.motion), return_inverse=True)[1],
         )
 
-    def _speed_delay_s(self) -> float:
+    def _estimate_speed_delay_s(self) -> float:
         """Delay of the speed in s, if wheels and accelerometer determine it."""
         wheels = self.wheels
         told = wheels is not None and wheels.is_consistent and self.motion.by_accelerometer
         return wheels.delay_s[0] if wheels is not None and told else 0.0
 
-    def _squat_gain(self) -> float:
+    def _estimate_squat_gain_correction(self) -> float:
         """Relative correction of the acceleration for a squat that the pitch shows."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
-    def _body_swing(self) -> BodySwing:
+    def _estimate_body_swing(self) -> BodySwing:
         """Effect of a swinging body on the accelerometer, if the wheels show it."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
-    def _priors_of_round(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
+    def _make_priors_of_round(self, slip_cost: _SlipCost | None) -> tuple[Floats, Floats]:
         """Prior means and standard deviations of a round, (terms,); slip's if its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if cost is not None:
-            self._narrow_slip_prior(cost, mean, std)
+        if slip_cost is not None:
+            self._set_slip_prior_by_wheels(slip_cost, mean, std)
             if self.motion.wheel_acceleration is not None:
-                at = term_index("slip_acceleration", self.terms)
-                self._set_slip_prior(at, cost.mass_kg, self._slip_and_std_from_wheels(), mean, std)
+                at = find_term_index("slip_acceleration", self.terms)
+                self._set_prior_proportional_to_slip(
+                    at, slip_cost.mass_kg, self._estimate_slip_and_std_by_wheels(), mean, std
+                )
         for place, term in self._indices_of_learnt_terms():
             mean[place], std[place] = term.mean, term.std
         return mean, std
@@ -262,10 +273,10 @@ class FitTask:
         """Cost of slip, computed from the estimates of a round."""
         count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))
-        friction = max(resistance_slope_at_mean_speed(theta, terms, self.motion), 0.0)
+        friction = max(compute_resistance_slope_at_mean_speed(theta, terms, self.motion), 0.0)
         if self.motion.wheel_acceleration is None or not mass_kg > 0.0:
             return _SlipCost(mass_kg, friction, None)
-        place = term_index("slip_acceleration", terms)
+        place = find_term_index("slip_acceleration", terms)
         std = float(estimates.fit.std[count + 1 + place])
         if not std < LIMITS.slip_posterior_fraction * terms[place].width(self.motion, self.priors):
             return _SlipCost(mass_kg, friction, None)
@@ -273,14 +284,14 @@ class FitTask:
             mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
         )
 
-    def _narrow_gain_drift_prior(self, std: Floats) -> None:
+    def _exclude_gain_drift_if_loads_return(self, prior_std: Floats) -> None:
         """Set the prior of a gain drift to 0 if loads return.
 
         Payloads are then differences of neighbours, in which a drift cancels; free masses would
         follow it.
         """
         if self.states is not None and self.states.load_returns:
-            std[term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
+            prior_std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
 
     def _indices_of_learnt_terms(self) -> list[tuple[int, LearntTerm]]:
         """Indices of the terms with learnt priors, except slip if the wheels determine it."""
@@ -292,42 +303,52 @@ class FitTask:
             if term.name in learnt and not (by_wheels and term.name == "slip")
         ]
 
-    def _prior_means(self, mean: Floats, advanced_s: float) -> PriorMeans:
+    def _prior_means(self, prior_mean: Floats, advanced_s: float) -> PriorMeans:
         """Prior means of a round whose force was advanced by a delay in s."""
-        mean, mean_u = mean.copy(), np.zeros(len(self.terms))
-        mean[term_index("lag", self.terms)] += advanced_s
+        prior_mean, mean_u = prior_mean.copy(), np.zeros(len(self.terms))
+        prior_mean[find_term_index("lag", self.terms)] += advanced_s
         for place, term in self._indices_of_learnt_terms():
             mean_u[place] = term.mean_u
-        return PriorMeans(mean, mean_u)
+        return PriorMeans(prior_mean, mean_u)
 
-    def _narrow_slip_prior(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
+    def _set_slip_prior_by_wheels(
+        self, slip_cost: _SlipCost, prior_mean: Floats, prior_std: Floats
+    ) -> None:
         """Set the prior of the slip terms to friction times slip, if the wheels determine slip."""
-        at = term_index("slip", self.terms)
-        friction = cost.friction_N_s_m
-        std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.force_95_percent)
-        std[at] = max(
-            std[at],
+        at = find_term_index("slip", self.terms)
+        friction = slip_cost.friction_N_s_m
+        prior_std[at] = min(
+            prior_std[at], friction * self.priors.wheel_slip / self.motion.force_95_percent
+        )
+        prior_std[at] = max(
+            prior_std[at],
             LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.speed_95_percent,
         )
-        self._set_slip_prior(
-            at, -friction, self._slip_and_std_from_wheels() or cost.slip_1_N, mean, std
+        self._set_prior_proportional_to_slip(
+            at,
+            -friction,
+            self._estimate_slip_and_std_by_wheels() or slip_cost.slip_1_N,
+            prior_mean,
+            prior_std,
         )
 
-    def _slip_and_std_from_wheels(self) -> tuple[float, float] | None:
+    def _estimate_slip_and_std_by_wheels(self) -> tuple[float, float] | None:
         """Slip and its standard deviation in 1/N; None if wheels do not determine it."""
         wheels = self.wheels
         return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None
 
-    def _set_slip_prior(
+    def _set_prior_proportional_to_slip(
         self,
         term_index: int,
-        cost: float,
+        force_per_slip: float,
         slip: tuple[float, float] | None,
-        mean: Floats,
-        std: Floats,
+        prior_mean: Floats,
+        prior_std: Floats,
     ) -> None:
-        """Set the prior of a term that is `cost` times the slip, if slip is known."""
+        """Set the prior of a term that is `force_per_slip` times the slip, if slip is known."""
         if slip is not None:
             slip_1_N, u_1_N = slip
-            mean[term_index] = cost * slip_1_N
-            std[term_index] = np.hypot(cost * u_1_N, LIMITS.min_slip_std_fraction * std[term_index])
+            prior_mean[term_index] = force_per_slip * slip_1_N
+            prior_std[term_index] = np.hypot(
+                force_per_slip * u_1_N, LIMITS.min_slip_std_fraction * prior_std[term_index]
+            )

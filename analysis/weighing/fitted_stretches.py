@@ -11,9 +11,9 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows
-from analysis.stages.gating.gate import mark_possible_braking, mark_samples_to_pool
+from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_pooling
 from analysis.stages.gating.segments import number_manoeuvres
-from analysis.stages.motion.phases import mark_falls_beyond_noise, mark_stopping_samples
+from analysis.stages.motion.phases import mark_speed_falls_beyond_noise, mark_stopping_samples
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
@@ -21,8 +21,8 @@ from estimators.arrays import Bools, Floats, Ints
 T = TypeVar("T")
 
 
-def path_positions(
-    speed: Floats, used: Bools, silences: Ints, rate_hz: float
+def integrate_path_and_length_m(
+    speed: Floats, is_used: Bools, silences: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
     """Position of the machine on its path, (n,), and the length of the path in m.
 
@@ -30,30 +30,30 @@ def path_positions(
     """
     place = np.cumsum(speed) / rate_hz
     length = 0.0
-    for record in np.unique(silences[used]):
+    for record in np.unique(silences[is_used]):
         mine = silences == record
-        first, last = (float(edge(place[mine & used])) for edge in (np.min, np.max))
+        first, last = (float(edge(place[mine & is_used])) for edge in (np.min, np.max))
         place[mine] -= (first + last) / 2.0
         length = max(length, last - first)
     return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
 
 
-def running_standstill_count(excitation: pl.DataFrame) -> Ints:
+def count_standstills_so_far(excitation: pl.DataFrame) -> Ints:
     """Number of stands so far, (n,); unknown motion counts as a stand."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def running_gap_count(has_value: Bools, shortest: int) -> Ints:
-    """Number of gaps of at least `shortest` samples up to each sample, (n,)."""
+def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:
+    """Number of gaps of at least `min_gap_samples` samples up to each sample, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], has_value, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]
     begun = np.zeros(has_value.size, np.int64)
-    begun[first[end - first >= shortest]] = 1
+    begun[first[end - first >= min_gap_samples]] = 1
     return np.cumsum(begun)
 
 
-def number_drives(stop_count: Ints, longest_samples: int) -> Ints:
+def number_drive_manoeuvres(stop_count: Ints, longest_samples: int) -> Ints:
     """Number the manoeuvres, (n,), and split drives of twice `longest_samples` samples or more."""
     cuts = np.append(True, stop_count[1:] != stop_count[:-1])
     drive_begins = np.flatnonzero(cuts)
@@ -77,7 +77,7 @@ def number_fitted_manoeuvres(
     """
     settings = machine.settings
     without = settings.gate.exclude_braking or not braking
-    accepted = mark_samples_to_pool(excitation, gated, settings)
+    accepted = mark_samples_for_pooling(excitation, gated, settings)
     segment_id = number_manoeuvres(excitation, settings)
     informative = np.unique(segment_id[accepted & (segment_id >= 0)])
     phase = excitation["phase"]
@@ -86,13 +86,13 @@ def number_fitted_manoeuvres(
         brakes = (phase == "braking").fill_null(False).to_numpy()
         stands = (phase == "standstill").fill_null(False).to_numpy()
         speed = column_values(excitation, "speed_x_m_s")
-        brakes &= mark_falls_beyond_noise(speed, noise_m_s, settings)
+        brakes &= mark_speed_falls_beyond_noise(speed, noise_m_s, settings)
         brakes |= mark_stopping_samples(speed, stands, moving_threshold_m_s, settings)
         driving &= ~mark_possible_braking(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 
-def driving_directions(group: Ints, speed: Floats) -> Floats:
+def find_direction_of_manoeuvres(group: Ints, speed: Floats) -> Floats:
     """Sign of the mean speed of each manoeuvre, (n,); 1 elsewhere."""
     used = group >= 0
     ids, index = np.unique(group[used], return_inverse=True)
@@ -131,24 +131,27 @@ def count_samples_since_start(group: Ints) -> Ints:
     return row - np.maximum.accumulate(np.where(is_first_of_stretch(group), row, 0))
 
 
-def stretch_spans(group: Ints) -> Ints:
+def find_stretch_spans(group: Ints) -> Ints:
     """First sample of each stretch, and the one behind its last, (stretches, 2)."""
     first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, is_last_of_stretch))
     return np.column_stack([first, last + 1])
 
 
-def split_stretches_at_units(group: Ints, unit: Ints) -> Ints:
+def split_stretches_at_manoeuvres(group: Ints, manoeuvre_of_sample: Ints) -> Ints:
     """Split stretches at manoeuvre borders and number them again, (n,)."""
     used = group >= 0
-    cut = used & (is_first_of_stretch(group) | np.append(False, unit[1:] != unit[:-1]))
+    cut = used & (
+        is_first_of_stretch(group)
+        | np.append(False, manoeuvre_of_sample[1:] != manoeuvre_of_sample[:-1])
+    )
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
-def extend_to_break_away(
+def extend_manoeuvres_to_break_away(
     group: Ints, speed: Floats, moving_threshold_m_s: float, max_rows: int, phase_start: int
 ) -> Ints:
     """Extend manoeuvres, (n,), back to where their speed leaves the noise, before their phase."""
-    smooth = np.abs(three_sample_mean(speed)) > moving_threshold_m_s
+    smooth = np.abs(average_three_speed_samples(speed)) > moving_threshold_m_s
     grown = group.copy()
     for begin in np.flatnonzero(is_first_of_stretch(group)):
         first = int(begin)
@@ -163,14 +166,14 @@ def extend_to_break_away(
 def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
     """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
     used = group >= 0
-    forwards = three_sample_mean(speed) > 0.0
+    forwards = average_three_speed_samples(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flag_windows(turns, has_reversal) | flag_windows(turns[::-1], has_reversal + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
 
 
-def drop_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
+def exclude_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     """Stretch of each sample, (n,); -1 where its speed never exceeds the noise: no starts.
 
     If the noise is below the motion threshold, slow samples count as motion.
@@ -179,12 +182,14 @@ def drop_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) 
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
     first = np.flatnonzero(is_first_of_stretch(group))
-    fastest = np.maximum.reduceat(np.where(used, np.abs(three_sample_mean(speed)), 0.0), first)
+    fastest = np.maximum.reduceat(
+        np.where(used, np.abs(average_three_speed_samples(speed)), 0.0), first
+    )
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)
 
 
-def three_sample_mean(speed: Floats) -> Floats:
+def average_three_speed_samples(speed: Floats) -> Floats:
     """Mean of each sample and its two neighbours, (n,) in m/s."""
     return np.convolve(speed, np.ones(3) / 3.0, "same")
 
@@ -225,20 +230,20 @@ def make_centred_ramp(samples: int) -> Floats:
     return np.arange(samples) / max(samples, 1) - 0.5
 
 
-def advance_in_stretches(x: Floats, group: Ints, delay_rows: float) -> Floats:
+def advance_signal_by_delay(signal: Floats, group: Ints, delay_rows: float) -> Floats:
     """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid.
 
     Args:
-        x: (n,) the signal.
+        signal: (n,) the signal.
         group: (n,) stretch of each sample, negative for none.
         delay_rows: delay in samples.
     """
-    if not delay_rows and np.isfinite(x).all():
-        return x
+    if not delay_rows and np.isfinite(signal).all():
+        return signal
     whole = math.floor(delay_rows)
     part = delay_rows - whole
-    first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
-    moved, by_cubic = np.empty(x.size), np.zeros(x.size, np.bool_)
+    first, end = max(1 - whole, 0), min(signal.size - 2 - whole, signal.size)
+    moved, by_cubic = np.empty(signal.size), np.zeros(signal.size, np.bool_)
     if part and first < end:
         weights = (
             -part * (part - 1.0) * (part - 2.0) / 6.0,
@@ -248,7 +253,7 @@ def advance_in_stretches(x: Floats, group: Ints, delay_rows: float) -> Floats:
         )
         from_row = first + whole - 1
         moved[first:end] = sum(
-            weight * x[from_row + k : from_row + k + end - first]
+            weight * signal[from_row + k : from_row + k + end - first]
             for k, weight in enumerate(weights)
         )
         own = group[first:end]
@@ -257,5 +262,7 @@ def advance_in_stretches(x: Floats, group: Ints, delay_rows: float) -> Floats:
             inside &= group[row : row + end - first] == own
         by_cubic[first:end] = inside
     by_line = np.flatnonzero(~by_cubic)
-    moved[by_line] = np.interp(by_line + delay_rows, np.arange(x.size, dtype=np.float64), x)
+    moved[by_line] = np.interp(
+        by_line + delay_rows, np.arange(signal.size, dtype=np.float64), signal
+    )
     return moved

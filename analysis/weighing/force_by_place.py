@@ -22,7 +22,7 @@ def make_spring_column(place_1: Floats) -> Floats:
     return 2.0 * place_1
 
 
-def half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
+def evaluate_half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
     """Cosine (n,) over the path with a number of half waves."""
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
@@ -32,16 +32,16 @@ def _make_position_wave_term(half_waves: int) -> Nuisance:
     return Nuisance(
         f"place_{half_waves}",
         "N",
-        lambda m: half_wave_cosine(m.place_1, half_waves),
+        lambda m: evaluate_half_wave_cosine(m.place_1, half_waves),
         lambda e, s: s.place_share * e.force_95_percent / half_waves,
         "a force that depends on the place on a short path: gravity, a cable, a cam",
         "strokes at different accelerations over the same path",
-        applies=lambda e: e.is_bench_log,
+        applies=lambda e: e.is_short_path_bench_log,
         source=BY_PLACE,
     )
 
 
-def _load_proportional_term(term: Nuisance) -> Nuisance:
+def _make_load_proportional_term(term: Nuisance) -> Nuisance:
     """Part of a nuisance term that is proportional to the load."""
 
     def column_of_load(m: ColumnInputs) -> Floats:
@@ -64,19 +64,20 @@ _OF_EVERY_LOAD: Final = (
         lambda e, s: s.place_share * e.force_95_percent,
         "a force in proportion to the place on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",
-        applies=lambda e: e.is_bench_log,
+        applies=lambda e: e.is_short_path_bench_log,
         source=BY_PLACE,
     ),
     *map(_make_position_wave_term, range(1, LIMITS.path_half_waves + 1)),
 )
 #: Behind the nuisances that every log may have.
-PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
+PLACE: Final = (*_OF_EVERY_LOAD, *map(_make_load_proportional_term, _OF_EVERY_LOAD))
 
 
 def make_position_force_columns(place_1: Floats) -> Floats:
     """(n, terms) columns of a spring and of half waves at positions on the path."""
     waves = (
-        half_wave_cosine(place_1, half_waves) for half_waves in range(1, LIMITS.path_half_waves + 1)
+        evaluate_half_wave_cosine(place_1, half_waves)
+        for half_waves in range(1, LIMITS.path_half_waves + 1)
     )
     return np.column_stack([make_spring_column(place_1), *waves])
 

@@ -16,7 +16,7 @@ from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.numerics.play import follow_with_play
+from estimators.numerics.play import apply_play_hysteresis
 
 
 def hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
@@ -52,13 +52,15 @@ class Play(NamedTuple):
     by_force_1_N: float
 
 
-def choose_hysteresis_play(motion: MotionSamples, noise: ColumnNoiseModel, samples: int) -> Play:
+def choose_hysteresis_play(
+    motion: MotionSamples, noise: ColumnNoiseModel, mean_samples: int
+) -> Play:
     """Choose a share of the largest force, and the shortest mean whose noise is well below it.
 
     Args:
         motion: the samples.
         noise: noise of acceleration, speed and force.
-        samples: length of the fitted means.
+        mean_samples: length of the fitted means.
     """
     longest = count_rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
     half_N = LIMITS.hysteresis_turn_share * motion.force_95_percent
@@ -68,12 +70,12 @@ def choose_hysteresis_play(motion: MotionSamples, noise: ColumnNoiseModel, sampl
         if noise_N <= half_N:
             break
     half_N = max(half_N, noise_N)
-    return Play(half_N, mean, min(samples / mean, 1.0) / half_N)
+    return Play(half_N, mean, min(mean_samples / mean, 1.0) / half_N)
 
 
-def trace_force_direction(force: Floats, play: Play) -> Floats:
+def trace_direction_of_force_change(force: Floats, play: Play) -> Floats:
     """Whether the force (n,) rises (1), falls (-1) or has just turned (between), (n,)."""
     before = play.mean // 2
     padded = np.pad(force, (before, play.mean - 1 - before), mode="edge")
     smooth = np.convolve(padded, np.full(play.mean, 1.0 / play.mean), "valid")
-    return (smooth - follow_with_play(smooth, play.half_N)) / play.half_N
+    return (smooth - apply_play_hysteresis(smooth, play.half_N)) / play.half_N

@@ -34,7 +34,7 @@ class FuelOnBoard:
     burnt_L: Floats
 
     @classmethod
-    def from_channel(cls, body: Body, aligned: pl.DataFrame) -> Self | None:
+    def integrate_fuel_rate(cls, body: Body, aligned: pl.DataFrame) -> Self | None:
         """Integrate the channel, or the stated rate; None if the machine file states no tank.
 
         Where the channel has a gap, its mean rate is burnt.
@@ -52,14 +52,16 @@ class FuelOnBoard:
         rate_u_1 = LIMITS.unknown_fuel_rate_u if body.fuel_gain_u is None else body.fuel_gain_u
         return cls(body.fuel, rate_u_1, t_ns, np.cumsum(rate_L_h * hours))
 
-    def extra_fuel_mass_and_u_kg(self, at_ns: Floats, weights: Floats) -> tuple[float, float]:
+    def fuel_mass_since_ticket_and_u_kg(
+        self, at_ns: Floats, coefficients: Floats
+    ) -> tuple[float, float]:
         """Fuel mass beyond that on the ticket, and its standard uncertainty, in kg.
 
         Args:
             at_ns: (k,) times at which the log weighed the empty machine.
-            weights: (k,) their weights, with sum 1.
+            coefficients: (k,) their weights, with sum 1.
         """
-        burnt_L = float(weights @ np.interp(at_ns, self.t_ns, self.burnt_L))
+        burnt_L = float(coefficients @ np.interp(at_ns, self.t_ns, self.burnt_L))
         more_L = self.tank.begin_L - burnt_L - self.tank.empty_mass_L
         density = self.tank.density_kg_L
         parts_L = (self.tank.u_L, self.rate_u_1 * burnt_L, LIMITS.fuel_density_u * more_L)

@@ -18,14 +18,14 @@ from analysis.model.machine_body import Body
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.fitted_stretches import is_first_of_stretch
-from analysis.weighing.joint_fit import JointFitInputs, applicable_terms, fit_jointly
+from analysis.weighing.joint_fit import JointFitInputs, fit_jointly, select_terms_of_motion
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_search import fit_with_load_search
+from analysis.weighing.load_search import fit_with_searched_load_states
 from analysis.weighing.load_states import (
     LoadStates,
-    classify_all_load_changes,
-    units_of_samples,
+    find_manoeuvre_of_fitted_samples,
+    label_load_change_evidence,
     weighted_means_by_state,
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
@@ -69,7 +69,7 @@ class DirectionGain:
         return self.threshold_1 < abs(self.gain_1 - 1.0) < LIMITS.direction_gain_max_1
 
     @property
-    def could_explain_several_loads(self) -> bool:
+    def could_replace_several_loads(self) -> bool:
         """Whether the answer has several loads, which may be this gain instead."""
         return self.loads > 1
 
@@ -79,7 +79,7 @@ class DirectionGain:
         return abs(self.gain_1 - 1.0) / float(np.sqrt(3.0))
 
 
-def find_direction_gain(
+def estimate_force_gain_by_driving_direction(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, body: Body
 ) -> DirectionGain | None:
     """Find a gain by direction that explains the log with one load.
@@ -96,51 +96,57 @@ def find_direction_gain(
     motion = fit.motion
     if body.force_gain_in_reverse is not None or not motion.drives_both_ways:
         return None
-    turns = int(np.count_nonzero(np.diff(manoeuvres_forwards(motion))))
+    turns = int(np.count_nonzero(np.diff(mark_forward_manoeuvres(motion))))
     if fit.states is None or turns < LIMITS.direction_gain_min_turns:
         return None
     several = fit.mass_count > 1
-    if several and (not loads_follow_direction(fit) or _does_ticket_confirm_loads(fit, body)):
+    if several and (
+        not do_loads_only_follow_direction(fit) or _does_ticket_confirm_loads(fit, body)
+    ):
         return None
     one = FitTask(
         motion,
         noise,
-        priors if fit.effects is None else fit.effects.exclude_unlikely_effects(priors),
-        (*applicable_terms(motion, has_several_loads=False), GAIN_BY_DIRECTION),
+        priors if fit.effects is None else fit.effects.with_unlikely_effects_excluded(priors),
+        (*select_terms_of_motion(motion, has_several_loads=False), GAIN_BY_DIRECTION),
         fit.kinematics,
         None,
         fit.found.uneven_1_s,
-    ).fit_means(fit.mean_samples, 2, shift=fit.shifted)
-    found = _estimate_gain_with_one_load(one, fit)
+    ).fit_over_means(fit.mean_samples, 2, advance_force=fit.shifted)
+    found = _read_direction_gain_of_one_load_fit(one, fit)
     if not found.is_significant:
         return None
     if not several:
         return found
     corrected = replace(motion, force=motion.force * (1.0 - one.theta[-1] * motion.direction))
-    inputs = JointFitInputs.prepare(corrected, noise, priors, fit)
-    left = fit_with_load_search(fit_jointly(inputs), inputs, body.repeatability_kg)
+    inputs = JointFitInputs.prepare_from_motion(corrected, noise, priors, fit)
+    left = fit_with_searched_load_states(fit_jointly(inputs), inputs, body.repeatability_kg)
     if left.mass_count > 1 or left.states is None:
         return None
-    heavy = are_nearer_to_heavy_mass(fit.states, manoeuvres_forwards(motion))
-    return None if heavy_masses_scatter_more(left.states, heavy) else found
+    heavy = mark_manoeuvres_nearer_to_heavy_mass(fit.states, mark_forward_manoeuvres(motion))
+    return None if do_heavy_masses_scatter_more(left.states, heavy) else found
 
 
-def _estimate_gain_with_one_load(one_load_fit: JointFit, answer_fit: JointFit) -> DirectionGain:
+def _read_direction_gain_of_one_load_fit(
+    one_load_fit: JointFit, answer_fit: JointFit
+) -> DirectionGain:
     """Gain in reverse over that forwards, from the last term of a fit with one load.
 
     Its standard deviation is at least that by which the manoeuvres of each direction scatter.
     """
     share, std = float(one_load_fit.theta[-1]), float(one_load_fit.fit.std[-1])
     if answer_fit.mass_count == 1:
-        std = max(std, std_of_difference_kg(answer_fit) / 2.0 / abs(answer_fit.mass_kg))
+        std = max(
+            std, mass_difference_std_by_direction_kg(answer_fit) / 2.0 / abs(answer_fit.mass_kg)
+        )
     return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, answer_fit.mass_count)
 
 
-def std_of_difference_kg(fit: JointFit) -> float:
+def mass_difference_std_by_direction_kg(fit: JointFit) -> float:
     """Standard deviation of the difference between the directions' mean masses, in kg."""
     states = fit.states
     assert states is not None
-    forwards = manoeuvres_forwards(fit.motion)
+    forwards = mark_forward_manoeuvres(fit.motion)
     variances = [
         max(_variance_to_noise_ratio(states.level_kg[each], states.std_kg[each]), 1.0)
         / float((states.std_kg[each] ** -2.0).sum())
@@ -149,37 +155,39 @@ def std_of_difference_kg(fit: JointFit) -> float:
     return float(np.sqrt(sum(variances)))
 
 
-def loads_follow_direction(fit: JointFit) -> bool:
+def do_loads_only_follow_direction(fit: JointFit) -> bool:
     """Whether loads alternate with the direction, and nothing besides the masses tells of them."""
     states, motion = fit.states, fit.motion
     assert states is not None
     if motion.empty is not None:
         return False
-    forwards = manoeuvres_forwards(motion)
-    agree = float(np.mean(are_nearer_to_heavy_mass(states, forwards) == forwards))
+    forwards = mark_forward_manoeuvres(motion)
+    agree = float(np.mean(mark_manoeuvres_nearer_to_heavy_mass(states, forwards) == forwards))
     if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
         return False
     changes = np.diff(states.membership) != 0
-    hinted = classify_all_load_changes(motion)[changes] >= HINTED
+    hinted = label_load_change_evidence(motion)[changes] >= HINTED
     return float(np.mean(hinted)) < LIMITS.hinted_loads_fraction
 
 
-def manoeuvres_forwards(motion: MotionSamples) -> Bools:
+def mark_forward_manoeuvres(motion: MotionSamples) -> Bools:
     """Whether each manoeuvre goes forwards, (units,)."""
-    first = np.flatnonzero(motion.is_fittable)[is_first_of_stretch(units_of_samples(motion))]
+    first = np.flatnonzero(motion.is_fittable)[
+        is_first_of_stretch(find_manoeuvre_of_fitted_samples(motion))
+    ]
     return motion.direction[first] > 0.0
 
 
-def masses_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
+def average_mass_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
     """Mean mass of the manoeuvres in reverse and forwards, in kg."""
     each = forwards.astype(np.int64)
     reverse_kg, forwards_kg = weighted_means_by_state(states.level_kg, states.std_kg**-2.0, each)
     return float(reverse_kg), float(forwards_kg)
 
 
-def are_nearer_to_heavy_mass(states: LoadStates, forwards: Bools) -> Bools:
+def mark_manoeuvres_nearer_to_heavy_mass(states: LoadStates, forwards: Bools) -> Bools:
     """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
-    return states.level_kg > float(np.mean(masses_by_direction_kg(states, forwards)))
+    return states.level_kg > float(np.mean(average_mass_by_direction_kg(states, forwards)))
 
 
 def _does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
@@ -187,8 +195,8 @@ def _does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
     if body.empty_mass_kg is None:
         return False
     assert fit.states is not None
-    forwards = manoeuvres_forwards(fit.motion)
-    light_kg, heavy_kg = sorted(masses_by_direction_kg(fit.states, forwards))
+    forwards = mark_forward_manoeuvres(fit.motion)
+    light_kg, heavy_kg = sorted(average_mass_by_direction_kg(fit.states, forwards))
     empty_kg = body.empty_mass_kg + body.rotating_mass_kg
     gain_u_kg = (body.force_gain_u or 0.0) * empty_kg
     u_kg = float(np.linalg.norm([fit.u_kg, body.empty_mass_u_kg or 0.0, gain_u_kg]))
@@ -198,7 +206,7 @@ def _does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
     )
 
 
-def heavy_masses_scatter_more(states: LoadStates, heavy: Bools) -> bool:
+def do_heavy_masses_scatter_more(states: LoadStates, heavy: Bools) -> bool:
     """Whether the heavier manoeuvres scatter more than the lighter ones, as payloads do.
 
     Args:

@@ -1,9 +1,10 @@
 """Loads that change in motion: of single manoeuvres, and of all manoeuvres alike.
 
-`find_growing_loads` compares the residual of a manoeuvre with a mass that grows evenly over it, and
-with the other manoeuvres. A change that all share is hidden in their common terms;
-`fit_growing_load` gives it a term of its own. Beside that term, friction that drives or a
-resistance that falls with the square of the speed is what a growing load leaves in the others.
+`find_manoeuvres_with_growing_load` compares the residual of a manoeuvre with a mass that grows
+evenly over it, and with the other manoeuvres. A change that all share is hidden in their common
+terms; `refit_with_load_growing_at_starts` gives it a term of its own. Beside that term, friction
+that drives or a resistance that falls with the square of the speed is what a growing load leaves in
+the others.
 
 A load that changes while a manoeuvre creeps for a second or two shows in no residual:
 `find_creeping_load_changes` finds such manoeuvres by their speed and by the different loads that
@@ -20,18 +21,18 @@ from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import FitRows, average_columns, fitted_mean_stride
+from analysis.weighing.fit_columns import FitRows, average_columns, stride_of_fitted_means
 from analysis.weighing.joint_fit import refit_with_changes
-from analysis.weighing.joint_result import JointFit, term_index
+from analysis.weighing.joint_result import JointFit, find_term_index
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import (
     LoadStates,
-    units_of_samples,
-    units_of_stretches,
+    find_manoeuvre_of_fitted_samples,
+    find_manoeuvre_of_stretches,
 )
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
-from estimators.numerics.autocorrelation import student_to_normal_ratio
+from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 from estimators.numerics.fit_loss import list_group_numbers, list_rows_by_group
 
 #: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
@@ -95,14 +96,14 @@ class LoadFilling:
         return self.deviations * float(self.moves_u > 1.0)
 
     @property
-    def widening_effect_kg(self) -> Floats | float:
+    def significant_mass_changes_kg(self) -> Floats | float:
         """Change of each mass, (masses,), by which it is wider; 0 if it is not significant."""
         shown = not self.is_possible and self.deviations > LIMITS.impossible_filling_std
         return self.effect_kg if shown else 0.0
 
 
-def fit_growing_load(
-    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
+def refit_with_load_growing_at_starts(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, fit_rows: FitRows | None = None
 ) -> LoadFilling:
     """Refit with a load that grows equally at every start, and with positive resistances.
 
@@ -113,11 +114,11 @@ def fit_growing_load(
         fit: the fit without growth.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        rows: rows of the fit and of `FILLING`, if already computed.
+        fit_rows: rows of the fit and of `FILLING`, if already computed.
     """
-    grown = refit_with_changes(fit, noise, priors, (FILLING,), rows=rows)
+    grown = refit_with_changes(fit, noise, priors, (FILLING,), fit_rows=fit_rows)
     names = [term.name for term in fit.terms]
-    resistances = [term_index(name, fit.terms) for name in _RESISTANCES if name in names]
+    resistances = [find_term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.mass_count + 1 + place for place in resistances)]
     found, covariance = grown.theta[at], grown.fit.covariance[np.ix_(at, at)]
     std = np.sqrt(np.diag(covariance))
@@ -137,27 +138,29 @@ def fit_growing_load(
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
     )
     of_sums = chain(
-        map(fit.weights_of_state, range(fit.mass_count)), mean_payload_weight_vectors(fit)
+        map(fit.coefficients_of_state, range(fit.mass_count)), list_mean_payload_coefficients(fit)
     )
-    moves_u = [abs(float(each @ moved)) / max(fit.sum_u_kg(each), 1e-9) for each in of_sums]
+    moves_u = [
+        abs(float(each @ moved)) / max(fit.weighted_sum_u_kg(each), 1e-9) for each in of_sums
+    ]
     return LoadFilling(
         float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u))), moved
     )
 
 
-def mean_payload_weight_vectors(fit: JointFit) -> list[Floats]:
+def list_mean_payload_coefficients(fit: JointFit) -> list[Floats]:
     """(masses,) weights of the mean payload: heavy manoeuvres less light ones; none of one load."""
     loads, states = fit.found.relative_loads, fit.states
     if loads is None or states is None:
         return []
-    loaded = loads.are_loaded(states.unit)
+    loaded = loads.mark_loaded_manoeuvres_by_number(states.unit)
     if loaded.all() or not loaded.any():
         return []
     each = np.where(loaded, 1.0 / loaded.sum(), -1.0 / (~loaded).sum())
     return [np.bincount(states.membership, each, fit.mass_count).astype(np.float64)]
 
 
-def find_growing_loads(
+def find_manoeuvres_with_growing_load(
     fit: JointFit, noise: ColumnNoiseModel, motion: MotionSamples | None = None
 ) -> tuple[LoadGrowth, ...]:
     """Find the manoeuvres whose load changes by more than chance explains.
@@ -171,15 +174,17 @@ def find_growing_loads(
         return ()
     motion = fit.motion if motion is None else motion
     rows = average_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
-    unit = np.where(rows.group >= 0, units_of_stretches(motion)[np.maximum(rows.group, 0)], -1)
+    unit = np.where(
+        rows.group >= 0, find_manoeuvre_of_stretches(motion)[np.maximum(rows.group, 0)], -1
+    )
     by_unit = dict(zip(list_group_numbers(unit).tolist(), list_rows_by_group(unit), strict=True))
     none = np.empty(0, np.int64)
-    numbers = np.unique(units_of_stretches(motion))
+    numbers = np.unique(find_manoeuvre_of_stretches(motion))
     parts = [by_unit.get(each, none) for each in numbers.tolist()]
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = residual_force(fit, rows, unit)
+    left = compute_residual_force(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
@@ -189,7 +194,7 @@ def find_growing_loads(
             * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
         )
         left[part] = left[part].clip(-most, most)
-    variance = _row_variance(fit, noise)
+    variance = _row_noise_variance_newtons2(fit, noise)
     friction = float(np.hypot(fit.viscous_friction, fit.fit.std[fit.mass_count]))
     own = (
         LIMITS.own_friction_fraction * friction,
@@ -199,40 +204,49 @@ def find_growing_loads(
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
         return ()  # of a fit that determines nothing
     slopes = np.array(
-        [regress_mass_growth(rows.A[part], left[part], tied) for part in compress(parts, told)]
+        [
+            regress_residual_on_mass_growth(rows.A[part], left[part], tied)
+            for part in compress(parts, told)
+        ]
     )
     number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
     if number.size < LIMITS.growth_min_manoeuvres:
         return ()
     kg, square = slopes.T
-    kg = kg - expected_growth_by_mass(fit.masses_kg[states_of_units(fit.states, number)], kg)
+    kg = kg - estimate_common_growth_by_mass_kg(
+        fit.masses_kg[look_up_load_states(fit.states, number)], kg
+    )
     apart = STD_OF_MAD * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(
         ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)
-    ) * student_to_normal_ratio(kg.size - 1)
+    ) * compute_student_to_normal_ratio(kg.size - 1)
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    carried &= kg > -max_plausible_loss_kg(fit)
-    used, of_sample = np.flatnonzero(motion.is_fittable), units_of_samples(motion)
+    carried &= kg > -compute_max_plausible_load_loss_kg(fit)
+    used, of_sample = np.flatnonzero(motion.is_fittable), find_manoeuvre_of_fitted_samples(motion)
     return tuple(
         LoadGrowth(
             int(number[k]),
             int(used[np.argmax(of_sample == number[k])]),
             float(kg[k]),
             float(std_kg[k]),
-            bool(kg[k] > 0.0 or kg[k] > -max_loss_kg(fit, int(number[k]))),
+            bool(
+                kg[k] > 0.0 or kg[k] > -compute_max_load_loss_of_manoeuvre_kg(fit, int(number[k]))
+            ),
         )
         for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
     )
 
 
-def states_of_units(states: LoadStates, unit: Ints) -> Ints:
+def look_up_load_states(states: LoadStates, manoeuvre_numbers: Ints) -> Ints:
     """Index of the load state of manoeuvres by their number, (n,); undefined beyond them."""
-    return states.membership[np.searchsorted(states.unit, unit).clip(0, states.unit.size - 1)]
+    return states.membership[
+        np.searchsorted(states.unit, manoeuvre_numbers).clip(0, states.unit.size - 1)
+    ]
 
 
-def expected_growth_by_mass(mass_kg: Floats, growth_kg: Floats) -> Floats:
+def estimate_common_growth_by_mass_kg(mass_kg: Floats, growth_kg: Floats) -> Floats:
     """Growth that manoeuvres of such a mass have in common, (n,) in kg: what the model misses.
 
     What it misses (a dead band, rolling resistance) grows with the load, so that starts with the
@@ -255,14 +269,14 @@ def expected_growth_by_mass(mass_kg: Floats, growth_kg: Floats) -> Floats:
     return common_kg
 
 
-def max_plausible_loss_kg(fit: JointFit) -> float:
+def compute_max_plausible_load_loss_kg(fit: JointFit) -> float:
     """Largest plausible loss of a load in kg, by the carried mass if other loads give it."""
     if fit.mass_count == 1:
         return float("inf")
     return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
 
 
-def max_loss_kg(fit: JointFit, unit: int) -> float:
+def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) -> float:
     """Most that a manoeuvre can lose in kg: its load above the lightest, and the load's u.
 
     An excluded manoeuvre has the heavier load of those beside it. Infinite with one load, of which
@@ -270,16 +284,18 @@ def max_loss_kg(fit: JointFit, unit: int) -> float:
 
     Args:
         fit: the joint fit, with its load states.
-        unit: number of the manoeuvre in the samples.
+        manoeuvre_number: number of the manoeuvre in the samples.
     """
     states = fit.states
     if states is None or fit.mass_count == 1:
         return float("inf")
-    first, end = (int(np.searchsorted(states.unit, unit, side)) for side in ("left", "right"))
+    first, end = (
+        int(np.searchsorted(states.unit, manoeuvre_number, side)) for side in ("left", "right")
+    )
     places = np.array([first] if end > first else [first - 1, first]).clip(0, states.unit.size - 1)
-    lightest = fit.weights_of_state(int(np.argmin(fit.masses_kg)))
-    loads = [fit.weights_of_state(int(k)) - lightest for k in states.membership[places]]
-    return max(float(each @ fit.masses_kg) + fit.sum_u_kg(each) for each in loads)
+    lightest = fit.coefficients_of_state(int(np.argmin(fit.masses_kg)))
+    loads = [fit.coefficients_of_state(int(k)) - lightest for k in states.membership[places]]
+    return max(float(each @ fit.masses_kg) + fit.weighted_sum_u_kg(each) for each in loads)
 
 
 def find_creeping_load_changes(fit: JointFit) -> Ints:
@@ -294,7 +310,7 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:
         return none
-    place = np.searchsorted(states.unit, units_of_samples(fit.motion))
+    place = np.searchsorted(states.unit, find_manoeuvre_of_fitted_samples(fit.motion))
     top_m_s = np.zeros(states.unit.size)
     np.maximum.at(top_m_s, place, np.abs(fit.motion.speed[fit.motion.is_fittable]))
     creeps = top_m_s < LIMITS.creep_speed_ratio * np.median(top_m_s)
@@ -306,14 +322,16 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
     return states.unit[between & changes]
 
 
-def residual_force(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
+def compute_residual_force(fit: JointFit, fit_rows: FitRows, manoeuvre_of_row: Ints) -> Floats:
     """Residual force of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
-    masses = fit.theta[: fit.mass_count][states_of_units(fit.states, unit)]
-    return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared_parameters
+    masses = fit.theta[: fit.mass_count][look_up_load_states(fit.states, manoeuvre_of_row)]
+    return fit_rows.f - fit_rows.A[:, 0] * masses - fit_rows.A[:, 1:] @ fit.shared_parameters
 
 
-def regress_mass_growth(A: Floats, residual: Floats, std_ratios: Floats) -> tuple[float, float]:
+def regress_residual_on_mass_growth(
+    A: Floats, residual: Floats, std_ratios: Floats
+) -> tuple[float, float]:
     """Regress a residual on a linearly growing mass; returns the slope and its information.
 
     The manoeuvre's own mass, friction and constant are projected out as far as they may differ:
@@ -330,9 +348,9 @@ def regress_mass_growth(A: Floats, residual: Floats, std_ratios: Floats) -> tupl
     return float(grows @ residual) / square, square
 
 
-def _row_variance(fit: JointFit, noise: ColumnNoiseModel) -> float:
+def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> float:
     """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
-    overlap = samples / fitted_mean_stride(samples)
+    overlap = samples / stride_of_fitted_means(samples)
     return overlap * float(gradient @ noise.covariance(samples) @ gradient)

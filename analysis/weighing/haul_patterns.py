@@ -9,9 +9,12 @@ from itertools import combinations
 import numpy as np
 
 from analysis.weighing.fitted_stretches import is_first_of_stretch
-from analysis.weighing.haul_route import add_missed_visits
+from analysis.weighing.haul_route import add_missed_dump_visits
 from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_states import classify_all_load_changes, units_of_samples
+from analysis.weighing.load_states import (
+    find_manoeuvre_of_fitted_samples,
+    label_load_change_evidence,
+)
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 from estimators.joint.group_effects import HINTED
 
@@ -22,13 +25,15 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     States that only follow the driving direction count only if something else shows that loads
     change; a machine with another response in reverse would have loads otherwise.
     """
-    kind = classify_all_load_changes(motion)
-    first = np.flatnonzero(motion.is_fittable)[is_first_of_stretch(units_of_samples(motion))]
+    kind = label_load_change_evidence(motion)
+    first = np.flatnonzero(motion.is_fittable)[
+        is_first_of_stretch(find_manoeuvre_of_fitted_samples(motion))
+    ]
     forwards = motion.direction[first] > 0.0
     begins_m = motion.driven_m[first]
     visits = [
-        np.isin(begins_m[1:], add_missed_visits(begins_m[1:][each], begins_m[1:]))
-        for each in find_visits_of_recurrent_stops(begins_m, forwards)
+        np.isin(begins_m[1:], add_missed_dump_visits(begins_m[1:][each], begins_m[1:]))
+        for each in mark_visits_of_recurrent_stops(begins_m, forwards)
     ]
     changes = [each & (kind > 0) for each in visits]
     taking_turns = [mark_loaded_manoeuvres(on, off) for on, off in combinations(visits, 2)]
@@ -37,11 +42,14 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
         np.append(0, np.cumsum(each))
         for each in changes
         if each.any()
-        and (not _follows_direction(each, forwards) or _has_each_load_a_strong_change(kind[each]))
+        and (
+            not _do_states_only_follow_direction(each, forwards)
+            or _have_load_changes_strong_evidence(kind[each])
+        )
     ]
 
 
-def find_visits_of_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bools]:
+def mark_visits_of_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bools]:
     """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
 
     Stands are of one place if they are as far after the last turn and before the next one, between
@@ -60,7 +68,7 @@ def find_visits_of_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bo
     until_m = bounds_m[np.searchsorted(turns_m, here_m, "right") + 1] - here_m
     between = 2 * forwards[:-1] + forwards[1:]
     near = between[:, None] == between
-    tolerance_m = LIMITS.same_place_1 * medians_by_kind(since_m + until_m, between)
+    tolerance_m = LIMITS.same_place_1 * median_of_same_label(since_m + until_m, between)
     for way_m in (since_m, until_m):
         # before the first turn and behind the last one the other way tells alone
         near &= ~(np.abs(way_m[:, None] - way_m) > tolerance_m)
@@ -77,13 +85,13 @@ def find_visits_of_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bo
     return found
 
 
-def medians_by_kind(values: Floats, kinds: Ints) -> Floats:
+def median_of_same_label(values: Floats, labels: Ints) -> Floats:
     """Median of the known values of the same kind, for each value, (n,); NaN if none is known."""
     medians = np.full(values.size, np.nan)
-    for each in np.unique(kinds):
-        known = values[(kinds == each) & np.isfinite(values)]
+    for each in np.unique(labels):
+        known = values[(labels == each) & np.isfinite(values)]
         if known.size:
-            medians[kinds == each] = np.median(known)
+            medians[labels == each] = np.median(known)
     return medians
 
 
@@ -98,12 +106,12 @@ def mark_loaded_manoeuvres(loading_stands: Bools, unloading_stands: Bools) -> Bo
     return np.append(begins, np.where(none_yet, begins, last_on > last_off))
 
 
-def _has_each_load_a_strong_change(change_kinds: Ints) -> bool:
+def _have_load_changes_strong_evidence(change_kinds: Ints) -> bool:
     """Whether each load has at least one change that is not only a change of direction."""
     return float((change_kinds >= HINTED).mean()) >= LIMITS.hinted_change_fraction
 
 
-def _follows_direction(has_load_change: Bools, forwards: Bools) -> bool:
+def _do_states_only_follow_direction(has_load_change: Bools, forwards: Bools) -> bool:
     """Whether alternating states only follow the driving direction."""
     alike = float(np.mean((np.append(0, np.cumsum(has_load_change)) % 2 == 1) == forwards))
     return max(alike, 1.0 - alike) > LIMITS.direction_state_fraction

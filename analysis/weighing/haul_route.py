@@ -45,25 +45,25 @@ class Route:
         dumps = ~loaded[1:] & loaded[:-1]
         if not dumps.any():
             return None
-        dumps_m = find_dump_positions(ends_m[:-1][dumps], begins_m[1:][dumps])
+        dumps_m = find_dump_positions_m(ends_m[:-1][dumps], begins_m[1:][dumps])
         before = np.searchsorted(fills_m, dumps_m) - 1
         if not (before >= 0).any():
             return None
         hauls_m = dumps_m[before >= 0] - fills_m[before[before >= 0]]
         length_m = max(LIMITS.route_over_haul * float(np.median(hauls_m)), 1.0)
-        return cls(add_missed_visits(dumps_m, begins_m), length_m)
+        return cls(add_missed_dump_visits(dumps_m, begins_m), length_m)
 
-    def relative_distances_to_dump(self, motion: MotionSamples) -> Floats:
+    def compute_relative_distances_to_dump(self, motion: MotionSamples) -> Floats:
         """Distance of samples from the nearest dump over the route's length, (n,), at most 1."""
-        ahead, behind = self._distances_to_dumps_m(motion)
+        ahead, behind = self._compute_distances_to_dumps_m(motion)
         return np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
 
-    def headings_from_dump(self, motion: MotionSamples) -> Floats:
+    def compute_headings_from_dump(self, motion: MotionSamples) -> Floats:
         """Heading of samples, (n,): 1 with the front away from the nearest dump, -1 towards it."""
-        ahead, behind = self._distances_to_dumps_m(motion)
+        ahead, behind = self._compute_distances_to_dumps_m(motion)
         return np.where(behind < ahead, motion.direction, -motion.direction)
 
-    def _distances_to_dumps_m(self, motion: MotionSamples) -> tuple[Floats, Floats]:
+    def _compute_distances_to_dumps_m(self, motion: MotionSamples) -> tuple[Floats, Floats]:
         """Distances to the next dump and from the one before, (n,) each; infinite without one."""
         here = motion.driven_m
 
@@ -77,7 +77,7 @@ class Route:
         return ahead, behind
 
 
-def find_dump_positions(arrives_m: Floats, leaves_m: Floats) -> Floats:
+def find_dump_positions_m(arrives_m: Floats, leaves_m: Floats) -> Floats:
     """Positions at which the machine leaves empty, or arrives if its next start is not fitted.
 
     Args:
@@ -89,7 +89,7 @@ def find_dump_positions(arrives_m: Floats, leaves_m: Floats) -> Floats:
     return np.where(stops_m > LIMITS.dump_stop_ratio * usual_m, arrives_m + usual_m, leaves_m)
 
 
-def add_missed_visits(visits_m: Floats, begins_m: Floats) -> Floats:
+def add_missed_dump_visits(visits_m: Floats, begins_m: Floats) -> Floats:
     """Add a visit where the regular cycles imply one, at the nearest manoeuvre.
 
     A load that is not recognised has no dump, and its starts would lie anywhere on the route.

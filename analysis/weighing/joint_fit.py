@@ -31,7 +31,10 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
-from analysis.weighing.wheel_comparison import compare_wheels, do_wheels_show_squat
+from analysis.weighing.wheel_comparison import (
+    compare_wheels_with_accelerometer,
+    do_wheels_show_squat,
+)
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
 
@@ -54,20 +57,20 @@ class JointFitInputs:
     uneven_1_s: float = 0.0
 
     @classmethod
-    def prepare(
+    def prepare_from_motion(
         cls,
         motion: MotionSamples,
         noise: ColumnNoiseModel,
         priors: PriorSettings,
-        before: JointFit | None = None,
+        earlier_fit: JointFit | None = None,
     ) -> Self:
         """Compare wheels and accelerometer.
 
         An earlier fit gives the unevenness of the ground and the springs of the body.
         """
         noise = CachedNoise(noise)
-        uneven_1_s = 0.0 if before is None else before.found.uneven_1_s
-        known = None if before is None else before.kinematics
+        uneven_1_s = 0.0 if earlier_fit is None else earlier_fit.found.uneven_1_s
+        known = None if earlier_fit is None else earlier_fit.kinematics
         wheels = _estimate_wheel_kinematics(motion, noise, priors, known)
         return cls(motion, noise, priors, wheels, uneven_1_s)
 
@@ -76,7 +79,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     """Fit with the shortest mean whose uncertainty is nearly the smallest."""
     motion = inputs.motion
     several = states is not None and states.state_count > 1
-    terms = applicable_terms(motion, has_several_loads=several)
+    terms = select_terms_of_motion(motion, has_several_loads=several)
     whole = FitTask(
         motion, inputs.noise, inputs.priors, terms, inputs.wheels, states, inputs.uneven_1_s
     )
@@ -91,8 +94,8 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)
     first = [
-        part.fit_means(
-            samples, LIMITS.pilot_rounds, rows=columns.average_to_rows(inputs.noise, samples)
+        part.fit_over_means(
+            samples, LIMITS.pilot_rounds, fit_rows=columns.average_to_rows(inputs.noise, samples)
         )
         for samples in lengths
     ]
@@ -111,8 +114,8 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
     whole = _compare_wheels_after_pilot_fit(inputs, whole, best)
-    chosen = _fit_all_stretches(whole, best.mean_samples)
-    share = _relative_effect_of_mean_length(
+    chosen = _fit_delayed_or_low_passed_force(whole, best.mean_samples)
+    share = _relative_mass_change_by_mean_length(
         first, next(k for k, found in enumerate(first) if found is best)
     )
     transient = count_rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
@@ -120,13 +123,15 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
-        longer = _fit_all_stretches(whole, transient)
+        longer = _fit_delayed_or_low_passed_force(whole, transient)
         if longer.solution.misfit_ratio < misfit:
-            share, chosen = _relative_effect_of_mean_length([chosen, longer], 1), longer
+            share, chosen = _relative_mass_change_by_mean_length([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
 
 
-def applicable_terms(motion: MotionSamples, *, has_several_loads: bool) -> tuple[Nuisance, ...]:
+def select_terms_of_motion(
+    motion: MotionSamples, *, has_several_loads: bool
+) -> tuple[Nuisance, ...]:
     """Terms that apply to these samples; terms by load only with several loads."""
     return tuple(
         term
@@ -136,24 +141,24 @@ def applicable_terms(motion: MotionSamples, *, has_several_loads: bool) -> tuple
 
 
 def _compare_wheels_after_pilot_fit(
-    inputs: JointFitInputs, task: FitTask, pilot: JointFit
+    inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
-    if not (abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m):
+    if not (abs(pilot_fit.lag_s) > LIMITS.short_lag_s or pilot_fit.found.transfer_s2_m):
         return task
     # slip is of the force on the ground at that moment
-    in_time = inputs.motion.advance_force(pilot.lag_s)
-    acting = replace(in_time, force=pilot.found.ground_force(in_time))
+    in_time = inputs.motion.advance_force(pilot_fit.lag_s)
+    acting = replace(in_time, force=pilot_fit.found.ground_force(in_time))
     wheels = _estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
 
-def _fit_all_stretches(task: FitTask, samples: int) -> JointFit:
+def _fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
-    moved = task.fit_means(samples, LIMITS.lag_rounds)
+    moved = task.fit_over_means(mean_samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
-    filtered = task.fit_means(samples, 2, shift=False)
+    filtered = task.fit_over_means(mean_samples, 2, advance_force=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():
@@ -165,43 +170,45 @@ def _estimate_wheel_kinematics(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None,
+    earlier_kinematics: WheelKinematics | None,
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, or take the comparison from a calibration.
 
     Springs are those of an earlier comparison: the body is the same.
     """
-    springs = None if earlier is None else earlier.springs
-    found = compare_wheels(motion, noise, priors, springs=springs)
-    return None if found is None else found.apply_learnt_priors(priors)
+    springs = None if earlier_kinematics is None else earlier_kinematics.springs
+    found = compare_wheels_with_accelerometer(motion, noise, priors, springs=springs)
+    return None if found is None else found.with_learnt_priors(priors)
 
 
-def _relative_effect_of_mean_length(fits_by_length: list[JointFit], length_index: int) -> float:
+def _relative_mass_change_by_mean_length(
+    fits_by_length: list[JointFit], length_index: int
+) -> float:
     """Relative effect of the mean's length on the mass; 0 if it may be noise."""
     best, longer = fits_by_length[length_index], fits_by_length[length_index + 1 :]
     if best.mass_kg == 0.0:
         return 0.0
     rows = fits_by_length[0].mean_samples == 1
-    if any(_masses_differ(best, other, rows=rows) for other in longer):
+    if any(_do_masses_differ(best, other, of_single_rows=rows) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
     if (
         not longer
         and length_index
-        and _masses_differ(best, fits_by_length[length_index - 1], rows=rows)
+        and _do_masses_differ(best, fits_by_length[length_index - 1], of_single_rows=rows)
     ):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - fits_by_length[length_index - 1].mass_kg / best.mass_kg
     return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
 
-def _masses_differ(fit_a: JointFit, fit_b: JointFit, *, rows: bool) -> bool:
+def _do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, of_single_rows: bool) -> bool:
     """Whether means of two lengths give significantly different masses.
 
     For single rows every relevant difference counts, even if noise explains it.
     """
     difference_kg = abs(fit_a.mass_kg - fit_b.mass_kg)
-    if rows:
+    if of_single_rows:
         return difference_kg > LIMITS.slow_grid_mean_length_fraction * abs(fit_a.mass_kg)
     first, second = fit_a.u_kg, fit_b.u_kg
     expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
@@ -216,7 +223,7 @@ def refit_with_changes(
     priors: PriorSettings,
     extra_terms: tuple[Nuisance, ...] = (),
     rounds: int = 1,
-    rows: FitRows | None = None,
+    fit_rows: FitRows | None = None,
 ) -> JointFit:
     """Fit the same samples with other priors or additional terms.
 
@@ -228,17 +235,22 @@ def refit_with_changes(
         priors: of the nuisances.
         extra_terms: terms to add after the others.
         rounds: maximum number of rounds.
-        rows: `make_refit_rows` of the earlier fit, with at least these terms, if already computed.
+        fit_rows: `make_refit_rows` of the earlier fit, with at least these terms, if already
+            computed.
     """
     if earlier_fit.effects is not None:
-        priors = earlier_fit.effects.exclude_unlikely_effects(priors)
+        priors = earlier_fit.effects.with_unlikely_effects_excluded(priors)
     terms = (*earlier_fit.terms, *extra_terms)
     task = FitTask(
         earlier_fit.motion, noise, priors, terms, earlier_fit.kinematics, earlier_fit.states
     )
-    rows = rows and rows.select_terms(terms)
-    fitted = task.fit_means(
-        earlier_fit.mean_samples, rounds, shift=earlier_fit.shifted, begin=earlier_fit, rows=rows
+    fit_rows = fit_rows and fit_rows.select_terms(terms)
+    fitted = task.fit_over_means(
+        earlier_fit.mean_samples,
+        rounds,
+        advance_force=earlier_fit.shifted,
+        initial_fit=earlier_fit,
+        fit_rows=fit_rows,
     )
     if fitted.mass_count != earlier_fit.mass_count:
         # of other loads
@@ -272,7 +284,7 @@ def drop_unlikely_effects(
     return refit_with_changes(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
 
 
-def add_hysteresis(
+def refit_with_hysteresis_if_shown(
     fit: JointFit,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -293,7 +305,7 @@ def add_hysteresis(
     found = replace(fit.found, play=choose_hysteresis_play(fit.motion, noise, fit.mean_samples))
     played = replace(fit, found=found)
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
-    tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), rows=rows)
+    tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
     half_width_N = float(tested.theta[-1])
     # the standard deviation takes longer than the estimate
     shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percent and (
@@ -308,7 +320,7 @@ def add_hysteresis(
     return looped, make_refit_rows(looped, noise, terms_of_checks)
 
 
-def fit_gain_by_load(fit: JointFit, priors: PriorSettings) -> JointFit:
+def refit_with_gain_change_by_load(fit: JointFit, priors: PriorSettings) -> JointFit:
     """Add a change of the accelerometer's gain with the load, if the motion shows one."""
     wheels, loads, states = fit.kinematics, fit.found.relative_loads, fit.states
     if wheels is None or loads is None or states is None:
@@ -332,7 +344,9 @@ def fit_gain_by_load(fit: JointFit, priors: PriorSettings) -> JointFit:
     return fit
 
 
-def add_motion_responses(fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings) -> JointFit:
+def add_mass_responses_to_motion_errors(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+) -> JointFit:
     """Compute the masses' responses to errors of the motion by a refit with each error."""
     if fit.kinematics is None or not fit.motion.by_accelerometer:
         return fit

@@ -115,7 +115,7 @@ class JointFit:
     @property
     def resistance_speed_slope(self) -> float:
         """Slope of resistance over speed, in N·s/m; never negative."""
-        return max(resistance_slope_at_mean_speed(self.theta, self.terms, self.motion), 0.0)
+        return max(compute_resistance_slope_at_mean_speed(self.theta, self.terms, self.motion), 0.0)
 
     @property
     def force_by_position(self) -> Floats | None:
@@ -129,14 +129,14 @@ class JointFit:
         loads, by_load_N = self.found.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
             return force
-        return force + loads.relative_loads_of_units(self.motion.unit) * (columns @ by_load_N)
+        return force + loads.look_up_relative_loads(self.motion.unit) * (columns @ by_load_N)
 
     @property
     def shared_parameters(self) -> Floats:
         """(1 + terms,) friction and terms, for columns whose force is advanced by its lag."""
         shared = self.theta[self.mass_count :].copy()
         if self.shifted:
-            shared[1 + term_index("lag", self.terms)] = 0.0
+            shared[1 + find_term_index("lag", self.terms)] = 0.0
         return shared
 
     @property
@@ -149,7 +149,7 @@ class JointFit:
         """Posterior means of the terms, (terms,), and their standard deviations, (terms,)."""
         own = self.fit.std[self.mass_count + 1 :]
         by_means = self._mean_sensitivities[:, self.mass_count + 1 :]
-        return self._term_values, np.sqrt(own**2 + (by_means**2).sum(axis=0))
+        return self._estimates_of_terms, np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
     def _mean_sensitivities(self) -> Floats:
@@ -171,7 +171,7 @@ class JointFit:
         if wheels is not None and wheels.mean_u.any():
             each = np.eye(self.theta.size)[: self.mass_count]
             by_wheels = (
-                np.array([self._wheel_sensitivities_kg(weights) for weights in each])
+                np.array([self._wheel_sensitivities_of_sum_kg(weights) for weights in each])
                 * wheels.mean_u
             )
             names += TERMS
@@ -181,15 +181,17 @@ class JointFit:
     @property
     def lag_s(self) -> float:
         """Delay of the force in s."""
-        return self.term_value("lag")
+        return self.estimate_of_term("lag")
 
-    def term_value(self, name: str) -> float:
+    def estimate_of_term(self, term_name: str) -> float:
         """Estimate of a nuisance term, in its unit; 0 if the fit lacks the term."""
         names = [term.name for term in self.terms]
-        return float(self._term_values[names.index(name)]) if name in names else 0.0
+        return (
+            float(self._estimates_of_terms[names.index(term_name)]) if term_name in names else 0.0
+        )
 
     @property
-    def _term_values(self) -> Floats:
+    def _estimates_of_terms(self) -> Floats:
         return self.theta[self.mass_count + 1 :]
 
     @property
@@ -205,7 +207,7 @@ class JointFit:
 
         The lag is excluded, and so are terms of single places of the ground.
         """
-        apart = np.abs(self._term_values - self.prior_means.mean) / self.prior_std
+        apart = np.abs(self._estimates_of_terms - self.prior_means.mean) / self.prior_std
         by_term = zip(self.terms, apart.tolist(), strict=True)
         return {
             term.name: widths for term, widths in by_term if term.name != "lag" and not term.source
@@ -216,20 +218,16 @@ class JointFit:
         """Index of the state with the most manoeuvres."""
         return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
 
-    def weights_of_state(self, state: int) -> Floats:
+    def coefficients_of_state(self, state: int) -> Floats:
         """(masses,) weights that select one mass."""
         out = np.zeros(self.mass_count)
         out[state] = 1.0
         return out
 
-    def u_parts_kg(self, weights: Floats) -> dict[str, float]:
-        """Parts of the standard uncertainty of a sum of masses, by cause, in kg.
-
-        Args:
-            weights: (masses,) of each mass in the sum.
-        """
-        wide = np.concatenate([weights, np.zeros(self.theta.size - self.mass_count)])
-        fit = self.fit
+    def u_by_cause_kg(self, coefficients: Floats) -> dict[str, float]:
+        """Parts of the standard uncertainty of the sum `coefficients` @ masses, by cause, in kg."""
+        wide = np.concatenate([coefficients, np.zeros(self.theta.size - self.mass_count)])
+        fit, by_motion = self.fit, self.by_motion
         summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
@@ -238,7 +236,7 @@ class JointFit:
             own = covariance[np.ix_(summed, summed)]
             return float(np.sqrt(max(float(wide[summed] @ own @ wide[summed]), 0.0)))
 
-        mass_kg = float(weights @ self.masses_kg)
+        mass_kg = float(coefficients @ self.masses_kg)
         parts = {
             "noise": weighted_std(fit.noise),
             **{
@@ -249,45 +247,45 @@ class JointFit:
             "scatter": weighted_std(fit.scatter),
             "other_reading": 0.0
             if self.states is None
-            else self.states.alternative_std_kg(weights),
+            else self.states.alternative_partition_std_kg(coefficients),
             "other_effects": 0.0
             if self.effects is None
-            else self.effects.model_choice_u_kg(weights),
+            else self.effects.model_choice_u_kg(coefficients),
             "squat": math.hypot(
-                self._pitch_part_kg(weights),
-                self._squat_part_kg(weights),
-                0.0 if self.by_motion is None else float(weights @ self.by_motion.swing_kg),
+                self._pitch_part_of_sum_u_kg(coefficients),
+                self._squat_part_of_sum_u_kg(coefficients),
+                0.0 if by_motion is None else float(coefficients @ by_motion.swing_kg),
             ),
-            "misfit": weighted_std(fit.misfit) if fit.has_misfit else 0.0,
-            "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
+            "misfit": weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
+            "lag_shape": abs(float(self.lag_shape_kg @ coefficients)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }
         if self.hysteresis_kg is not None:
-            shape_kg = LIMITS.hysteresis_shape_u_1 * float(self.hysteresis_kg @ weights)
+            shape_kg = LIMITS.hysteresis_shape_u_1 * float(self.hysteresis_kg @ coefficients)
             parts[HYSTERESIS.name] = math.hypot(parts[HYSTERESIS.name], shape_kg)
-        parts |= self._wheel_parts_kg(wide, parts["slip"])
-        learnt_kg = self.learnt_mean_sensitivities[1] @ weights
+        parts |= self._wheel_parts_of_sum_u_kg(wide, parts["slip"])
+        learnt_kg = self.learnt_mean_sensitivities[1] @ coefficients
         if learnt_kg.any():
             parts["learnt"] = float(np.linalg.norm(learnt_kg))
         wheels = self.kinematics
         if wheels is not None and wheels.gain_counts:
             # a wrong wheel radius is in the force, and in a speed's derivative once more
             times = 1.0 if self.motion.by_accelerometer else 2.0
-            moved_kg = 0.0 if self.by_motion is None else float(weights @ self.by_motion.gain_kg)
+            moved_kg = 0.0 if by_motion is None else float(coefficients @ by_motion.gain_kg)
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
-    def _squat_part_kg(self, weights: Floats) -> float:
+    def _squat_part_of_sum_u_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to a gain that changes with the load, in kg."""
-        return 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg)
+        return 0.0 if self.squat is None else self.squat.sum_u_kg(coefficients, self.masses_kg)
 
-    def _pitch_part_kg(self, weights: Floats) -> float:
+    def _pitch_part_of_sum_u_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to the squat that the pitch shows, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
         # springs give way in proportion to the mass
         by_load = 1.0 if self.squat is None else 1.0 + self.squat.relative_load
-        return self.kinematics.squat[1] * abs(float(weights @ (self.masses_kg * by_load)))
+        return self.kinematics.squat[1] * abs(float(coefficients @ (self.masses_kg * by_load)))
 
     @cached_property
     def term_responses(self) -> Floats:
@@ -296,14 +294,15 @@ class JointFit:
         Slip measured by the wheels narrows its prior.
         """
         found = self.fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
-        slip = term_index("slip", self.terms)
-        alone_kg = abs(float(found[slip] @ self.weights_of_state(self.most_frequent_state)))
+        slip = find_term_index("slip", self.terms)
+        coefficients = self.coefficients_of_state(self.most_frequent_state)
+        alone_kg = abs(float(found[slip] @ coefficients))
         if alone_kg > 0.0:
-            known_kg = self.u_parts_kg(self.weights_of_state(self.most_frequent_state))["slip"]
+            known_kg = self.u_by_cause_kg(coefficients)["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
-    def _wheel_parts_kg(self, weights: Floats, slip_kg: float) -> dict[str, float]:
+    def _wheel_parts_of_sum_u_kg(self, coefficients: Floats, slip_kg: float) -> dict[str, float]:
         """Uncertainty of a sum of masses due to slip, gain and delay, in kg.
 
         The three are correlated; each part is what remains once those before are known.
@@ -311,8 +310,8 @@ class JointFit:
         wheels, friction = self.kinematics, self.resistance_speed_slope
         if wheels is None or not wheels.is_consistent:
             return {}
-        moves = self._wheel_sensitivities_kg(weights)
-        width = self.prior_std[term_index("slip", self.terms)]
+        moves = self._wheel_sensitivities_of_sum_kg(coefficients)
+        width = self.prior_std[find_term_index("slip", self.terms)]
         found = moves @ np.linalg.cholesky(wheels.covariance)
         of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
         beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
@@ -321,16 +320,16 @@ class JointFit:
             parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
         return parts
 
-    def _wheel_sensitivities_kg(self, weights: Floats) -> Floats:
+    def _wheel_sensitivities_of_sum_kg(self, coefficients: Floats) -> Floats:
         """(3,) response of a sum of masses to one unit of slip, gain and delay of the wheels."""
         friction = self.resistance_speed_slope
-        slip = self.mass_count + 1 + term_index("slip", self.terms)
+        slip = self.mass_count + 1 + find_term_index("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
-        response = float(self.fit.responses[slip] @ weights)
-        width = self.prior_std[term_index("slip", self.terms)]
-        of_masses = weights[: self.mass_count]
+        response = float(self.fit.responses[slip] @ coefficients)
+        width = self.prior_std[find_term_index("slip", self.terms)]
+        of_masses = coefficients[: self.mass_count]
         masses_kg = float(of_masses @ self.masses_kg)
-        late = -friction * float(weights.sum())
+        late = -friction * float(coefficients.sum())
         if self.by_motion is not None:
             late = float(of_masses @ self.by_motion.delay_kg_s)
         return np.array(
@@ -350,7 +349,7 @@ class JointFit:
         if wheels is not None and self.is_gain_corrected:
             gain = wheels.gain_by_prior[0]
         masses = self.theta[: self.mass_count]
-        by_load = 1.0 if self.squat is None else self.squat.mass_overestimation_factor
+        by_load = 1.0 if self.squat is None else self.squat.mass_overestimation_factors
         return (masses - self.resistance_speed_slope * late) / (1.0 + gain) / by_load
 
     @property
@@ -369,14 +368,14 @@ class JointFit:
     @property
     def u_kg(self) -> float:
         """Standard uncertainty of that mass from this log alone, without the scale."""
-        return self.sum_u_kg(self.weights_of_state(self.most_frequent_state))
+        return self.weighted_sum_u_kg(self.coefficients_of_state(self.most_frequent_state))
 
-    def sum_u_kg(self, weights: Floats) -> float:
+    def weighted_sum_u_kg(self, coefficients: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg."""
-        return root_sum_of_squares(self.u_parts_kg(weights).values())
+        return root_sum_of_squares(self.u_by_cause_kg(coefficients).values())
 
 
-def resistance_slope_at_mean_speed(
+def compute_resistance_slope_at_mean_speed(
     theta: Floats, terms: tuple[Nuisance, ...], motion: MotionSamples
 ) -> float:
     """Slope of resistance over speed at the mean speed, in N·s/m.
@@ -395,6 +394,6 @@ def resistance_slope_at_mean_speed(
     )
 
 
-def term_index(name: str, terms: tuple[Nuisance, ...]) -> int:
+def find_term_index(term_name: str, terms: tuple[Nuisance, ...]) -> int:
     """Index of a term among the terms."""
-    return [term.name for term in terms].index(name)
+    return [term.name for term in terms].index(term_name)

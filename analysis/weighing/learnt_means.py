@@ -14,7 +14,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build_frame
 from analysis.model.uncertainty_sources import combine_u
-from analysis.weighing.load_frames import payload_weights
+from analysis.weighing.load_frames import payload_coefficients
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
@@ -104,9 +104,9 @@ def make_learnt_mean_frames(
     def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
         return _make_mass_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
-    rows = make_rows_of_kind(of_mass, {k: fit.weights_of_state(k) for k in states})
+    rows = make_rows_of_kind(of_mass, {k: fit.coefficients_of_state(k) for k in states})
     if empty:
-        against = {k: payload_weights(weighing, k, empty) for k in states if k not in empty}
+        against = {k: payload_coefficients(weighing, k, empty) for k in states if k not in empty}
         rows += make_rows_of_kind(of_payload, against)
     rows += make_rows_of_kind(of_cycle, payloads)
     known = [
@@ -131,14 +131,14 @@ def _make_mass_response_rows(
     weighing: Weighing,
     machine: Machine,
     terms: Sequence[str],
-    moved_kg: Floats,
-    weights_of_sums: Mapping[int, Floats],
+    mass_responses_kg: Floats,
+    coefficients_by_sum: Mapping[int, Floats],
 ) -> list[dict[str, object]]:
     """Rows with the responses of sums of masses: one per term, and one for the scale."""
-    if not weights_of_sums:
+    if not coefficients_by_sum:
         return []
     fit = weighing.fit
-    total = np.sum(list(weights_of_sums.values()), axis=0)
+    total = np.sum(list(coefficients_by_sum.values()), axis=0)
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all
     scale_1 = (
@@ -147,8 +147,8 @@ def _make_mass_response_rows(
         else 0.0
     )
     rows: list[dict[str, object]] = []
-    for number, weights in weights_of_sums.items():
-        by_term = dict(zip(terms, (moved_kg @ weights).tolist(), strict=True))
+    for number, weights in coefficients_by_sum.items():
+        by_term = dict(zip(terms, (mass_responses_kg @ weights).tolist(), strict=True))
         by_term[SCALE] = scale_1 * float(weights @ fit.masses_kg)
         rows += [
             dict[str, object](of=mass_kind, number=number, term=term, response_kg=value)

@@ -24,7 +24,7 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fitted_stretches import stretch_spans
+from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.pitch_squat import fit_instrumental_variables
 from analysis.weighing.stretch_means import EVERY, MEAN, take_overlapping_means
@@ -49,7 +49,7 @@ class BodySwing:
     frequency_hz: float = 1.0
     damping_1: float = 1.0
 
-    def add_gravity_swing(self, squat_1: float) -> "BodySwing":
+    def with_squat_by_gravity(self, squat_1: float) -> "BodySwing":
         """Add the swing of a squat by g s whose gravity was removed by the pitch."""
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 
@@ -63,15 +63,15 @@ class BodySwing:
         """Whether a reading with this swing still determines the acceleration."""
         return self.lever_s2 * self.omega_1_s**2 > -LIMITS.lever_max_below_1
 
-    def swing_m_s2(self, measured: Floats, rate_hz: float) -> Floats:
+    def filter_swing_acceleration_m_s2(self, measured: Floats, rate_hz: float) -> Floats:
         """κ · y'' computed from a reading on the body, (n,) in m/s²."""
-        return self._filter_reading(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
+        return self._filter_by_body_dynamics(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
 
-    def pitch_rate_m_s3(self, measured: Floats, rate_hz: float) -> Floats:
+    def filter_pitch_variable_rate_m_s3(self, measured: Floats, rate_hz: float) -> Floats:
         """Rate y' of the pitch variable from a reading on the body, (n,) in m/s³."""
-        return self._filter_reading(measured, rate_hz, (0.0, 1.0, 0.0))
+        return self._filter_by_body_dynamics(measured, rate_hz, (0.0, 1.0, 0.0))
 
-    def _filter_reading(
+    def _filter_by_body_dynamics(
         self, signal: Floats, rate_hz: float, numerator: tuple[float, ...]
     ) -> Floats:
         from scipy.signal import bilinear, lfilter, lfilter_zi
@@ -84,7 +84,9 @@ class BodySwing:
         return lfilter(b, a, signal, zi=lfilter_zi(b, a) * signal[0])[0]
 
 
-def estimate_swing(measured: Floats, motion: MotionSamples, springs: BodySwing) -> BodySwing | None:
+def estimate_body_swing(
+    measured: Floats, motion: MotionSamples, springs: BodySwing
+) -> BodySwing | None:
     """Estimate the swing from wheels and accelerometer; None if there is none.
 
     Args:
@@ -103,7 +105,7 @@ def estimate_swing(measured: Floats, motion: MotionSamples, springs: BodySwing) 
     return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
 
 
-def fit_spring_rates(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+def fit_body_spring_rates(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     """Springs that leave the smallest residual between wheels and accelerometer.
 
     Args:
@@ -175,7 +177,7 @@ class _WheelComparison:
             return None
         lag = max(count_rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
         shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
-        bounds = stretch_spans(motion.group)
+        bounds = find_stretch_spans(motion.group)
         spans = bounds[np.diff(bounds)[:, 0] >= shortest]
         if len(spans) < LIMITS.squat_min_stretches:
             return None
@@ -185,15 +187,15 @@ class _WheelComparison:
             gained[first:end] = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         slipping = np.abs(motion.speed) * motion.force
         columns = (gained, slipping, -measured, motion.speed - gained)
-        return cls(motion, spans, lag, differences_of_means(columns, spans, lag))
+        return cls(motion, spans, lag, difference_stretch_means(columns, spans, lag))
 
     def estimate_swing_with_springs(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
         """Lever arm with these springs, and the mean square residual."""
         motion = self.motion
         assert motion.specific_force is not None
-        swings = springs.pitch_rate_m_s3(motion.specific_force, motion.rate_hz)
-        by_force = springs.pitch_rate_m_s3(motion.force, motion.rate_hz)
-        own = differences_of_means((-swings, -by_force), self.spans, self.lag)
+        swings = springs.filter_pitch_variable_rate_m_s3(motion.specific_force, motion.rate_hz)
+        by_force = springs.filter_pitch_variable_rate_m_s3(motion.force, motion.rate_hz)
+        own = difference_stretch_means((-swings, -by_force), self.spans, self.lag)
         parts = [np.column_stack(both) for both in zip(self.shared, own, strict=True)]
         scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))
         if not (scale > 0.0).all():
@@ -215,15 +217,17 @@ class _WheelComparison:
         return found, left * float(scale[response]) ** 2
 
 
-def differences_of_means(columns: tuple[Floats, ...], spans: Ints, lag_means: int) -> list[Floats]:
+def difference_stretch_means(
+    columns: tuple[Floats, ...], spans: Ints, lag_means: int
+) -> list[Floats]:
     """Centred differences over `lag_means` means of each column, (means - lag, columns) each."""
     ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means)[:-1]
-    rows = np.column_stack([_differences_of_column_means(x, spans, lag_means) for x in columns])
+    rows = np.column_stack([_difference_means_of_column(x, spans, lag_means) for x in columns])
     return np.split(rows, ends)
 
 
 @compiled_unless_short_log
-def _differences_of_column_means(x: Floats, spans: Ints, lag_means: int) -> Floats:
+def _difference_means_of_column(x: Floats, spans: Ints, lag_means: int) -> Floats:
     """Centred differences of a column, the stretches one after another."""
     counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means
     out, row = np.empty(counts.sum()), 0
@@ -235,10 +239,10 @@ def _differences_of_column_means(x: Floats, spans: Ints, lag_means: int) -> Floa
     return out
 
 
-def subtract_swing(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
+def subtract_swing_from_accelerometer(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
     """The motion without the swing in its accelerometer."""
     assert motion.specific_force is not None
-    swing_m_s2 = swing.swing_m_s2(motion.specific_force, motion.rate_hz)
+    swing_m_s2 = swing.filter_swing_acceleration_m_s2(motion.specific_force, motion.rate_hz)
     level = motion.without_gravity
     return replace(
         motion,

@@ -7,16 +7,16 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import CALIBRATED, FRAMES, build_frame
-from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
+from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_states import LoadStates, units_of_samples
-from analysis.weighing.mass_budget import make_mass_budget, relative_mass_uncertainty
+from analysis.weighing.load_states import LoadStates, find_manoeuvre_of_fitted_samples
+from analysis.weighing.mass_budget import make_mass_budget, relative_load_mass_u
 from analysis.weighing.motion_samples import Floats, Ints
-from analysis.weighing.nuisance_frames import make_empty_frame
+from analysis.weighing.nuisance_frames import make_frame_without_rows
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 
 _NOT_EMPTY: Final = (
@@ -44,10 +44,10 @@ def make_load_frame(
     if weighing is None:
         return _make_unknown_load()
     fit = weighing.fit
-    times = _time_spans_of_states(fit, excitation)
+    times = _find_time_spans_of_states_ns(fit, excitation)
     empty = find_empty_states(weighing, times, machine)
-    since_ticket_kg = _fuel_since_ticket_and_u_kg(weighing, empty, times, fuel)
-    datum, against = _choose_empty_datum_or_reason(weighing, empty, machine, since_ticket_kg)
+    since_ticket_kg = _average_fuel_since_ticket_and_u_kg(weighing, empty, times, fuel)
+    datum, against = _choose_empty_datum_or_refusal(weighing, empty, machine, since_ticket_kg)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.mass_count)
@@ -56,10 +56,10 @@ def make_load_frame(
         filter(
             None,
             (
-                _load_states_note(fit, machine),
+                _write_load_states_note(fit, machine),
                 against,
-                _drift_note(weighing, empty),
-                _growing_loads_note(weighing, excitation),
+                _write_empty_mass_drift_note(weighing, empty),
+                _write_growing_loads_note(weighing, excitation),
             ),
         )
     )
@@ -71,20 +71,20 @@ def make_load_frame(
     )
 
 
-def _time_spans_of_states(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
+def _find_time_spans_of_states_ns(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """Begin and end of each load state."""
     states = fit.states
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.is_fittable)
-    of = states.membership[manoeuvre_indices(fit, states)]
+    of = states.membership[index_manoeuvres_of_samples(fit, states)]
     inside = (used[of == state] for state in range(fit.mass_count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def manoeuvre_indices(fit: JointFit, states: LoadStates) -> Ints:
+def index_manoeuvres_of_samples(fit: JointFit, states: LoadStates) -> Ints:
     """Index of each fitted sample's manoeuvre, (n,), among those with a load state."""
-    return np.searchsorted(states.unit, units_of_samples(fit.motion))
+    return np.searchsorted(states.unit, find_manoeuvre_of_fitted_samples(fit.motion))
 
 
 def find_load_change_rows(weighing: Weighing | None) -> list[int]:
@@ -92,7 +92,7 @@ def find_load_change_rows(weighing: Weighing | None) -> list[int]:
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.membership[manoeuvre_indices(fit, states)]
+    of = states.membership[index_manoeuvres_of_samples(fit, states)]
     used = np.flatnonzero(fit.motion.is_fittable)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
@@ -124,7 +124,7 @@ def find_empty_states(
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combine_u(make_mass_budget(weighing, machine, fit.weights_of_state(lightest)))
+    u_kg = combine_u(make_mass_budget(weighing, machine, fit.coefficients_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -135,14 +135,16 @@ def find_empty_states(
     return _find_equally_light_states(weighing, lightest, machine)
 
 
-def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
+def _find_equally_light_states(
+    weighing: Weighing, lightest_state: int, machine: Machine
+) -> list[int]:
     """States whose mass equals the lightest within the random uncertainty."""
     fit = weighing.fit
-    found = [lightest]
+    found = [lightest_state]
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
-        if state == lightest:
+        if state == lightest_state:
             continue
-        weights = payload_weights(weighing, state, found)
+        weights = payload_coefficients(weighing, state, found)
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
@@ -150,7 +152,7 @@ def _find_equally_light_states(weighing: Weighing, lightest: int, machine: Machi
     return sorted(found)
 
 
-def _fuel_since_ticket_and_u_kg(
+def _average_fuel_since_ticket_and_u_kg(
     weighing: Weighing,
     empty: list[int],
     state_spans_ns: list[tuple[int, int]],
@@ -162,42 +164,42 @@ def _fuel_since_ticket_and_u_kg(
         return 0.0, 0.0
     count = np.bincount(states.membership)[empty]
     middles_ns = np.mean([state_spans_ns[state] for state in empty], axis=1)
-    return fuel.extra_fuel_mass_and_u_kg(middles_ns, count / count.sum())
+    return fuel.fuel_mass_since_ticket_and_u_kg(middles_ns, count / count.sum())
 
 
-def _choose_empty_datum_or_reason(
+def _choose_empty_datum_or_refusal(
     weighing: Weighing, empty: list[int], machine: Machine, fuel_kg: tuple[float, float]
 ) -> tuple[EmptyDatum | None, str]:
     """Datum of the empty states for payloads, or the reason why the log contradicts it."""
     fit = weighing.fit
     if not empty or len(empty) == fit.mass_count:
         return None, ""
-    weights = mean_mass_weights(fit, empty)
+    weights = mean_mass_coefficients(fit, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
     if found.contradiction_text:
         return None, f"{found.contradiction_text}: payloads are on the log's own scale"
     others = [state for state in range(fit.mass_count) if state not in empty]
-    payloads = np.sum([payload_weights(weighing, state, empty) for state in others], axis=0)
+    payloads = np.sum([payload_coefficients(weighing, state, empty) for state in others], axis=0)
     return found.make_payload_datum(payloads), ""
 
 
-def payload_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def payload_coefficients(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass minus the mean of the empty states.
 
     Where the empty mass drifts, the mean is of those before and after the state.
     """
-    weights = weighing.fit.weights_of_state(state)
+    weights = weighing.fit.coefficients_of_state(state)
     if weighing.significant_empty_mass_drift is not None:
-        empty = _nearest_empty_states(state, empty)
-    return weights - mean_mass_weights(weighing.fit, empty) if empty else weights
+        empty = _find_nearest_empty_states(state, empty)
+    return weights - mean_mass_coefficients(weighing.fit, empty) if empty else weights
 
 
-def _nearest_empty_states(state: int, empty: list[int]) -> list[int]:
+def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
     before, after = ([e for e in empty if e < state], [e for e in empty if e > state])
     return before[-1:] + after[:1]
 
 
-def mean_mass_weights(fit: JointFit, states: list[int]) -> Floats:
+def mean_mass_coefficients(fit: JointFit, states: list[int]) -> Floats:
     """(masses,) weights of the mean mass of states, by number of manoeuvres."""
     assert fit.states is not None
     count = np.bincount(fit.states.membership).astype(np.float64)
@@ -217,14 +219,13 @@ def _make_load_row(
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
-    sources = make_mass_budget(weighing, machine, fit.weights_of_state(state))
+    sources = make_mass_budget(weighing, machine, fit.coefficients_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combine_u(sources)
     withheld = [check.check for check in verdict.withholding_checks("mass")]
     # as the check of that name judges the load that most manoeuvres are of
     known = (
-        relative_mass_uncertainty(weighing, machine, state)
-        <= machine.settings.verdict.relative_std_max
+        relative_load_mass_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
     )
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")
@@ -253,7 +254,7 @@ def _make_load_row(
         "scatter_known": states.scatter_known,
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
-        "scale_unknown": ", ".join(unknown_scale_source_names(sources)),
+        "scale_unknown": ", ".join(list_scale_sources_without_u(sources)),
         "payload_scale_unknown": ", ".join(unknown),
         "withheld": bool(withheld),
         "withheld_for": ", ".join(withheld),
@@ -272,7 +273,7 @@ def _payload_with_uncertainty(
     names = ("kg", "u_kg", "u_random_kg")
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
-    weights = payload_weights(weighing, state, empty)
+    weights = payload_coefficients(weighing, state, empty)
     sources = make_mass_budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
     u_kg = combine_u(sources)
@@ -282,16 +283,16 @@ def _payload_with_uncertainty(
     own = (own_kg, u_kg, combine_u(sources, "random"))
     told = own
     if datum is not None:
-        sources = datum.payload_uncertainty_sources(weights)
+        sources = datum.list_payload_sources(weights)
         told = (datum.scale_1 * own_kg, combine_u(sources), combine_u(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
     found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
-    return found, unknown_scale_source_names(sources)
+    return found, list_scale_sources_without_u(sources)
 
 
-def _load_states_note(fit: JointFit, machine: Machine) -> str:
+def _write_load_states_note(fit: JointFit, machine: Machine) -> str:
     """Note about the load states for the reader."""
     states = fit.states
     assert states is not None
@@ -316,7 +317,7 @@ def _load_states_note(fit: JointFit, machine: Machine) -> str:
     return "; ".join(said)
 
 
-def _drift_note(weighing: Weighing, empty: list[int]) -> str:
+def _write_empty_mass_drift_note(weighing: Weighing, empty: list[int]) -> str:
     """Note that payloads are differences to the empty states nearby; "" without a drift."""
     drift = weighing.significant_empty_mass_drift
     if drift is None or not empty:
@@ -327,7 +328,7 @@ def _drift_note(weighing: Weighing, empty: list[int]) -> str:
     )
 
 
-def _growing_loads_note(weighing: Weighing, excitation: pl.DataFrame) -> str:
+def _write_growing_loads_note(weighing: Weighing, excitation: pl.DataFrame) -> str:
     """Note that names the manoeuvres whose load changes; "" if none does."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [
@@ -356,11 +357,11 @@ def make_manoeuvre_frame(
     Masses exclude rotating mass, like those of loads.
     """
     if weighing is None or weighing.fit.states is None:
-        return make_empty_frame("manoeuvres")
+        return make_frame_without_rows("manoeuvres")
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.is_fittable)
-    place = manoeuvre_indices(fit, states)
+    place = index_manoeuvres_of_samples(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well

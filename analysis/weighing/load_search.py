@@ -6,25 +6,25 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fit_columns import fitted_mean_stride
+from analysis.weighing.fit_columns import stride_of_fitted_means
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.haul_patterns import propose_hauling_partitions
 from analysis.weighing.joint_fit import (
     JointFitInputs,
-    applicable_terms,
     fit_jointly,
     make_refit_rows,
     refit_with_changes,
+    select_terms_of_motion,
 )
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.load_states import (
     LoadStates,
-    classify_all_load_changes,
     find_load_states,
+    find_manoeuvre_of_stretches,
+    label_load_change_evidence,
     make_single_unknown_state,
     make_states_of_partition,
-    units_of_stretches,
 )
 from analysis.weighing.motion_samples import Ints
 from analysis.weighing.record_places import make_load_search_rows
@@ -33,7 +33,7 @@ from estimators.joint.group_effects import HINTED, GroupEffects
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 
 
-def fit_with_load_search(
+def fit_with_searched_load_states(
     first_fit: JointFit, inputs: JointFitInputs, repeatability_kg: float | None
 ) -> JointFit:
     """Find load states and fit a mass for each, iterating until nothing changes.
@@ -44,40 +44,40 @@ def fit_with_load_search(
     at it and from those that the driving pattern suggests. The best explanation of the force is
     returned.
     """
-    kind = classify_all_load_changes(first_fit.motion)
+    kind = label_load_change_evidence(first_fit.motion)
     settled = _alternate_search_and_fit(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or first_fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
         return settled
-    inputs = _add_uneven_ground(first_fit, inputs)
+    inputs = _add_ground_force_variance(first_fit, inputs)
     # over short means the residual is noise and transients, which no loads explain
     transient = count_rows_in_duration(LIMITS.transient_mean_s, first_fit.motion.rate_hz)
     samples = max(first_fit.mean_samples, settled.mean_samples, transient)
     alike = _PartitionComparison.from_fit(first_fit, inputs, samples)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
-    if hints[-1] and not _has_same_partition(settled, hints):
-        held = _refit_fixed_states(alike.make_states(hints), inputs)
+    if hints[-1] and not _is_partition_of_fit(settled, hints):
+        held = _refit_with_fixed_load_states(alike.make_load_states(hints), inputs)
         fits.append(_alternate_search_and_fit(held, inputs, repeatability_kg, kind, settled))
     hauls = propose_hauling_partitions(first_fit.motion)
     if hauls:
-        haul = min(hauls, key=alike.information_criterion)
+        haul = min(hauls, key=alike.akaike_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
-        held = _refit_fixed_states(alike.make_states(haul), inputs)
+        held = _refit_with_fixed_load_states(alike.make_load_states(haul), inputs)
         hidden = _alternate_search_and_fit(held, inputs, repeatability_kg, kind, settled)
-        fits += [hidden, _refit_with_own_scatter(held, inputs, repeatability_kg, kind)]
-    likely = [settled, *(each for each in fits if _has_certain_loads(each))]
+        fits += [hidden, _refit_with_scatter_of_own_states(held, inputs, repeatability_kg, kind)]
+    likely = [settled, *(each for each in fits if _is_single_load_excluded(each))]
     if len(likely) == 1:
         return settled
     return min(
-        likely, key=lambda each: alike.information_criterion(_load_states_of_fit(each).membership)
+        likely, key=lambda each: alike.akaike_criterion(_require_load_states(each).membership)
     )
 
 
-def _has_certain_loads(fit: JointFit) -> bool:
+def _is_single_load_excluded(fit: JointFit) -> bool:
     """Whether the log practically excludes a single load."""
     least = LOAD_LIMITS.hidden_loads_max_single_probability
-    return fit.mass_count > 1 and _load_states_of_fit(fit).single_probability < least
+    return fit.mass_count > 1 and _require_load_states(fit).single_probability < least
 
 
 @dataclass(frozen=True)
@@ -99,33 +99,38 @@ class _PartitionComparison:
     known: dict[bytes, float] = field(default_factory=dict[bytes, float])
 
     @classmethod
-    def from_fit(cls, found: JointFit, inputs: JointFitInputs, samples: int) -> Self:
+    def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, samples: int) -> Self:
         """Prepare the comparison with the manoeuvres of an earlier fit, over means of `samples`."""
-        motion, terms = found.motion, applicable_terms(found.motion, has_several_loads=True)
+        motion, terms = (
+            earlier_fit.motion,
+            select_terms_of_motion(earlier_fit.motion, has_several_loads=True),
+        )
         task = FitTask(
             motion, inputs.noise, inputs.priors, terms, inputs.wheels, None, inputs.uneven_1_s
         )
-        number = np.unique(units_of_stretches(motion))
+        number = np.unique(find_manoeuvre_of_stretches(motion))
         return cls(
             task,
-            _estimate_manoeuvre_masses(found, inputs, classify_all_load_changes(motion)),
+            _estimate_manoeuvre_masses(earlier_fit, inputs, label_load_change_evidence(motion)),
             number,
             samples,
         )
 
-    def make_states(self, membership: Ints) -> LoadStates:
+    def make_load_states(self, state_of_manoeuvre: Ints) -> LoadStates:
         """Load states of a partition, with (units,) membership."""
-        return make_states_of_partition(self.units, self.number, membership)
+        return make_states_of_partition(self.units, self.number, state_of_manoeuvre)
 
-    def information_criterion(self, membership: Ints) -> float:
+    def akaike_criterion(self, state_of_manoeuvre: Ints) -> float:
         """Akaike information criterion (1974) of a partition; infinite if its fit fails."""
-        key = np.ascontiguousarray(membership, np.int64).tobytes()
+        key = np.ascontiguousarray(state_of_manoeuvre, np.int64).tobytes()
         if key not in self.known:
-            self.known[key] = self._fit_criterion(membership)
+            self.known[key] = self._fit_and_score_by_akaike(state_of_manoeuvre)
         return self.known[key]
 
-    def _fit_criterion(self, membership: Ints) -> float:
-        fitted = replace(self.task, states=self.make_states(membership)).fit_means(self.samples, 2)
+    def _fit_and_score_by_akaike(self, state_of_manoeuvre: Ints) -> float:
+        fitted = replace(
+            self.task, states=self.make_load_states(state_of_manoeuvre)
+        ).fit_over_means(self.samples, 2)
         if not np.isfinite(fitted.theta).all():
             return np.inf
         independent = LOAD_LIMITS.independent_residuals * self.number.size
@@ -134,24 +139,24 @@ class _PartitionComparison:
         )
 
 
-def _refit_fixed_states(states: LoadStates, inputs: JointFitInputs) -> JointFit:
+def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) -> JointFit:
     """Refit with fixed states a few times, so that the ground terms by load settle."""
     found = fit_jointly(inputs, states)
     for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
             break
-        units = _estimate_manoeuvre_masses(found, inputs, classify_all_load_changes(found.motion))
+        units = _estimate_manoeuvre_masses(found, inputs, label_load_change_evidence(found.motion))
         found = fit_jointly(inputs, make_states_of_partition(units, states.unit, states.membership))
     return found
 
 
-def _refit_with_own_scatter(
+def _refit_with_scatter_of_own_states(
     fit: JointFit, inputs: JointFitInputs, repeatability_kg: float | None, change_kinds: Ints
 ) -> JointFit:
     """Refit the same load states with their own scatter and single-load probability."""
     if not np.isfinite(fit.theta).all():
         return fit
-    units, states = _estimate_manoeuvre_masses(fit, inputs, change_kinds), _load_states_of_fit(fit)
+    units, states = _estimate_manoeuvre_masses(fit, inputs, change_kinds), _require_load_states(fit)
     likeliest = find_load_states(units, states.unit, repeatability_kg)
     scattering = make_states_of_partition(
         units, states.unit, states.membership, usual_scatter=False
@@ -164,7 +169,7 @@ def _estimate_manoeuvre_masses(
     fit: JointFit, inputs: JointFitInputs, change_kinds: Ints
 ) -> GroupEffects:
     """Mass estimates of each manoeuvre by a fit, with the kinds of change between them."""
-    units = _make_task_from_fit(fit, inputs).manoeuvre_masses(
+    units = _make_task_from_fit(fit, inputs).estimate_manoeuvre_masses(
         fit, make_refit_rows(fit, inputs.noise)
     )
     return replace(units, kind=change_kinds)
@@ -194,9 +199,9 @@ def _alternate_search_and_fit(
         are_columns_final: result of another search, returned as soon as this one comes to its
             states.
     """
-    number = np.unique(units_of_stretches(first_fit.motion))
+    number = np.unique(find_manoeuvre_of_stretches(first_fit.motion))
     if not np.isfinite(first_fit.theta).all():
-        return _withhold_masses(first_fit)
+        return _set_masses_to_unknown(first_fit)
     first, best, tried = first_fit, None, list[Ints]()
     for _ in range(LIMITS.state_rounds):
         task, rows = (
@@ -206,7 +211,7 @@ def _alternate_search_and_fit(
         states = max(
             (
                 find_load_states(
-                    replace(task.manoeuvre_masses(first_fit, each), kind=change_kinds),
+                    replace(task.estimate_manoeuvre_masses(first_fit, each), kind=change_kinds),
                     number,
                     repeatability_kg,
                 )
@@ -214,65 +219,65 @@ def _alternate_search_and_fit(
             ),
             key=lambda each: each.log_odds,
         )
-        if are_columns_final is not None and _has_same_partition(
+        if are_columns_final is not None and _is_partition_of_fit(
             are_columns_final, states.membership
         ):
             return are_columns_final
         if states.state_count == 1 and first_fit.mass_count == 1:
             return refit_with_changes(
-                replace(first_fit, states=states), inputs.noise, inputs.priors, rows=rows
+                replace(first_fit, states=states), inputs.noise, inputs.priors, fit_rows=rows
             )
-        if _has_same_partition(first_fit, states.membership):
+        if _is_partition_of_fit(first_fit, states.membership):
             # the same loads, whose scatter is known better now
             first_fit = replace(first_fit, states=states)
-            first_fit = refit_with_changes(first_fit, inputs.noise, inputs.priors, rows=rows)
+            first_fit = refit_with_changes(first_fit, inputs.noise, inputs.priors, fit_rows=rows)
             # a round at a time: of a shift the rows before it are hundreds of megabytes
             del rows, best
             known = np.isfinite(first_fit.theta).all()
             return (
                 refit_with_changes(first_fit, inputs.noise, inputs.priors) if known else first_fit
             )
-        inputs = _add_uneven_ground(first_fit, inputs)
+        inputs = _add_ground_force_variance(first_fit, inputs)
         del rows  # of a shift they are hundreds of megabytes
         first_fit = fit_jointly(inputs, states)
         if not np.isfinite(first_fit.theta).all():
-            return _withhold_masses(first)
+            return _set_masses_to_unknown(first)
         if any(np.array_equal(states.membership, each) for each in tried):
             break
         tried.append(states.membership)
         # each fit of a shift holds hundreds of megabytes
-        if best is None or states.bic < _load_states_of_fit(best).bic:
+        if best is None or states.bic < _require_load_states(best).bic:
             best = first_fit
     assert best is not None
     return best
 
 
-def _withhold_masses(fit: JointFit) -> JointFit:
+def _set_masses_to_unknown(fit: JointFit) -> JointFit:
     """The same fit with all masses set to unknown."""
     states = fit.states
     if fit.mass_count == 1 or states is None:
-        states = make_single_unknown_state(np.unique(units_of_stretches(fit.motion)))
+        states = make_single_unknown_state(np.unique(find_manoeuvre_of_stretches(fit.motion)))
     return replace(fit, theta=np.full(fit.theta.size, np.nan), states=states)
 
 
-def _has_same_partition(fit: JointFit, membership: Ints) -> bool:
+def _is_partition_of_fit(fit: JointFit, state_of_manoeuvre: Ints) -> bool:
     """Whether a fit has these load states, (units,)."""
-    return fit.states is not None and np.array_equal(fit.states.membership, membership)
+    return fit.states is not None and np.array_equal(fit.states.membership, state_of_manoeuvre)
 
 
-def _load_states_of_fit(fit: JointFit) -> LoadStates:
+def _require_load_states(fit: JointFit) -> LoadStates:
     assert fit.states is not None
     return fit.states
 
 
-def _add_uneven_ground(fit: JointFit, inputs: JointFitInputs) -> JointFitInputs:
+def _add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
     if inputs.uneven_1_s or fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
         return inputs
     # by the fit's own groups: rows of a refit are as many as the lag that the fit ended with allows
     fitted = fit.solution
     correlation, white = estimate_pooled_autocorrelation(fitted.residual, fitted.group, None)
-    a_second = fit.motion.rate_hz / fitted_mean_stride(fit.mean_samples)
+    a_second = fit.motion.rate_hz / stride_of_fitted_means(fit.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     if not noise > 0.0:  # a fit that leaves nothing has no unevenness to tell
         return inputs

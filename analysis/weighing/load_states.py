@@ -99,9 +99,9 @@ class LoadStates:
         """Whether the scatter is estimated rather than assumed."""
         return self.freedom >= LIMITS.scatter_min_freedom
 
-    def restrict_to(self, motion: MotionSamples) -> "LoadStates":
+    def renumber_for_motion(self, motion: MotionSamples) -> "LoadStates":
         """These states for a motion with other manoeuvres, numbered again."""
-        unit = np.unique(units_of_stretches(motion))
+        unit = np.unique(find_manoeuvre_of_stretches(motion))
         place = np.searchsorted(self.unit, unit, "right") - 1
         place = place.clip(0, self.unit.size - 1)
         return replace(
@@ -118,13 +118,13 @@ class LoadStates:
             ),
         )
 
-    def alternative_std_kg(self, weights: Floats) -> float:
+    def alternative_partition_std_kg(self, coefficients: Floats) -> float:
         """Standard deviation of a sum of masses due to the alternative partition, in kg.
 
         A manoeuvre drawn from each state has the variance between the two partitions.
 
         Args:
-            weights: (states,) weight of each mass.
+            coefficients: (states,) weight of each mass.
         """
         if self.other is None:
             return 0.0
@@ -133,18 +133,18 @@ class LoadStates:
         within = np.bincount(
             self.membership, weights=(self.other.differs_kg - mean_kg[self.membership]) ** 2
         )
-        variance = float(weights @ mean_kg) ** 2 + float(weights**2 @ (within / count))
+        variance = float(coefficients @ mean_kg) ** 2 + float(coefficients**2 @ (within / count))
         return float(np.sqrt(self.other.probability * variance))
 
-    def random_intercepts(self, motion: MotionSamples) -> RandomIntercepts:
+    def make_random_intercepts(self, motion: MotionSamples) -> RandomIntercepts:
         """States of the motion's stretches, as random intercepts."""
-        number = np.searchsorted(self.unit, units_of_stretches(motion))
+        number = np.searchsorted(self.unit, find_manoeuvre_of_stretches(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
         return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
 @memoise
-def units_of_stretches(motion: MotionSamples) -> Ints:
+def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     """Manoeuvre of each stretch, (stretches,).
 
     A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
@@ -160,7 +160,7 @@ def units_of_stretches(motion: MotionSamples) -> Ints:
         samples.max(),
     )
     # where a record begins or ends while the machine cruises, a mass would be any
-    gained_m_s = speed_ranges_m_s(motion, of, number.size)
+    gained_m_s = find_speed_ranges_m_s(motion, of, number.size)
     tells &= gained_m_s >= LIMITS.informative_speed_share * float(np.median(gained_m_s[tells]))
     place = np.arange(number.size)
     before = np.maximum.accumulate(np.where(tells, place, -1))
@@ -172,13 +172,13 @@ def units_of_stretches(motion: MotionSamples) -> Ints:
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
-        at_begin, at_end = (classify_load_change(motion, *span, *span) for span in (sooner, later))
+        at_begin, at_end = (label_one_load_change(motion, *span, *span) for span in (sooner, later))
         if at_begin > 1 and at_end == 1:
             goes[short] = after[short]
     return number[goes][of]
 
 
-def speed_ranges_m_s(motion: MotionSamples, unit_of_sample: Ints, unit_count: int) -> Floats:
+def find_speed_ranges_m_s(motion: MotionSamples, unit_of_sample: Ints, unit_count: int) -> Floats:
     """Range of the speeds of each manoeuvre, (units,) in m/s.
 
     Args:
@@ -194,12 +194,12 @@ def speed_ranges_m_s(motion: MotionSamples, unit_of_sample: Ints, unit_count: in
     return most - least
 
 
-def units_of_samples(motion: MotionSamples) -> Ints:
+def find_manoeuvre_of_fitted_samples(motion: MotionSamples) -> Ints:
     """Manoeuvre of each fitted sample, (used samples,)."""
-    return units_of_stretches(motion)[motion.group[motion.is_fittable]]
+    return find_manoeuvre_of_stretches(motion)[motion.group[motion.is_fittable]]
 
 
-def classify_all_load_changes(motion: MotionSamples) -> Ints:
+def label_load_change_evidence(motion: MotionSamples) -> Ints:
     """Kind of evidence for a load change between successive manoeuvres, (units - 1,).
 
     Returns:
@@ -208,12 +208,12 @@ def classify_all_load_changes(motion: MotionSamples) -> Ints:
         moved, `FILLED` if the machine dug, `NAMED` at a border of the times named empty.
     """
     used = np.flatnonzero(motion.is_fittable)
-    first = np.flatnonzero(np.append(True, np.diff(units_of_samples(motion)) > 0))
+    first = np.flatnonzero(np.append(True, np.diff(find_manoeuvre_of_fitted_samples(motion)) > 0))
     last = np.append(first[1:], used.size) - 1
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    kind = np.array([classify_load_change(motion, *span) for span in spans], np.int64)
+    kind = np.array([label_one_load_change(motion, *span) for span in spans], np.int64)
     # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
@@ -221,8 +221,8 @@ def classify_all_load_changes(motion: MotionSamples) -> Ints:
     return np.where(backs_out & ~seen, TURNED, kind)
 
 
-def classify_load_change(
-    motion: MotionSamples, end_row: int, begin_row: int, since: int, until: int
+def label_one_load_change(
+    motion: MotionSamples, end_row: int, begin_row: int, boom_begin_row: int, boom_end_row: int
 ) -> int:
     """Kind of evidence for a load change between two manoeuvres.
 
@@ -230,8 +230,8 @@ def classify_load_change(
         motion: samples, with arm angles and digging.
         end_row: last sample of the first manoeuvre.
         begin_row: first sample of the second one.
-        since: first sample of the boom to examine.
-        until: end sample of the boom to examine.
+        boom_begin_row: first sample of the boom to examine.
+        boom_end_row: end sample of the boom to examine.
     """
     if motion.digs is not None and motion.digs[end_row : begin_row + 1].any():
         return FILLED
@@ -242,7 +242,8 @@ def classify_load_change(
     if motion.stood is not None and motion.stood[end_row] == motion.stood[begin_row]:
         return 0
     moved = any(
-        _value_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms
+        _range_of_known_values(arm[boom_begin_row : boom_end_row + 1]) > LIMITS.arm_movement_rad
+        for arm in motion.arms
     )
     if moved:
         return HINTED
@@ -250,34 +251,34 @@ def classify_load_change(
     return RESTARTED if silent else 1
 
 
-def _value_range(x: Floats) -> float:
+def _range_of_known_values(x: Floats) -> float:
     """Maximum minus minimum of the known values; 0 if none is known."""
     known = x[np.isfinite(x)]
     return float(np.ptp(known)) if known.size else 0.0
 
 
 def find_load_states(
-    units: GroupEffects, manoeuvre_ids: Ints, repeatability_kg: float | None
+    masses: GroupEffects, manoeuvre_ids: Ints, repeatability_kg: float | None
 ) -> LoadStates:
     """Find the most probable load states.
 
     Args:
-        units: mass estimate of each manoeuvre.
+        masses: mass estimate of each manoeuvre.
         manoeuvre_ids: (units,) number of each manoeuvre in the log.
         repeatability_kg: scatter of manoeuvres of one load, if the machine file states it.
     """
-    if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
+    if not (np.isfinite(masses.y).all() and (masses.variance > 0.0).all()):
         return make_single_unknown_state(manoeuvre_ids)
-    typical_kg = median_mass_kg(units)
+    typical_kg = median_manoeuvre_mass_kg(masses)
     found = find_best_partitions(
-        units,
+        masses,
         LIMITS.largest_load_fraction * typical_kg,
         LIMITS.repeatability_fraction * typical_kg,
         repeatability_kg,
     )
     best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
     other = found.several if best.level_stretch_count == 1 else found.single
-    states = _make_load_states(units, manoeuvre_ids, best)
+    states = _make_load_states(masses, manoeuvre_ids, best)
     if repeatability_kg is not None:
         states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf)
     probability = (
@@ -286,68 +287,68 @@ def find_load_states(
     return replace(
         states,
         single_probability=found.single_probability,
-        other=find_alternative_partition(units, best, other, probability),
+        other=find_alternative_partition(masses, best, other, probability),
         log_odds=best.log_posterior - found.single.log_posterior,
     )
 
 
 def make_states_of_partition(
-    units: GroupEffects, manoeuvre_ids: Ints, membership: Ints, *, usual_scatter: bool = True
+    masses: GroupEffects, manoeuvre_ids: Ints, membership: Ints, *, usual_scatter: bool = True
 ) -> LoadStates:
     """Load states of a given partition.
 
     Args:
-        units: mass estimate of each manoeuvre.
+        masses: mass estimate of each manoeuvre.
         manoeuvre_ids: (units,) number of each manoeuvre in the log.
         membership: (units,) load state of each manoeuvre, numbered by time.
-        usual_scatter: whether to assume the usual scatter, if `units` are of other loads.
+        usual_scatter: whether to assume the usual scatter, if `masses` are of other loads.
     """
-    typical_kg = median_mass_kg(units)
-    posterior = PartitionPosterior(units, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
-    partition = posterior.evaluate_partition(Stretches.from_boundaries(membership, units.kind))
-    states = _make_load_states(units, manoeuvre_ids, partition)
+    typical_kg = median_manoeuvre_mass_kg(masses)
+    posterior = PartitionPosterior(masses, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
+    partition = posterior.score_partition(Stretches.from_boundaries(membership, masses.kind))
+    states = _make_load_states(masses, manoeuvre_ids, partition)
     if not usual_scatter:
         return states
     return replace(states, scatter_kg=LIMITS.repeatability_fraction * typical_kg, freedom=np.inf)
 
 
-def _make_load_states(units: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
-    level_kg = units.y - units.x @ best.effects
+def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
+    level_kg = masses.y - masses.x @ best.effects
     return LoadStates(
         manoeuvre_ids,
         best.state,
         level_kg,
-        np.sqrt(units.variance),
-        *_scatter_dof_and_birge_ratio(level_kg, units.variance, best),
+        np.sqrt(masses.variance),
+        *_estimate_scatter_dof_and_birge_ratio(level_kg, masses.variance, best),
         load_returns=np.unique(best.level).size < best.level_stretch_count
-        or _count_load_reversals(best) >= LIMITS.load_return_reversals,
+        or _count_mass_reversals_of_states(best) >= LIMITS.load_return_reversals,
     )
 
 
-def median_mass_kg(units: GroupEffects) -> float:
+def median_manoeuvre_mass_kg(masses: GroupEffects) -> float:
     """Typical mass in kg; the noise level if no manoeuvre has a mass."""
-    return float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
+    return float(max(np.median(np.abs(masses.y)), np.median(np.sqrt(masses.variance))))
 
 
-def _count_load_reversals(states: Partition) -> int:
+def _count_mass_reversals_of_states(states: Partition) -> int:
     """Number of increases followed by a decrease of the load, or vice versa."""
     rises = np.sign(np.diff(states.levels))
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
 
 
 def find_alternative_partition(
-    units: GroupEffects, best: Partition, other: Partition | None, probability: float
+    masses: GroupEffects, best: Partition, other: Partition | None, other_probability: float
 ) -> AlternativePartition | None:
     """The alternative partition that the manoeuvres allow; None if the log determines one."""
     doubted = LIMITS.single_load_min_probability
     if best.level_stretch_count == 1:
         doubted = LIMITS.several_loads_min_probability
-    if other is None or probability < doubted:
+    if other is None or other_probability < doubted:
         return None
-    level_kg = units.y - units.x @ other.effects
-    scatter_kg, _, _ = _scatter_dof_and_birge_ratio(level_kg, units.variance, other)
+    level_kg = masses.y - masses.x @ other.effects
+    scatter_kg, _, _ = _estimate_scatter_dof_and_birge_ratio(level_kg, masses.variance, other)
     differs_kg = other.levels[other.state] - best.levels[best.state]
-    return AlternativePartition(other.state, differs_kg, scatter_kg, probability)
+    return AlternativePartition(other.state, differs_kg, scatter_kg, other_probability)
 
 
 def make_single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
@@ -374,11 +375,11 @@ def weighted_means_by_state(mass_kg: Floats, weight: Floats, state: Ints) -> Flo
     return np.bincount(state, weights=weight * mass_kg) / np.bincount(state, weights=weight)
 
 
-def _scatter_dof_and_birge_ratio(
-    mass_kg: Floats, variance: Floats, found: Partition
+def _estimate_scatter_dof_and_birge_ratio(
+    mass_kg: Floats, variance: Floats, partition: Partition
 ) -> tuple[float, float, float]:
     """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""
-    freedom, state = found.dof, found.level[found.state]
+    freedom, state = partition.dof, partition.level[partition.state]
     if freedom < 1:
         return 0.0, 0.0, float("nan")
 

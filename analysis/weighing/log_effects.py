@@ -88,7 +88,7 @@ class LikelyEffects:
         names = sorted(set(effect))
         combinations = list(product((False, True), repeat=len(names)))
         choices = [
-            score_effects(
+            score_effect_choice(
                 np.array([kept[names.index(name)] for name in effect]),
                 sum(kept) * _LOG_ODDS,
                 information,
@@ -107,7 +107,7 @@ class LikelyEffects:
         removed_kg = {
             name: response @ (choices[combinations.index(fewer)][2] - mean)
             for place, name in enumerate(names)
-            if (fewer := _without_effect(combinations[best], place)) != combinations[best]
+            if (fewer := _drop_effect_from_choice(combinations[best], place)) != combinations[best]
         }
         return cls(
             tuple(sorted({name for name, has in zip(effect, kept, strict=True) if not has})),
@@ -118,27 +118,29 @@ class LikelyEffects:
             removed_kg,
         )
 
-    def exclude_unlikely_effects(self, priors: PriorSettings) -> PriorSettings:
+    def with_unlikely_effects_excluded(self, priors: PriorSettings) -> PriorSettings:
         """Priors that exclude the effects that are left out."""
         keys = [key for name in self.left_out for key in _WIDTHS[name]]
         return priors.model_copy(
             update={key: LIMITS.left_out_prior_ratio * getattr(priors, key) for key in keys}
         )
 
-    def model_choice_u_kg(self, weights: Floats) -> float:
+    def model_choice_u_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to the choice, in kg (law of total variance).
 
         Args:
-            weights: (masses,) weight of each mass.
+            coefficients: (masses,) weight of each mass.
         """
-        moved, by_term = self.moved_kg @ weights, weights @ self.response_kg
+        moved, by_term = self.moved_kg @ coefficients, coefficients @ self.response_kg
         wider = np.einsum("i,cij,j->c", by_term, self.widened, by_term)
         return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
 
 
-def _without_effect(kept: tuple[bool, ...], effect_index: int) -> tuple[bool, ...]:
+def _drop_effect_from_choice(
+    chosen_effects: tuple[bool, ...], effect_index: int
+) -> tuple[bool, ...]:
     """The same choice of effects without one effect."""
-    return (*kept[:effect_index], False, *kept[effect_index + 1 :])
+    return (*chosen_effects[:effect_index], False, *chosen_effects[effect_index + 1 :])
 
 
 def _invert_precision(precision: Floats) -> Floats:
@@ -150,22 +152,29 @@ def _invert_precision(precision: Floats) -> Floats:
     return inverse.astype(np.float64, copy=False)
 
 
-def score_effects(
-    kept: np.ndarray, log_prior_odds: float, information: Floats, scores: Floats, variance: Floats
+def score_effect_choice(
+    chosen_effects: np.ndarray,
+    log_prior_odds: float,
+    information: Floats,
+    scores: Floats,
+    variance: Floats,
 ) -> tuple[float, np.ndarray, Floats, Floats]:
     """Log evidence of a choice of effects, the choice, and mean and covariance of its terms.
 
     Args:
-        kept: (terms,) terms that it includes.
+        chosen_effects: (terms,) terms that it includes.
         log_prior_odds: log prior odds of the choice, up to a constant.
         information: (terms, terms) information of the log.
         scores: (terms,) information times the estimates.
         variance: (terms,) prior variances.
     """
-    mean, covariance = np.zeros(kept.size), np.zeros((kept.size, kept.size))
-    own = np.flatnonzero(kept)
+    mean, covariance = (
+        np.zeros(chosen_effects.size),
+        np.zeros((chosen_effects.size, chosen_effects.size)),
+    )
+    own = np.flatnonzero(chosen_effects)
     if not own.size:
-        return log_prior_odds, kept, mean, covariance
+        return log_prior_odds, chosen_effects, mean, covariance
     inside = np.ix_(own, own)
     inner = _invert_precision(information[inside] + np.diag(1.0 / variance[own]))
     mean[own], covariance[inside] = inner @ scores[own], inner
@@ -174,7 +183,7 @@ def score_effects(
     sized = max(sized, 0.0)
     return (
         float(log_prior_odds - sized / 2.0 + scores[own] @ mean[own] / 2.0),
-        kept,
+        chosen_effects,
         mean,
         covariance,
     )

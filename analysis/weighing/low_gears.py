@@ -22,17 +22,17 @@ from analysis.weighing.weighing_limits import LIMITS
 BY_GEAR: Final = "gears"
 
 
-def low_gear_fraction(speed: Floats, speed_at_quarter_m_s: float) -> Floats:
+def compute_low_gear_mass_fraction(speed: Floats, quarter_speed_m_s: float) -> Floats:
     """Fraction of the first gear's rotating mass at each speed, (n,)."""
-    return (1.0 + (speed / speed_at_quarter_m_s) ** 2) ** -2
+    return (1.0 + (speed / quarter_speed_m_s) ** 2) ** -2
 
 
-def low_gear_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
+def differentiate_low_gear_mass_fraction_s_m(speed: Floats, quarter_speed_m_s: float) -> Floats:
     """Derivative of the remaining gear inertia by the speed, (n,) in s/m."""
-    return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
+    return -4.0 * speed / quarter_speed_m_s**2 * (1.0 + (speed / quarter_speed_m_s) ** 2) ** -3
 
 
-def _speeds_span_several_gears(motion: MotionSamples) -> bool:
+def _do_speeds_span_several_gears(motion: MotionSamples) -> bool:
     """Whether speeds reach from that of a first gear to that of a road, and no ratio is known."""
     if _has_several_gear_ratios(motion) or motion.speed_95_percent <= LIMITS.road_speed_m_s:
         return False
@@ -49,24 +49,26 @@ def _has_several_gear_ratios(motion: MotionSamples) -> bool:
     )
 
 
-def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+def _low_gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     return priors.low_gear_share * motion.approximate_mass_kg
 
 
-def _make_gear_term(quarter_m_s: float) -> Nuisance:
+def _make_low_gear_term(quarter_speed_m_s: float) -> Nuisance:
     def fraction_in_low_gear(m: ColumnInputs) -> Floats:
-        return low_gear_fraction(m.speed, quarter_m_s)
+        return compute_low_gear_mass_fraction(m.speed, quarter_speed_m_s)
 
     return Nuisance(
-        f"low_gears_{quarter_m_s:.0f}_m_s",
+        f"low_gears_{quarter_speed_m_s:.0f}_m_s",
         "kg",
         lambda m: m.acceleration * fraction_in_low_gear(m),
-        _gear_prior_std,
+        _low_gear_prior_std,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
-        by_speed=lambda m: m.acceleration * low_gear_slope_s_m(m.speed, quarter_m_s),
+        by_speed=lambda m: (
+            m.acceleration * differentiate_low_gear_mass_fraction_s_m(m.speed, quarter_speed_m_s)
+        ),
         by_acceleration=fraction_in_low_gear,
-        applies=_speeds_span_several_gears,
+        applies=_do_speeds_span_several_gears,
         source=BY_GEAR,
     )
 
@@ -76,7 +78,7 @@ BY_GEAR_RATIO: Final = Nuisance(
     "gear_ratio",
     "kg",
     lambda m: m.acceleration * m.relative_gear_ratio**2,
-    lambda motion, priors: LIMITS.gear_ratio_prior_ratio * _gear_prior_std(motion, priors),
+    lambda motion, priors: LIMITS.gear_ratio_prior_ratio * _low_gear_prior_std(motion, priors),
     "rotating mass of engine or turbine in the lowest gear, which goes with the ratio squared",
     "starts in several gears",
     by_acceleration=lambda m: m.relative_gear_ratio**2,
@@ -84,7 +86,7 @@ BY_GEAR_RATIO: Final = Nuisance(
     source=BY_GEAR,
 )
 #: Behind the nuisances that every log may have.
-LOW_GEARS: Final = (*map(_make_gear_term, LIMITS.gear_quarter_speeds_m_s), BY_GEAR_RATIO)
+LOW_GEARS: Final = (*map(_make_low_gear_term, LIMITS.gear_quarter_speeds_m_s), BY_GEAR_RATIO)
 
 
 def subtract_gear_inertia(

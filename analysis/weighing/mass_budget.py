@@ -11,7 +11,7 @@ from analysis.model.uncertainty_sources import (
     UncertaintySource,
     combine_u,
     root_sum_of_squares,
-    sort_largest_first,
+    sort_sources_largest_first,
 )
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_result import JointFit
@@ -154,22 +154,24 @@ _PARTS: Final = {
 
 
 def make_mass_budget(
-    weighing: Weighing, machine: Machine, weights: Floats
+    weighing: Weighing, machine: Machine, coefficients: Floats
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a sum of masses, the largest first, unknown ones last.
 
     Args:
         weighing: the joint fit.
         machine: machine file with the scale's uncertainties.
-        weights: (masses,) weight of each mass: 1 for one mass, 1 and -1 for a difference.
+        coefficients: (masses,) weight of each mass: 1 for one mass, 1 and -1 for a difference.
     """
     fit, body = weighing.fit, machine.machine
-    sum_kg = abs(float(weights @ fit.masses_kg))
-    loaded_kg = abs(float(weights @ (fit.masses_kg * relative_loads_of_states(fit, machine))))
+    sum_kg = abs(float(coefficients @ fit.masses_kg))
+    loaded_kg = abs(
+        float(coefficients @ (fit.masses_kg * compute_relative_loads_of_states(fit, machine)))
+    )
     terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
-    parts_kg = fit.u_parts_kg(weights)
-    parts_kg |= uncertainty_by_failed_checks_kg(weighing, weights, parts_kg)
+    parts_kg = fit.u_by_cause_kg(coefficients)
+    parts_kg |= list_uncertainty_by_failed_checks_kg(weighing, coefficients, parts_kg)
     for source in {term.source: None for term in fit.terms if term.source}:
         own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
         parts_kg[source] = float(np.linalg.norm(own_kg))
@@ -187,7 +189,7 @@ def make_mass_budget(
                 scale.make_uncertainty_source(None if relative is None else relative * of_kg)
             )
     # of a difference it cancels
-    rotating_u_kg = body.rotating_mass_u_kg * abs(float(weights.sum()))
+    rotating_u_kg = body.rotating_mass_u_kg * abs(float(coefficients.sum()))
     if rotating_u_kg:
         sources.append(
             UncertaintySource(
@@ -198,31 +200,31 @@ def make_mass_budget(
                 "known loads, or the drawings of the driveline",
             )
         )
-    return sort_largest_first(sources)
+    return sort_sources_largest_first(sources)
 
 
-def relative_mass_uncertainty(weighing: Weighing, machine: Machine, state: int) -> float:
+def relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> float:
     """Relative standard uncertainty of a load's mass, without the scale.
 
     It decides whether the load has a mass: NaN if the fit has no number, infinite if the mass is
     not positive.
     """
-    sources = make_mass_budget(weighing, machine, weighing.fit.weights_of_state(state))
+    sources = make_mass_budget(weighing, machine, weighing.fit.coefficients_of_state(state))
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
     if not np.isfinite([mass_kg, combine_u(sources)]).all():
         return float("nan")
     return combine_u(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
 
 
-def change_without_friction_kg(fit: JointFit, weights: Floats) -> float:
+def estimate_mass_change_without_friction_kg(fit: JointFit, coefficients: Floats) -> float:
     """Change of a sum of masses if viscous friction were known to be zero, in kg."""
     at = fit.mass_count
     responses = fit.fit.responses
     by_friction = (fit.fit.noise + fit.fit.scatter)[at] + responses.T @ responses[:, at]
-    return -fit.viscous_friction * float(weights @ by_friction[:at]) / float(by_friction[at])
+    return -fit.viscous_friction * float(coefficients @ by_friction[:at]) / float(by_friction[at])
 
 
-def relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
+def compute_relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
     """(masses,) mass of each state over the empty machine's, or the lightest state's, less 1."""
     body = machine.machine
     empty_kg = float(np.min(fit.masses_kg))
@@ -232,32 +234,34 @@ def relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
     return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.mass_count)
 
 
-def uncertainty_by_failed_checks_kg(
-    weighing: Weighing, weights: Floats, parts_kg: dict[str, float]
+def list_uncertainty_by_failed_checks_kg(
+    weighing: Weighing, coefficients: Floats, parts_kg: dict[str, float]
 ) -> dict[str, float]:
     """Additional uncertainty of a sum of masses where a check fails, in kg by cause."""
     fit = weighing.fit
     # what is wrong with the equation is as wrong with every mass
-    share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0
+    share = abs(float(coefficients @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0
     found: dict[str, float] = {}
     if fit.effects is not None and BY_GROUND in fit.effects.removed_kg:
-        moved_kg = float(weights @ fit.effects.removed_kg[BY_GROUND])
+        moved_kg = float(coefficients @ fit.effects.removed_kg[BY_GROUND])
         found["ground_shape"] = LIMITS.ground_shape_u_1 * abs(moved_kg)
     if fit.effects is not None and "gain" not in fit.effects.left_out:
-        drift_kg = fit.term_value("gain_drift") * float(weights @ fit.masses_kg)
+        drift_kg = fit.estimate_of_term("gain_drift") * float(coefficients @ fit.masses_kg)
         found["drifted_gain"] = LIMITS.half_gain_drift * abs(drift_kg)
     drift = weighing.significant_empty_mass_drift
     if drift is not None:
-        drift_kg = float(np.linalg.norm(drift.mass_responses_kg(fit.masses_kg) @ weights))
+        drift_kg = float(
+            np.linalg.norm(drift.mass_responses_to_gain_kg(fit.masses_kg) @ coefficients)
+        )
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
     curved_kg = (
         abs(weighing.curvature.mass_change_kg) * share if weighing.curvature.is_significant else 0.0
     )
     # which of them is the true one is not known, and one fault shows in several
     missing_kg = max(
-        (abs(float(weights @ each.effect_kg)) for each in weighing.missing_terms), default=0.0
+        (abs(float(coefficients @ each.effect_kg)) for each in weighing.missing_terms), default=0.0
     )
-    grown_kg = abs(float(np.sum(weights * weighing.filling.widening_effect_kg)))
+    grown_kg = abs(float(np.sum(coefficients * weighing.filling.significant_mass_changes_kg)))
     name, largest_kg = max(
         ("curvature", curved_kg),
         ("missing_term", missing_kg),
@@ -267,13 +271,15 @@ def uncertainty_by_failed_checks_kg(
     if largest_kg:
         found[name] = largest_kg
     if weighing.by_direction is not None:
-        found["gain_by_direction"] = weighing.by_direction.u_1 * abs(float(weights @ fit.masses_kg))
+        found["gain_by_direction"] = weighing.by_direction.u_1 * abs(
+            float(coefficients @ fit.masses_kg)
+        )
     viscous, std = fit.viscous_friction_and_std
     if viscous < -LIMITS.falling_friction_std * std:
-        found["falling_friction"] = abs(change_without_friction_kg(fit, weights))
+        found["falling_friction"] = abs(estimate_mass_change_without_friction_kg(fit, coefficients))
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
-    leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))
+    leans_kg = abs(float(coefficients @ (weighing.doubled_kg - fit.masses_kg)))
     if leans_kg > LIMITS.prior_dependence_std * root_sum_of_squares(parts_kg.values()):
         found["priors"] = leans_kg
     return found

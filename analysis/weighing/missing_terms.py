@@ -72,7 +72,7 @@ class MissingTerm:
         return determined and abs(self.t) > LIMITS.missing_term_min_std
 
 
-def make_candidate_terms(fit: JointFit) -> tuple[Nuisance, ...]:
+def list_candidate_missing_terms(fit: JointFit) -> tuple[Nuisance, ...]:
     """Terms that the model does not have, scaled by the log's largest force and speed.
 
     None over one short path, where a force depends on the place.
@@ -100,8 +100,8 @@ def make_candidate_terms(fit: JointFit) -> tuple[Nuisance, ...]:
         *(
             _make_gain_term(
                 f"gain_below_{share:.0%}",
-                _make_bell(share * speed_m_s),
-                _make_bell_slope(share * speed_m_s),
+                _make_bell_of_speed(share * speed_m_s),
+                _make_bell_slope_of_speed(share * speed_m_s),
                 "a gain of the force, or a scale of the speed, that changes at low speed",
             )
             for share in LIMITS.low_speed_fractions
@@ -109,7 +109,7 @@ def make_candidate_terms(fit: JointFit) -> tuple[Nuisance, ...]:
         *(
             _make_gain_term(
                 f"gain_step_at_{share:.0%}",
-                _make_low_speed_mark(share * speed_m_s),
+                _make_low_speed_indicator(share * speed_m_s),
                 np.zeros_like,
                 "a gain of the force, or a scale of the speed, that steps where a gear is changed",
             )
@@ -127,42 +127,42 @@ def make_candidate_terms(fit: JointFit) -> tuple[Nuisance, ...]:
 
 
 def _make_gain_term(
-    name: str,
-    gain: Callable[[Floats], Floats],
-    slope: Callable[[Floats], Floats],
+    term_name: str,
+    gain_of_speed: Callable[[Floats], Floats],
+    gain_slope: Callable[[Floats], Floats],
     meaning: str,
 ) -> Nuisance:
     """Make a term of a gain of the force that depends on the speed, with its derivative."""
 
     def by_speed(m: ColumnInputs) -> Floats:
-        return m.force * slope(m.speed)
+        return m.force * gain_slope(m.speed)
 
     return Nuisance(
-        name,
+        term_name,
         "1",
-        lambda m: m.force * gain(m.speed),
+        lambda m: m.force * gain_of_speed(m.speed),
         lambda _, __: LIMITS.missing_term_prior_std,
         meaning,
         _AT_ALL_SPEEDS,
         by_speed=by_speed,
-        by_force=lambda m: gain(m.speed),
+        by_force=lambda m: gain_of_speed(m.speed),
     )
 
 
-def _make_bell(width_m_s: float) -> Callable[[Floats], Floats]:
+def _make_bell_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: np.exp(-((speed / width_m_s) ** 2))
 
 
-def _make_bell_slope(width_m_s: float) -> Callable[[Floats], Floats]:
+def _make_bell_slope_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: -2.0 * speed / width_m_s**2 * np.exp(-((speed / width_m_s) ** 2))
 
 
-def _make_low_speed_mark(limit_m_s: float) -> Callable[[Floats], Floats]:
+def _make_low_speed_indicator(limit_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: (np.abs(speed) < limit_m_s).astype(float)
 
 
-def fit_force_curvature(
-    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
+def estimate_force_curvature(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, fit_rows: FitRows | None = None
 ) -> ForceCurvature:
     """Refit with a term in a·|a|; 0 where the log does not determine it.
 
@@ -170,9 +170,9 @@ def fit_force_curvature(
         fit: the fit without the term.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        rows: rows of the fit and of `CURVATURE`, if already computed.
+        fit_rows: rows of the fit and of `CURVATURE`, if already computed.
     """
-    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), rows=rows).fit
+    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), fit_rows=fit_rows).fit
     moved = float(curved.theta[fit.most_frequent_state] - fit.theta[fit.most_frequent_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
@@ -185,25 +185,28 @@ def find_missing_terms(
     terms: tuple[Nuisance, ...],
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    rows: FitRows,
+    fit_rows: FitRows,
 ) -> tuple[MissingTerm, ...]:
     """Find significant terms that the model does not have, the one with the largest effect first.
 
     Args:
         fit: the fit without them.
-        terms: `make_candidate_terms`.
+        terms: `list_candidate_missing_terms`.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
-        rows: `make_refit_rows` of the fit and of these terms.
+        fit_rows: `make_refit_rows` of the fit and of these terms.
     """
     found: list[MissingTerm] = []
     other = None
     for term in terms:
         del other  # of a shift its rows are hundreds of megabytes
-        other = refit_with_changes(fit, noise, priors, (term,), rows=rows)
+        other = refit_with_changes(fit, noise, priors, (term,), fit_rows=fit_rows)
         effect_kg = other.theta[: fit.mass_count] - fit.theta[: fit.mass_count]
         # the standard deviation takes longer than the estimate
-        if not _largest_relative_effect(effect_kg, fit) > LIMITS.missing_term_min_relative_effect:
+        if (
+            not _largest_mass_change_over_u(effect_kg, fit)
+            > LIMITS.missing_term_min_relative_effect
+        ):
             continue
         # a term that is mostly noise is collinear with the others once its noise is taken off
         if other.solution.noise_share > LIMITS.max_noise_fraction:
@@ -211,9 +214,9 @@ def find_missing_terms(
         lacking = MissingTerm(term, float(other.theta[-1] / other.fit.std[-1]), effect_kg)
         if lacking.is_significant(fit):
             found.append(lacking)
-    return tuple(sorted(found, key=lambda each: -_largest_relative_effect(each.effect_kg, fit)))
+    return tuple(sorted(found, key=lambda each: -_largest_mass_change_over_u(each.effect_kg, fit)))
 
 
-def _largest_relative_effect(mass_changes_kg: Floats, fit: JointFit) -> float:
+def _largest_mass_change_over_u(mass_changes_kg: Floats, fit: JointFit) -> float:
     """Largest change of a mass over its uncertainty."""
     return float(np.max(np.abs(mass_changes_kg) / fit.fit.std[: fit.mass_count]))

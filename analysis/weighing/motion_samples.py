@@ -19,23 +19,23 @@ from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import (
-    advance_in_stretches,
+    advance_signal_by_delay,
+    count_gaps_so_far,
     count_samples_since_start,
-    driving_directions,
-    drop_stretches_at_noise_speed,
-    extend_to_break_away,
+    count_standstills_so_far,
+    exclude_stretches_at_noise_speed,
+    extend_manoeuvres_to_break_away,
+    find_direction_of_manoeuvres,
+    find_stretch_spans,
+    integrate_path_and_length_m,
     make_centred_ramp,
     mark_gear_changes,
     mark_rows_without_data,
-    number_drives,
+    number_drive_manoeuvres,
     number_fitted_manoeuvres,
     number_one_way_runs,
-    path_positions,
     read_gear_ratio,
-    running_gap_count,
-    running_standstill_count,
-    split_stretches_at_units,
-    stretch_spans,
+    split_stretches_at_manoeuvres,
 )
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
@@ -158,7 +158,7 @@ class MotionSamples:
     @cached_property
     def pieces(self) -> tuple["MotionSamples", ...]:
         """Split into pieces of whole stretches, with the samples around that their means need."""
-        spans = stretch_spans(self.group)
+        spans = find_stretch_spans(self.group)
         whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
@@ -169,9 +169,9 @@ class MotionSamples:
             found.append(replace(piece, group=np.where(own, piece.group, -1)))
         return tuple(found)
 
-    def exclude_samples(self, samples: Bools) -> "MotionSamples":
+    def exclude_samples(self, is_excluded: Bools) -> "MotionSamples":
         """Exclude some of the samples and renumber the stretches."""
-        group = np.where(samples, -1, self.group)
+        group = np.where(is_excluded, -1, self.group)
         left = group >= 0
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, group=group)
@@ -179,13 +179,13 @@ class MotionSamples:
     def advance_force(self, lag_s: float) -> "MotionSamples":
         """Advance the force by its delay."""
         return replace(
-            self, force=advance_in_stretches(self.force, self.group, lag_s * self.rate_hz)
+            self, force=advance_signal_by_delay(self.force, self.group, lag_s * self.rate_hz)
         )
 
     def advance_speed(self, delay_s: float) -> "MotionSamples":
         """Advance the speed by its delay."""
         return replace(
-            self, speed=advance_in_stretches(self.speed, self.group, delay_s * self.rate_hz)
+            self, speed=advance_signal_by_delay(self.speed, self.group, delay_s * self.rate_hz)
         )
 
     @cached_property
@@ -248,7 +248,7 @@ class MotionSamples:
         return 1 if self.silences is None else int(np.unique(self.silences[self.is_fittable]).size)
 
     @cached_property
-    def is_bench_log(self) -> bool:
+    def is_short_path_bench_log(self) -> bool:
         """Whether it moves back and forth on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
         return self.drives_both_ways and 0.0 < self.path_m < min(
@@ -296,7 +296,7 @@ def collect_motion_samples(
     filtered = any(channel.is_derivative for channel in machine.channels.values())
     mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
     settled = max(mixed, round(LIMITS.mixed_friction_s * settings.align.rate_hz))
-    group = extend_to_break_away(
+    group = extend_manoeuvres_to_break_away(
         group,
         np.where(known, speed, 0.0),
         moves_m_s,
@@ -310,36 +310,40 @@ def collect_motion_samples(
     silent |= mark_gear_changes(ratio, speed.size, settings.align.rate_hz)
     near_gap = flag_windows(silent, clear) | flag_windows(silent[::-1], clear)[::-1]
     group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
-    group = drop_stretches_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
-    measured = _read_grid_column(aligned, "specific_force_x_m_s2", known)
-    pitch = _read_grid_column(aligned, "pitch_rad", known)
+    group = exclude_stretches_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
+    measured = _read_known_grid_column(aligned, "specific_force_x_m_s2", known)
+    pitch = _read_known_grid_column(aligned, "pitch_rad", known)
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
-    stood = running_standstill_count(excitation)
-    unit = number_drives(
+    stood = count_standstills_so_far(excitation)
+    unit = number_drive_manoeuvres(
         stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
     )
     longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
-    silences = running_gap_count(known, longest_hole)
-    group = split_stretches_at_units(group, unit)
+    silences = count_gaps_so_far(known, longest_hole)
+    group = split_stretches_at_manoeuvres(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
         np.where(known, speed, 0.0),
         np.where(known, force, 0.0),
         group,
-        driving_directions(group, np.where(known, speed, 0.0)),
+        find_direction_of_manoeuvres(group, np.where(known, speed, 0.0)),
         unit,
         settings.align.rate_hz,
         measured,
         level,
-        _read_grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
+        _read_known_grid_column(aligned, "acc_x_m_s2", known)
+        if machine.differentiates_wheels
+        else None,
         make_centred_ramp(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *path_positions(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
+        *integrate_path_and_length_m(
+            np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz
+        ),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
-        empty_machine_weight(machine, acceleration, force, group >= 0),
+        estimate_empty_machine_gravity_force(machine, acceleration, force, group >= 0),
         tuple(column_values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         mark_samples_stated_empty(aligned, machine),
@@ -351,19 +355,19 @@ def collect_motion_samples(
 
 
 @compiled_unless_short_log
-def ground_to_wheel_speed_ratio(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+def compute_ground_to_wheel_speed_ratio(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     """Ground speed over wheel speed, (n,), for a slip of κ = F / C."""
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
 
-def empty_machine_weight(
-    machine: Machine, acceleration: Floats, force: Floats, used: Bools
+def estimate_empty_machine_gravity_force(
+    machine: Machine, acceleration: Floats, force: Floats, used_samples: Bools
 ) -> float:
     """Weight of the empty machine in N, estimated from force over acceleration if not stated."""
     body = machine.machine
-    if body.empty_mass_kg is not None or not used.any():
+    if body.empty_mass_kg is not None or not used_samples.any():
         return (body.empty_mass_kg or 0.0) * body.gravity_m_s2
-    largest = (float(np.quantile(np.abs(x[used]), 0.95)) for x in (force, acceleration))
+    largest = (float(np.quantile(np.abs(x[used_samples]), 0.95)) for x in (force, acceleration))
     of_force, of_acceleration = largest
     return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
 
@@ -377,7 +381,7 @@ def mark_samples_stated_empty(aligned: pl.DataFrame, machine: Machine) -> Bools 
     return (t_s >= loads.empty_from_s) & (t_s <= loads.empty_to_s)
 
 
-def _read_grid_column(aligned: pl.DataFrame, name: str, has_value: Bools) -> Floats | None:
+def _read_known_grid_column(aligned: pl.DataFrame, name: str, has_value: Bools) -> Floats | None:
     if name not in aligned.columns:
         return None
     return np.where(has_value, column_values(aligned, name), 0.0)

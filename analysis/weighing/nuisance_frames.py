@@ -23,7 +23,7 @@ _OF_WHEELS: Final = (
 def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
     """Make `nuisances`: a row per term, with prior and posterior."""
     if weighing is None:
-        return make_empty_frame("nuisances")
+        return make_frame_without_rows("nuisances")
     rows = pl.concat([_make_term_rows(weighing), _make_wheel_rows(weighing)], how="diagonal")
     return build_frame("nuisances", rows.to_dict())
 
@@ -31,7 +31,7 @@ def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
 def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
     """Rows of the terms of the fit."""
     fit, own = weighing.fit, weighing.alone
-    parts_kg = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))
+    parts_kg = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
     prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
     columns = {
         "term": [term.name for term in fit.terms],
@@ -66,7 +66,7 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
     wheels = fit.kinematics
     if wheels is None or not wheels.is_consistent or wheels.gain_counts:
         return pl.DataFrame()
-    parts_kg = fit.u_parts_kg(fit.weights_of_state(fit.most_frequent_state))
+    parts_kg = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
     said = list(wheels.estimates_by_prior_name.values())
     rows: dict[str, object] = {
         "term": TERMS,
@@ -94,7 +94,7 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
 def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
     """Make `budget`: a row per load and source."""
     if weighing is None:
-        return make_empty_frame("budget")
+        return make_frame_without_rows("budget")
     fit = weighing.fit
     rows = [_make_source_rows(weighing, machine, state) for state in range(fit.mass_count)]
     return build_frame("budget", pl.concat(rows).to_dict())
@@ -102,7 +102,7 @@ def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFra
 
 def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
     """Uncertainty budget of a load, one row per source."""
-    sources = make_mass_budget(weighing, machine, weighing.fit.weights_of_state(state))
+    sources = make_mass_budget(weighing, machine, weighing.fit.coefficients_of_state(state))
     total = combine_u(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(
@@ -118,6 +118,6 @@ def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.Da
     )
 
 
-def make_empty_frame(name: str) -> pl.DataFrame:
+def make_frame_without_rows(frame_name: str) -> pl.DataFrame:
     """A frame without rows."""
-    return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[name].columns})
+    return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[frame_name].columns})

@@ -73,10 +73,10 @@ class ColumnInputs:
         """(n,) ground speed in m/s, without the slip."""
         return self.ground_speed_ratio * self.speed
 
-    def select_rows(self, rows: Ints) -> "ColumnInputs":
+    def select_rows(self, row_indices: Ints) -> "ColumnInputs":
         """Select some of the samples."""
         channels = {each.name: getattr(self, each.name) for each in fields(self)}
-        own = {n: x[rows] for n, x in channels.items() if isinstance(x, np.ndarray)}
+        own = {n: x[row_indices] for n, x in channels.items() if isinstance(x, np.ndarray)}
         return replace(self, **own)
 
     @cached_property
@@ -118,29 +118,37 @@ class Nuisance:
     source: str = ""
 
 
-def constant_force_prior_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
+def constant_force_prior_std(
+    largest_force_N: float, weight_N: float, priors: PriorSettings
+) -> float:
     """Prior standard deviation of a constant force in N, from driving force and weight."""
-    return float(np.hypot(priors.const_share * largest_N, priors.const_weight_share * weight_N))
-
-
-def friction_force_prior_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
-    """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
     return float(
-        np.hypot(priors.direction_share * largest_N, priors.direction_weight_share * weight_N)
+        np.hypot(priors.const_share * largest_force_N, priors.const_weight_share * weight_N)
     )
 
 
-def const_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+def friction_force_prior_std(
+    largest_force_N: float, weight_N: float, priors: PriorSettings
+) -> float:
+    """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
+    return float(
+        np.hypot(priors.direction_share * largest_force_N, priors.direction_weight_share * weight_N)
+    )
+
+
+def const_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the term `const`, in N."""
     return constant_force_prior_std(motion.force_95_percent, motion.weight, priors)
 
 
-def coulomb_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+def coulomb_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the Coulomb term, in N."""
     return friction_force_prior_std(motion.force_95_percent, motion.weight, priors)
 
 
-def split_constant_force_std(motion: MotionSamples, priors: PriorSettings) -> tuple[float, float]:
+def split_constant_prior_into_error_and_force(
+    motion: MotionSamples, priors: PriorSettings
+) -> tuple[float, float]:
     """Split a constant force, by the priors, into measurement error and acting force.
 
     The log determines only their sum.
@@ -149,14 +157,14 @@ def split_constant_force_std(motion: MotionSamples, priors: PriorSettings) -> tu
         Expected fraction of measurement error, and the standard deviation in N.
     """
     wrong = priors.const_share * motion.force_95_percent
-    coulomb = 0.0 if motion.drives_both_ways else coulomb_prior_std(motion, priors)
+    coulomb = 0.0 if motion.drives_both_ways else coulomb_term_prior_std_newtons(motion, priors)
     acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
     both = float(np.hypot(wrong, acts))
     return ((wrong / both) ** 2, wrong * acts / both) if both else (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class WeightShare:
+class LoadProportionalShare:
     """Fraction of a force that is proportional to the weight, by the priors alone.
 
     Offset and Coulomb friction are equal for all loads; tilt, accelerometer bias, slope and rolling
@@ -177,30 +185,34 @@ class WeightShare:
         return cls((weight_std_N / both) ** 2, constant_std_N * weight_std_N / both)
 
 
-def split_constant_term_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
+def estimate_load_proportional_share_of_constant(
+    motion: MotionSamples, priors: PriorSettings
+) -> LoadProportionalShare:
     """Split the constant force; it includes Coulomb friction if all driving is one way."""
     newtons = priors.const_share * motion.force_95_percent
     of_weight = priors.const_weight_share * motion.weight
     if motion.drives_both_ways:
-        return WeightShare.from_parts(newtons, of_weight)
-    return WeightShare.from_parts(
+        return LoadProportionalShare.from_parts(newtons, of_weight)
+    return LoadProportionalShare.from_parts(
         float(np.hypot(newtons, priors.direction_share * motion.force_95_percent)),
         float(np.hypot(of_weight, priors.direction_weight_share * motion.weight)),
     )
 
 
-def split_coulomb_term_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
+def estimate_load_proportional_share_of_coulomb(
+    motion: MotionSamples, priors: PriorSettings
+) -> LoadProportionalShare:
     """Split the friction force."""
-    return WeightShare.from_parts(
+    return LoadProportionalShare.from_parts(
         priors.direction_share * motion.force_95_percent,
         priors.direction_weight_share * motion.weight,
     )
 
 
-def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+def weight_const_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of `weight_const` in N: its split, and a sagging body."""
     sags = priors.sag_weight_share * motion.weight
-    return float(np.hypot(split_constant_term_by_weight(motion, priors).std_N, sags))
+    return float(np.hypot(estimate_load_proportional_share_of_constant(motion, priors).std_N, sags))
 
 
 def _make_warming_term(name: str) -> Nuisance:
@@ -226,7 +238,7 @@ NUISANCES: Final = (
         "const",
         "N",
         lambda m: 1.0 + m.weight_shares[0] * m.relative_load,
-        const_prior_std,
+        const_term_prior_std_newtons,
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
         "starts in both directions, or at different throttles",
@@ -288,7 +300,7 @@ NUISANCES: Final = (
         "direction",
         "N",
         lambda m: m.direction * (1.0 + m.weight_shares[1] * m.relative_load),
-        coulomb_prior_std,
+        coulomb_term_prior_std_newtons,
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.drives_both_ways,
@@ -308,7 +320,9 @@ NUISANCES: Final = (
         "offset",
         "N",
         lambda m: -m.slip_s_m * np.abs(m.speed) - m.transfer_s2_m * m.acceleration,
-        lambda e, s: max(split_constant_force_std(e, s)[1], LIMITS.min_offset_std_N),
+        lambda e, s: max(
+            split_constant_prior_into_error_and_force(e, s)[1], LIMITS.min_offset_std_N
+        ),
         "what the constant force has of an error of the measured force, beside what is expected "
         "of it: neither slip nor load transfer act on it",
         "a measured force that is zeroed",
@@ -330,7 +344,7 @@ NUISANCES: Final = (
         "weight_const",
         "N",
         lambda m: m.relative_load,
-        weight_const_prior_std,
+        weight_const_term_prior_std_newtons,
         "what of the constant force is in proportion to the weight with its load (tilt or bias of "
         "the accelerometer, slope), beside what is expected of it",
         "starts at different throttles with each load; an accelerometer that is zeroed",
@@ -340,7 +354,7 @@ NUISANCES: Final = (
         "weight_direction",
         "N",
         lambda m: m.direction * m.relative_load,
-        lambda e, s: split_coulomb_term_by_weight(e, s).std_N,
+        lambda e, s: estimate_load_proportional_share_of_coulomb(e, s).std_N,
         "what of Coulomb friction is in proportion to the weight with its load (rolling "
         "resistance), beside what is expected of it",
         "starts at different throttles with each load",

@@ -33,7 +33,7 @@ class AlternativeMotion:
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
 
-def wheel_imu_disagreement(fit: JointFit) -> float:
+def measure_wheel_imu_disagreement(fit: JointFit) -> float:
     """Disagreement of wheels and accelerometer relative to the speed; NaN if unknown.
 
     The part that the speed's noise explains does not count.
@@ -58,7 +58,7 @@ def refit_with_wheel_or_imu_motion(
     if motion.specific_force is None:
         return None
     by_wheels = motion.by_accelerometer
-    acceleration = _wheel_acceleration(motion) if by_wheels else motion.specific_force
+    acceleration = _differentiate_wheel_speed(motion) if by_wheels else motion.specific_force
     other = replace(
         motion,
         acceleration=acceleration,
@@ -68,11 +68,11 @@ def refit_with_wheel_or_imu_motion(
         by_accelerometer=not by_wheels,
     )
     of_other = _OtherMotionNoise(noise, motion.rate_hz, by_wheels=by_wheels)
-    found = fit_jointly(JointFitInputs.prepare(other, of_other, priors), fit.states)
+    found = fit_jointly(JointFitInputs.prepare_from_motion(other, of_other, priors), fit.states)
     return AlternativeMotion(found.mass_kg - fit.mass_kg, float(np.hypot(found.u_kg, fit.u_kg)))
 
 
-def _wheel_acceleration(motion: MotionSamples) -> Floats:
+def _differentiate_wheel_speed(motion: MotionSamples) -> Floats:
     """Acceleration from the wheels, plus gravity by the pitch if measured, (n,) in m/s²."""
     rate_m_s2 = np.gradient(motion.speed) * motion.rate_hz
     if motion.specific_force is None or motion.without_gravity is None:

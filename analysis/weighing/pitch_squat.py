@@ -32,7 +32,7 @@ class PitchProducts:
     columns: Floats
 
 
-def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchProducts:
+def compute_pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchProducts:
     """Compute the products by stretch, each signal without a cubic of the distance.
 
     Args:
@@ -50,17 +50,17 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchP
             continue
         a, force, pitch = (take_overlapping_means(channel[near]) for channel in channels)
         grade = np.vander(
-            trim_to_means_with_rate(take_overlapping_means(travelled_m[: near.size]))
+            drop_outer_means_without_rate(take_overlapping_means(travelled_m[: near.size]))
             / LIMITS.grade_reach_m,
             LIMITS.grade_degree + 1,
         )
         rows = np.column_stack(
             [
-                trim_to_means_with_rate(force),
-                _difference_of_outer_means(force),
-                trim_to_means_with_rate(a),
-                _difference_of_outer_means(a),
-                trim_to_means_with_rate(pitch),
+                drop_outer_means_without_rate(force),
+                _differentiate_means(force),
+                drop_outer_means_without_rate(a),
+                _differentiate_means(a),
+                drop_outer_means_without_rate(pitch),
             ]
         )
         rows -= grade @ np.linalg.lstsq(grade, rows, rcond=None)[0]
@@ -70,12 +70,12 @@ def pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchP
     return PitchProducts(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
 
 
-def trim_to_means_with_rate(means: Floats) -> Floats:
+def drop_outer_means_without_rate(means: Floats) -> Floats:
     """The means without the outer ones, which have no rate."""
     return means[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 
 
-def _difference_of_outer_means(means: Floats) -> Floats:
+def _differentiate_means(means: Floats) -> Floats:
     """Rate of change by differences of means that are a fixed number of means apart."""
     return means[2 * LIMITS.pitch_rate_means :] - means[: -2 * LIMITS.pitch_rate_means]
 
@@ -100,14 +100,16 @@ def fit_instrumental_variables(columns: Floats, response: Floats) -> tuple[Float
     return theta, bread @ scores.T @ scores @ bread.T * (count / (count - p))
 
 
-def estimate_pitch_squat(gravity: Floats, motion: MotionSamples) -> tuple[float, float] | None:
+def estimate_pitch_squat_fraction_and_std(
+    gravity: Floats, motion: MotionSamples
+) -> tuple[float, float] | None:
     """Fraction of the acceleration that appears as gravity through the pitch.
 
     Returns:
         The fraction, and the standard uncertainty of its effect on the accelerometer; None without
         a squat.
     """
-    found = pitch_squat_cross_products(gravity, motion)
+    found = compute_pitch_squat_cross_products(gravity, motion)
     if found.first.size < LIMITS.pitch_min_stretches:
         return None
     solved = fit_instrumental_variables(found.columns, found.response)

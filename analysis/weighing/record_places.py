@@ -20,10 +20,10 @@ from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
 
 
-def align_bench_records(motion: MotionSamples) -> MotionSamples:
+def align_paths_of_bench_records(motion: MotionSamples) -> MotionSamples:
     """Align the paths of a bench's records by their position-dependent force."""
     used = motion.is_fittable
-    if motion.silences is None or not used.any() or not motion.is_bench_log:
+    if motion.silences is None or not used.any() or not motion.is_short_path_bench_log:
         return motion
     record = np.unique(motion.silences[used], return_inverse=True)[1]
     records = int(record.max()) + 1
@@ -39,7 +39,7 @@ def align_bench_records(motion: MotionSamples) -> MotionSamples:
         )
     )
     force, place_1 = motion.force[used], motion.place_1[used]
-    off_1 = find_record_offsets(straight, force, place_1, of_record)
+    off_1 = estimate_record_position_offsets(straight, force, place_1, of_record)
     number = np.searchsorted(np.unique(motion.silences[used]), motion.silences).clip(0, records - 1)
     place_1 = motion.place_1 + off_1[number]
     first, last = float(place_1[used].min()), float(place_1[used].max())
@@ -51,7 +51,7 @@ def align_bench_records(motion: MotionSamples) -> MotionSamples:
     )
 
 
-def find_record_offsets(
+def estimate_record_position_offsets(
     path_m: Floats, force: Floats, place_1: Floats, record_of_sample: Floats
 ) -> Floats:
     """Offset of each record's position from the first one's, by the force at each position.
@@ -71,7 +71,9 @@ def find_record_offsets(
     for _ in range(LIMITS.place_rounds):
         place = place_1 + record_of_sample @ off_1
         known = np.column_stack((path_m, make_position_force_columns(place)))
-        found, missed = _solve_ridge(known, force, np.full(known.shape[1], LIMITS.free_column_std))
+        found, missed = _solve_ridge_regression(
+            known, force, np.full(known.shape[1], LIMITS.free_column_std)
+        )
         cost = float(missed @ missed) / max(float(force @ force), 1e-300)
         if cost >= least * (1.0 - 1e-9):
             break
@@ -79,7 +81,7 @@ def find_record_offsets(
         slope = make_position_force_slopes(place) @ found[path_m.shape[1] :]
         moving = np.column_stack((known, slope[:, None] * record_of_sample[:, 1:]))
         free = np.full(moving.shape[1], LIMITS.free_column_std)
-        step = _solve_ridge(moving, force, free)[0][known.shape[1] :]
+        step = _solve_ridge_regression(moving, force, free)[0][known.shape[1] :]
         step = np.append(0.0, step).clip(-LIMITS.max_record_step_1, LIMITS.max_record_step_1)
         if float(np.abs(step).max()) < LIMITS.record_tolerance_1:
             break
@@ -87,7 +89,7 @@ def find_record_offsets(
     return best_1
 
 
-def make_load_search_rows(fit: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
+def make_load_search_rows(fit: JointFit, fit_rows: FitRows) -> tuple[FitRows, ...]:
     """Rows for the search of load states, with or without weight in the force by place.
 
     A one-mass fit cannot tell how much of that force is weight, so none and all of it are tried.
@@ -95,29 +97,33 @@ def make_load_search_rows(fit: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
     found before.
     """
     motion, states = fit.motion, fit.states
-    if not (motion.record_count > 1 and motion.is_bench_log and fit.mass_kg > 0.0):
-        return (rows,)
+    if not (motion.record_count > 1 and motion.is_short_path_bench_log and fit.mass_kg > 0.0):
+        return (fit_rows,)
     theta = fit.theta[fit.mass_count + 1 :]
     place = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and not term.by_load]
     if fit.mass_count == 1 or states is None:
-        return rows, add_position_dependent_weight(rows, place, theta[place] / fit.mass_kg)
+        return fit_rows, add_position_weight_to_mass_column(
+            fit_rows, place, theta[place] / fit.mass_kg
+        )
     grows = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and term.by_load]
     usual_kg = float(np.mean(fit.masses_kg[states.membership]))
-    taken = add_position_dependent_weight(rows, place, theta[grows] / usual_kg)
+    taken = add_position_weight_to_mass_column(fit_rows, place, theta[grows] / usual_kg)
     taken.A[:, 2 + np.array(grows)] = 0.0
     return (taken,)
 
 
-def add_position_dependent_weight(
-    rows: FitRows, position_m: list[int], weight_m_s2: Floats
+def add_position_weight_to_mass_column(
+    fit_rows: FitRows, position_m: list[int], weight_m_s2: Floats
 ) -> FitRows:
     """Add the position-dependent weight per kg to the column that multiplies the mass."""
-    A = rows.A.copy()
-    A[:, 0] += rows.A[:, 2:][:, position_m] @ weight_m_s2
-    return replace(rows, A=A)
+    A = fit_rows.A.copy()
+    A[:, 0] += fit_rows.A[:, 2:][:, position_m] @ weight_m_s2
+    return replace(fit_rows, A=A)
 
 
-def _solve_ridge(columns: Floats, force: Floats, is_unpenalised: Floats) -> tuple[Floats, Floats]:
+def _solve_ridge_regression(
+    columns: Floats, force: Floats, is_unpenalised: Floats
+) -> tuple[Floats, Floats]:
     """Ridge regression with all but the free columns penalised; solution and residual."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0

@@ -34,15 +34,15 @@ def subtract_fitted_line(x: Floats) -> Floats:
     return x - sum_in_order(x) / x.size - slope * ramp
 
 
-def stretch_trend_columns(group: Ints) -> Floats:
+def make_stretch_trend_columns(group: Ints) -> Floats:
     """A constant and a slope column for each stretch, (rows, 2)."""
     return np.concatenate(
-        [orthonormal_constant_and_slope(part.size) for part in list_rows_by_group(group)]
+        [make_orthonormal_constant_and_slope(part.size) for part in list_rows_by_group(group)]
     )
 
 
 @cache
-def orthonormal_constant_and_slope(samples: int) -> Floats:
+def make_orthonormal_constant_and_slope(samples: int) -> Floats:
     """Orthonormal columns of a constant and a slope, (samples, 2)."""
     ramp = np.linspace(-1.0, 1.0, samples)
     return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]

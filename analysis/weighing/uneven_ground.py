@@ -45,14 +45,16 @@ class _DrivingDirection:
         places = list(pairwise(LIMITS.loading_places_m))
         found = [
             self._make_load_difference_term(
-                "", lambda m: np.ones(m.speed.size), self._loading_place_prior_std
+                "", lambda m: np.ones(m.speed.size), self._prior_std_at_loading_place_newtons
             )
         ]
         for begin_m, end_m in places:
             name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _make_ramp_between(begin_m, end_m)
-            width = _make_random_walk_prior(end_m - begin_m)
+            width = _make_random_walk_prior_std(end_m - begin_m)
             found.append(
-                self._make_term(name, column, width, "how the ground's force changes along it")
+                self._make_uneven_ground_term(
+                    name, column, width, "how the ground's force changes along it"
+                )
             )
             found.append(self._make_load_difference_term(name, column, width))
         return found
@@ -65,11 +67,11 @@ class _DrivingDirection:
     ) -> Nuisance:
         """Term of the difference between loaded and empty starts."""
         meaning = "difference of the ground under loaded and empty starts"
-        return self._make_term(
+        return self._make_uneven_ground_term(
             f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning
         )
 
-    def _make_term(
+    def _make_uneven_ground_term(
         self,
         name: str,
         column: Callable[[ColumnInputs], Floats],
@@ -79,20 +81,20 @@ class _DrivingDirection:
         return Nuisance(
             f"ground_{self.name}{name}",
             "N",
-            lambda m: restrict_to_direction(column(m), m.direction, self.sign),
+            lambda m: restrict_column_to_direction(column(m), m.direction, self.sign),
             width,
             f"{meaning}, {self.name}",
             "more cycles; a pitch channel; even ground",
-            applies=self._drives_in_direction,
+            applies=self._does_motion_drive_in_direction,
             by_load=True,
             source=BY_GROUND,
         )
 
     @staticmethod
-    def _loading_place_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+    def _prior_std_at_loading_place_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
         return priors.ground_share * motion.weight
 
-    def _drives_in_direction(self, motion: MotionSamples) -> bool:
+    def _does_motion_drive_in_direction(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.is_fittable] == self.sign
         return (
             motion.manoeuvre_count >= LIMITS.ground_min_manoeuvres
@@ -102,35 +104,37 @@ class _DrivingDirection:
 
 def _make_ramp_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
-    return lambda m: _linear_ramp_values(m.travelled_m, begin_m, end_m)
+    return lambda m: _evaluate_linear_ramp_at_positions(m.travelled_m, begin_m, end_m)
 
 
 @compiled_inline
-def _linear_ramp(position: float, begin: float, end: float) -> float:
-    """Linear from 0 at `begin` to 1 at `end`, constant outside."""
-    return min(max((position - begin) / (end - begin), 0.0), 1.0)
+def _evaluate_linear_ramp(position: float, begin_m: float, end_m: float) -> float:
+    """Linear from 0 at `begin_m` to 1 at `end_m`, constant outside."""
+    return min(max((position - begin_m) / (end_m - begin_m), 0.0), 1.0)
 
 
 @compiled_unless_short_log
-def _linear_ramp_values(positions: Floats, begin: float, end: float) -> Floats:
+def _evaluate_linear_ramp_at_positions(positions: Floats, begin_m: float, end_m: float) -> Floats:
     """Ramp at each place, as `positions`."""
     out = np.empty(positions.size)
     for k in range(out.size):
-        out[k] = _linear_ramp(positions[k], begin, end)
+        out[k] = _evaluate_linear_ramp(positions[k], begin_m, end_m)
     return out
 
 
 @compiled_unless_short_log
-def scaled_ramp(scale: Floats, positions: Floats, begin: float, end: float, ratio: float) -> Floats:
+def evaluate_scaled_ramp(
+    scale: Floats, positions: Floats, begin_m: float, end_m: float, ratio: float
+) -> Floats:
     """Ramp at each place in proportion to `ratio` and to a scale (n,)."""
     out = np.empty(positions.size)
     for k in range(out.size):
-        out[k] = scale[k] * (_linear_ramp(positions[k], begin, end) * ratio)
+        out[k] = scale[k] * (_evaluate_linear_ramp(positions[k], begin_m, end_m) * ratio)
     return out
 
 
 @compiled_unless_short_log
-def restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
+def restrict_column_to_direction(column: Floats, direction: Floats, sign: float) -> Floats:
     """Column (n,) in one driving direction, 0 in the other."""
     out = np.zeros(column.size)
     for k in range(out.size):
@@ -139,27 +143,27 @@ def restrict_to_direction(column: Floats, direction: Floats, sign: float) -> Flo
     return out
 
 
-def _make_random_walk_prior(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
+def _make_random_walk_prior_std(length_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
     """Make the function that gives the prior std of the change over a way: a random walk."""
-    share = random_walk_ratio(over_m)
+    share = relative_random_walk_std(length_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
 
 
-def random_walk_ratio(over_m: float) -> float:
+def relative_random_walk_std(length_m: float) -> float:
     """Standard deviation of a random walk over a length, relative to ten metres."""
-    return float(np.sqrt(over_m / LIMITS.ground_change_m))
+    return float(np.sqrt(length_m / LIMITS.ground_change_m))
 
 
-def _make_route_term(part: int) -> Nuisance:
+def _make_route_term(route_part: int) -> Nuisance:
     """Nuisance term for rolling resistance along one part of the route."""
-    begin, end = part / LIMITS.route_parts, (part + 1) / LIMITS.route_parts
+    begin, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
 
     def route_column(m: ColumnInputs) -> Floats:
-        ratio = random_walk_ratio(m.route_length_m / LIMITS.route_parts)
-        return scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
+        ratio = relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
+        return evaluate_scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
 
     return Nuisance(
-        f"ground_route_{part + 1}_of_{LIMITS.route_parts}",
+        f"ground_route_{route_part + 1}_of_{LIMITS.route_parts}",
         "N",
         route_column,
         lambda e, s: s.ground_route_share * e.weight,

@@ -15,31 +15,34 @@ from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
-from analysis.weighing.gain_by_direction import DirectionGain, find_direction_gain
+from analysis.weighing.gain_by_direction import (
+    DirectionGain,
+    estimate_force_gain_by_driving_direction,
+)
 from analysis.weighing.growing_load import (
     LoadFilling,
     LoadGrowth,
     find_creeping_load_changes,
-    find_growing_loads,
-    fit_growing_load,
+    find_manoeuvres_with_growing_load,
+    refit_with_load_growing_at_starts,
 )
 from analysis.weighing.joint_fit import (
     JointFitInputs,
-    add_hysteresis,
-    add_motion_responses,
+    add_mass_responses_to_motion_errors,
     drop_unlikely_effects,
-    fit_gain_by_load,
     fit_jointly,
     refit_with_changes,
+    refit_with_gain_change_by_load,
+    refit_with_hysteresis_if_shown,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.load_search import fit_with_load_search
+from analysis.weighing.load_search import fit_with_searched_load_states
 from analysis.weighing.missing_terms import (
     ForceCurvature,
     MissingTerm,
+    estimate_force_curvature,
     find_missing_terms,
-    fit_force_curvature,
-    make_candidate_terms,
+    list_candidate_missing_terms,
 )
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
@@ -50,10 +53,10 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
     AlternativeMotion,
+    measure_wheel_imu_disagreement,
     refit_with_wheel_or_imu_motion,
-    wheel_imu_disagreement,
 )
-from analysis.weighing.record_places import align_bench_records
+from analysis.weighing.record_places import align_paths_of_bench_records
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
 
@@ -162,7 +165,7 @@ def weigh(
     if priors.learnt and priors.learnt_means == "told":
         # means that are wrong spoil a log of several loads, which tells them better
         found = _weigh_with_priors(
-            aligned, excitation, gated, noise, machine, widen_learnt_priors(priors)
+            aligned, excitation, gated, noise, machine, widen_learnt_priors_by_mean_u(priors)
         )
         if found is not None and found.fit.mass_count > 1:
             return replace(found, informed=found.fit, learnt={**priors.learnt})
@@ -189,12 +192,16 @@ def _weigh_with_priors(
         found = collect_motion_samples(
             aligned, excitation, gated, machine, columns, braking=braking
         )
-        return align_bench_records(found)
+        return align_paths_of_bench_records(found)
 
     def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
-        fitted = JointFitInputs.prepare(motion, columns, priors, begin)
-        states = None if begin is None or begin.states is None else begin.states.restrict_to(motion)
-        return fit_with_load_search(
+        fitted = JointFitInputs.prepare_from_motion(motion, columns, priors, begin)
+        states = (
+            None
+            if begin is None or begin.states is None
+            else begin.states.renumber_for_motion(motion)
+        )
+        return fit_with_searched_load_states(
             fit_jointly(fitted, states), fitted, machine.machine.repeatability_kg
         )
 
@@ -206,45 +213,53 @@ def _weigh_with_priors(
     if excluded:
         whole = _exclude_manoeuvres(whole, excluded)
         fit = fit_load_states(whole, fit)
-    grown = find_growing_loads(fit, columns)
+    grown = find_manoeuvres_with_growing_load(fit, columns)
     if grown:
         # one mass says nothing of them, and would say something wrong of the others' friction
         excluded += [each.unit for each in grown]
         fit = fit_load_states(_exclude_manoeuvres(whole, excluded), fit)
         # what the others say of friction and drifts shows how much it is
-        better = {each.unit: each for each in find_growing_loads(fit, columns, whole)}
+        better = {
+            each.unit: each for each in find_manoeuvres_with_growing_load(fit, columns, whole)
+        }
         grown = tuple(better.get(each.unit, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _exclude_manoeuvres(select_motion(braking=False), excluded)
         if _has_enough_samples(driving):
-            fitted = JointFitInputs.prepare(driving, columns, priors, fit)
-            alone = fit_jointly(fitted, fit.states and fit.states.restrict_to(driving))
+            fitted = JointFitInputs.prepare_from_motion(driving, columns, priors, fit)
+            alone = fit_jointly(fitted, fit.states and fit.states.renumber_for_motion(driving))
             # driving that its own model does not fit is no witness against braking
             beyond = (
                 max(alone.prior_deviations_by_term.values()) > settings.verdict.beyond_prior_max
             )
-            if not beyond and not fit_force_curvature(alone, columns, priors).is_significant:
-                braking_kg = mean_mass_difference_kg(fit, alone)
+            if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
+                braking_kg = average_mass_difference_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(
                     allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
                 )
                 if left_out:
-                    fit = fit_with_load_search(alone, fitted, machine.machine.repeatability_kg)
+                    fit = fit_with_searched_load_states(
+                        alone, fitted, machine.machine.repeatability_kg
+                    )
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)
-    candidates = make_candidate_terms(fit)
-    fit, rows = add_hysteresis(fit, columns, priors, (CURVATURE, FILLING, *candidates))
-    fit = fit_gain_by_load(fit, priors)
-    fit = add_motion_responses(fit, columns, priors)
+    candidates = list_candidate_missing_terms(fit)
+    fit, rows = refit_with_hysteresis_if_shown(
+        fit, columns, priors, (CURVATURE, FILLING, *candidates)
+    )
+    fit = refit_with_gain_change_by_load(fit, priors)
+    fit = add_mass_responses_to_motion_errors(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None
     alone = refit_without_learnt_priors(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
     halved_kg, doubled_kg = (
-        refit_with_changes(fit, columns, _multiply_prior_stds(priors, factor), rows=rows).masses_kg
+        refit_with_changes(
+            fit, columns, _multiply_prior_stds(priors, factor), fit_rows=rows
+        ).masses_kg
         for factor in (0.5, 2.0)
     )
     return Weighing(
@@ -254,22 +269,24 @@ def _weigh_with_priors(
         braking_kg,
         left_out,
         doubted,
-        fit_force_curvature(fit, columns, priors, rows),
+        estimate_force_curvature(fit, columns, priors, rows),
         replace(
-            fit_growing_load(own, columns, own_priors, rows if own is fit else None),
+            refit_with_load_growing_at_starts(
+                own, columns, own_priors, rows if own is fit else None
+            ),
             is_possible=machine.machine.digs,
         ),
         grown,
         find_missing_terms(fit, candidates, columns, priors, rows),
-        find_direction_gain(fit, columns, priors, machine.machine),
+        estimate_force_gain_by_driving_direction(fit, columns, priors, machine.machine),
         refit_with_wheel_or_imu_motion(fit, columns, priors)
-        if wheel_imu_disagreement(fit) > settings.verdict.wheels_max
+        if measure_wheel_imu_disagreement(fit) > settings.verdict.wheels_max
         else None,
         alone,
         None
         if alone is None
         else refit_with_changes(
-            fit, columns, widen_learnt_priors(priors), rounds=LIMITS.learnt_mean_rounds
+            fit, columns, widen_learnt_priors_by_mean_u(priors), rounds=LIMITS.learnt_mean_rounds
         ),
         {**priors.learnt},
     )
@@ -303,7 +320,7 @@ def _drop_learnt_priors(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": {}})
 
 
-def widen_learnt_priors(priors: PriorSettings) -> PriorSettings:
+def widen_learnt_priors_by_mean_u(priors: PriorSettings) -> PriorSettings:
     """Widen learnt priors by the uncertainty of their means, except those of the wheels."""
     learnt = {
         name: term
@@ -314,7 +331,7 @@ def widen_learnt_priors(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": learnt})
 
 
-def mean_mass_difference_kg(fit_a: JointFit, fit_b: JointFit) -> float:
+def average_mass_difference_kg(fit_a: JointFit, fit_b: JointFit) -> float:
     """Mean difference of two fits' masses over the same manoeuvres, in kg."""
     mine, theirs = fit_a.states, fit_b.states
     if mine is None or theirs is None:

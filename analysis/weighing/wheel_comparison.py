@@ -12,26 +12,26 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import stretch_spans
+from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.lever_arm import (
     BodySwing,
-    estimate_swing,
-    fit_spring_rates,
-    subtract_swing,
+    estimate_body_swing,
+    fit_body_spring_rates,
+    subtract_swing_from_accelerometer,
 )
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
     Ints,
     MotionSamples,
-    ground_to_wheel_speed_ratio,
+    compute_ground_to_wheel_speed_ratio,
 )
-from analysis.weighing.nuisances import const_prior_std
-from analysis.weighing.pitch_squat import estimate_pitch_squat
+from analysis.weighing.nuisances import const_term_prior_std_newtons
+from analysis.weighing.pitch_squat import estimate_pitch_squat_fraction_and_std
 from analysis.weighing.stretch_means import (
     EVERY,
     MEAN,
-    stretch_trend_columns,
+    make_stretch_trend_columns,
     subtract_fitted_line,
     take_overlapping_means,
 )
@@ -50,11 +50,11 @@ from estimators.numerics.small_systems import NOTHING
 _Rows = tuple[Floats, Floats, Ints, NoiseMoments]
 
 
-def compare_wheels(
+def compare_wheels_with_accelerometer(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None = None,
+    earlier_kinematics: WheelKinematics | None = None,
     springs: BodySwing | None = None,
 ) -> WheelKinematics | None:
     """Compare wheels with the accelerometer, corrected for squat and swing of the body.
@@ -63,33 +63,35 @@ def compare_wheels(
         motion: the samples.
         noise: noise of acceleration, speed and force.
         priors: priors of slip, gain, delay and offset.
-        earlier: comparison of a similar motion, as the starting point.
+        earlier_kinematics: comparison of a similar motion, as the starting point.
         springs: springs of the body, if known.
 
     Returns:
         None without an accelerometer or without a long enough stretch.
     """
-    found = _compare_wheels_and_accelerometer(motion, noise, priors, earlier)
+    found = _compare_wheels_with_or_without_gravity(motion, noise, priors, earlier_kinematics)
     if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
         return found
     level = motion.without_gravity
     measured = motion.specific_force if level is None else level
-    springs = springs or fit_spring_rates(measured, motion)
-    swing = None if springs is None else estimate_swing(measured, motion, springs)
+    springs = springs or fit_body_spring_rates(measured, motion)
+    swing = None if springs is None else estimate_body_swing(measured, motion, springs)
     if swing is None:
         return replace(found, springs=springs)
-    still = _compare_wheels_and_accelerometer(subtract_swing(motion, swing), noise, priors, earlier)
+    still = _compare_wheels_with_or_without_gravity(
+        subtract_swing_from_accelerometer(motion, swing), noise, priors, earlier_kinematics
+    )
     if still is None:
         return None
-    swing = swing if level is None else swing.add_gravity_swing(still.squat[0])
+    swing = swing if level is None else swing.with_squat_by_gravity(still.squat[0])
     return replace(still, swing=swing, springs=springs)
 
 
-def _compare_wheels_and_accelerometer(
+def _compare_wheels_with_or_without_gravity(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None,
+    earlier_kinematics: WheelKinematics | None,
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, without gravity if hills change it within a manoeuvre.
 
@@ -99,17 +101,23 @@ def _compare_wheels_and_accelerometer(
     if motion.specific_force is None:
         return None
     told = (
-        None if earlier is None or not earlier.can_start_next_comparison else earlier.own or earlier
+        None
+        if earlier_kinematics is None or not earlier_kinematics.is_usable_as_initial_comparison
+        else earlier_kinematics.own or earlier_kinematics
     )
     found = _fit_wheel_comparison(motion.specific_force, motion, noise, priors, told)
     if found is None:
         return None
     if motion.without_gravity is None:
-        return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
+        return _compare_wheels_after_squat_correction(
+            found, motion.specific_force, motion, noise, priors, told
+        )
     level = _fit_wheel_comparison(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
-    squat = estimate_pitch_squat(motion.specific_force - motion.without_gravity, motion)
+    squat = estimate_pitch_squat_fraction_and_std(
+        motion.specific_force - motion.without_gravity, motion
+    )
     if squat is not None:
         # on even ground what is left of gravity is less than the noise of the pitch
         upright = motion.specific_force - squat[0] * motion.without_gravity
@@ -121,25 +129,29 @@ def _compare_wheels_and_accelerometer(
             return replace(best, squat=squat, pitch_shows_squat=True)
     agrees = level.disagreement_m_s < LIMITS.gravity_disagreement_ratio * found.disagreement_m_s
     if agrees and level.mismatch < LIMITS.gravity_mismatch_ratio * found.mismatch:
-        return _subtract_squat(level, motion.without_gravity, motion, noise, priors, told)
-    return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
+        return _compare_wheels_after_squat_correction(
+            level, motion.without_gravity, motion, noise, priors, told
+        )
+    return _compare_wheels_after_squat_correction(
+        found, motion.specific_force, motion, noise, priors, told
+    )
 
 
-def do_wheels_show_squat(comparison: WheelKinematics, motion: MotionSamples) -> bool:
+def do_wheels_show_squat(wheel_kinematics: WheelKinematics, motion: MotionSamples) -> bool:
     """Whether wheels of known radius show that the accelerometer reads too much, as squat does."""
     radius_u_1 = motion.wheel_radius_u_1
-    if radius_u_1 is None or not comparison.gain_counts:
+    if radius_u_1 is None or not wheel_kinematics.gain_counts:
         return False
-    return -comparison.gain[0] > LIMITS.gain_min_std * radius_u_1
+    return -wheel_kinematics.gain[0] > LIMITS.gain_min_std * radius_u_1
 
 
-def _subtract_squat(
+def _compare_wheels_after_squat_correction(
     comparison: WheelKinematics,
     measured: Floats,
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None,
+    earlier_kinematics: WheelKinematics | None,
 ) -> WheelKinematics:
     """Correct the accelerometer for a squat that wheels of known radius show.
 
@@ -153,7 +165,9 @@ def _subtract_squat(
         or share > LIMITS.max_squat_1
     ):
         return comparison
-    even = _fit_wheel_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
+    even = _fit_wheel_comparison(
+        measured * (1.0 - share), motion, noise, priors, earlier_kinematics
+    )
     if even is None or even.gain_counts:
         return comparison
     unexplained_m_s = LIMITS.squat_residual_ratio * comparison.disagreement_m_s
@@ -168,13 +182,13 @@ def _fit_wheel_comparison(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: WheelKinematics | None = None,
+    earlier_kinematics: WheelKinematics | None = None,
 ) -> WheelKinematics | None:
     """Fit the comparison, starting from an earlier one if there is one."""
     slip_std = priors.wheel_slip / motion.force_95_percent
 
     def prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
-        offset = slip_1_N * const_prior_std(motion, priors)
+        offset = slip_1_N * const_term_prior_std_newtons(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solve_rows(
@@ -185,26 +199,28 @@ def _fit_wheel_comparison(
 
     largest = LIMITS.max_slip_fraction / motion.force_95_percent
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
-    if earlier is not None:
-        delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
-        about = abs(slip_1_N) + earlier.slip_1_N[1]
+    if earlier_kinematics is not None:
+        delay_s, slip_1_N = earlier_kinematics.delay_s[0], earlier_kinematics.slip_1_N[0]
+        about = abs(slip_1_N) + earlier_kinematics.slip_1_N[1]
     rows = _make_comparison_rows(measured, motion.advance_speed(delay_s), noise, slip_1_N)
     if rows is None:
         return None
     lines = loss = None
-    if earlier is not None:
-        lines = stretch_trend_columns(rows[2])
+    if earlier_kinematics is not None:
+        lines = make_stretch_trend_columns(rows[2])
         loss = compute_autocovariance_loss(rows[2], lines)
     wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
         if not np.isfinite([late_s, slips_1_N]).all():
             break
-        if earlier is not None and abs(late_s) < LIMITS.delay_tolerance_s:
+        if earlier_kinematics is not None and abs(late_s) < LIMITS.delay_tolerance_s:
             break
         # the slip is of the ground's speed, and an offset matters by what slip there is
         slip_1_N = float(np.clip(slips_1_N, -largest, largest))
-        about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
+        about = abs(slip_1_N) + (
+            wide.fit.std[1] if earlier_kinematics is None else earlier_kinematics.slip_1_N[1]
+        )
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
         rows = (
@@ -212,7 +228,7 @@ def _fit_wheel_comparison(
         )
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
-            lines = stretch_trend_columns(rows[2])
+            lines = make_stretch_trend_columns(rows[2])
             loss = compute_autocovariance_loss(rows[2], lines)
         wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
@@ -223,14 +239,14 @@ def _fit_wheel_comparison(
         narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
         stiff = prior_stds(LIMITS.gain_search_std_1, about, narrow_std)
         rolling = solve_rows(rows, stiff, delay_s, lines, loss).fit
-        if rolling.theta[0] < 0.0 and is_gain_significant(rolling, noise_m_s):
+        if rolling.theta[0] < 0.0 and is_accelerometer_gain_significant(rolling, noise_m_s):
             free, slip_std = rolling, narrow_std
     mismatch = free.residual_rms / noise_m_s
-    counts = is_gain_significant(free, noise_m_s)
+    counts = is_accelerometer_gain_significant(free, noise_m_s)
     std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
-    least = lower_bound_stds(rows, noise, std, 1.0 / motion.rate_hz)
+    least = compute_noise_lower_bound_stds(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
     values = list(
@@ -250,7 +266,7 @@ def _fit_wheel_comparison(
     )
 
 
-def is_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
+def is_accelerometer_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
     """Whether a gain exceeds what its prior and the noise allow.
 
     Args:
@@ -263,7 +279,7 @@ def is_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
 
 
-def lower_bound_stds(
+def compute_noise_lower_bound_stds(
     rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> Floats:
     """Lower bound of the standard deviations from instrument noise alone, (4,).
@@ -298,11 +314,11 @@ def _make_comparison_rows(
     measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's line, and the noise in them."""
-    spans = stretch_spans(motion.group)
+    spans = find_stretch_spans(motion.group)
     spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
     if not spans.size:
         return None
-    X, y, group, ground = centre_means_by_stretch(
+    X, y, group, ground = detrend_means_by_stretch(
         measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
     covariance = noise.covariance(MEAN)
@@ -313,7 +329,7 @@ def _make_comparison_rows(
 
 
 @compiled_unless_short_log
-def centre_means_by_stretch(
+def detrend_means_by_stretch(
     measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
 ) -> tuple[Floats, Floats, Ints, Floats]:
     """Means of columns and response, each stretch without its line.
@@ -339,7 +355,7 @@ def centre_means_by_stretch(
         a, v, f = measured[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
-        slipping = v * ground_to_wheel_speed_ratio(v, f, slip_1_N) - gained
+        slipping = v * compute_ground_to_wheel_speed_ratio(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - subtract_fitted_line(slipping))
         rows = slice(row, row + counts[number])
         y[rows] = subtract_fitted_line(take_overlapping_means(v - gained))

@@ -64,11 +64,11 @@ class WheelKinematics:
         return self.mismatch <= LIMITS.max_kinematic_mismatch
 
     @property
-    def can_start_next_comparison(self) -> bool:
+    def is_usable_as_initial_comparison(self) -> bool:
         """Whether the comparison is good enough to start another one from."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
-    def apply_learnt_priors(self, priors: PriorSettings) -> "WheelKinematics":
+    def with_learnt_priors(self, priors: PriorSettings) -> "WheelKinematics":
         """Replace slip, gain and delay by those learnt by a calibration.
 
         The three are correlated, so they are replaced together. This log's own values stay if its

@@ -3,7 +3,7 @@
 Each unit (a manoeuvre, say) has y = level + x β + δ + ε: ε of a known variance v, δ the scatter
 between units of one level, β effects that all units share and about which the units know something
 of their own. The partition is the one with the largest posterior probability
-(`partition_posterior`). Given β and the scatter it is found exactly (`find_cheapest_partition`),
+(`partition_posterior`). Given β and the scatter it is found exactly (`find_least_cost_partition`),
 and so are two levels that take turns. Of the most probable one only the changes are kept that are
 sure, one after another.
 
@@ -25,6 +25,8 @@ from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.numerics.in_order import sum_in_order
 
+#: Bytes of the (units,) levels of a partition, by which equal ones are found.
+PackedLabels = bytes
 #: A change is said where it is at least so much likelier than none, as a logarithm.
 _SURE: Final = float(np.log(20.0))
 
@@ -48,14 +50,14 @@ class Partitions:
 
 
 def find_best_partitions(
-    unit_values: GroupEffects, spread: float, usual: float, scatter: float | None = None
+    unit_values: GroupEffects, spread: float, usual_scatter: float, scatter: float | None = None
 ) -> Partitions:
     """Find the most probable partition.
 
     Args:
         unit_values: the units in order.
         spread: largest plausible distance between levels.
-        usual: typical standard deviation between units of one level.
+        usual_scatter: typical standard deviation between units of one level.
         scatter: known standard deviation between units of one level; None if unknown.
     """
     n = unit_values.y.size
@@ -68,21 +70,26 @@ def find_best_partitions(
     least_kinds = (TURNED, RESTARTED, HINTED, FILLED, NAMED)
     hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
     noise_alone = PartitionPosterior(unit_values, spread, 0.0, None)
-    begin = [noise_alone.estimate_effects(one), noise_alone.estimate_effects(np.arange(n))]
-    found: dict[bytes, tuple[Partition, PartitionPosterior]] = {}
-    stretches: dict[bytes, Stretches] = {}
+    begin = [
+        noise_alone.estimate_shared_effects(one),
+        noise_alone.estimate_shared_effects(np.arange(n)),
+    ]
+    found: dict[PackedLabels, tuple[Partition, PartitionPosterior]] = {}
+    stretches: dict[PackedLabels, Stretches] = {}
     for tau in scatters:
-        posterior = PartitionPosterior(unit_values, spread, tau, usual if scatter is None else None)
+        posterior = PartitionPosterior(
+            unit_values, spread, tau, usual_scatter if scatter is None else None
+        )
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
-            tried |= _propose_partitions(posterior, effects)
+            tried |= _propose_segment_labels(posterior, effects)
         # in an order that does not change from process to process, as sums depend on it
         for key in sorted(tried):
             if key not in stretches:
                 stretches[key] = Stretches.from_boundaries(
                     np.frombuffer(key, np.int64), unit_values.kind
                 )
-            each = posterior.evaluate_partition(stretches[key])
+            each = posterior.score_partition(stretches[key])
             if key not in found or each.log_posterior > found[key][0].log_posterior:
                 found[key] = each, posterior
     single, _ = found[one.tobytes()]
@@ -92,14 +99,16 @@ def find_best_partitions(
     if not others:
         return Partitions(single, single, None, probability)
     several, posterior = max(others, key=lambda each: each[0].log_posterior)
-    several = move_changes_to_record_ends(several, posterior)
+    several = move_changes_to_nearest_record_ends(several, posterior)
     best = single
     if several.log_posterior > single.log_posterior:
         best = _drop_uncertain_changes(several, posterior)
     return Partitions(best, single, best if best.level_stretch_count > 1 else several, probability)
 
 
-def move_changes_to_record_ends(partition: Partition, posterior: PartitionPosterior) -> Partition:
+def move_changes_to_nearest_record_ends(
+    partition: Partition, posterior: PartitionPosterior
+) -> Partition:
     """Move changes to the nearest end of a record if that is more probable.
 
     The searches assume one probability of a change everywhere; the posterior knows the boundaries'
@@ -115,7 +124,7 @@ def move_changes_to_record_ends(partition: Partition, posterior: PartitionPoster
             if low < end < high:
                 moved = np.sort(np.append(changes[changes != change], end))
                 state = np.searchsorted(moved, np.arange(kind.size + 1), "right")
-                tried = posterior.evaluate_partition(Stretches.from_boundaries(state, kind))
+                tried = posterior.score_partition(Stretches.from_boundaries(state, kind))
                 partition = max((partition, tried), key=lambda each: each.log_posterior)
     return partition
 
@@ -130,14 +139,16 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
-            posterior.evaluate_partition(
+            posterior.score_partition(
                 Stretches.from_boundaries(
                     _merge_states_at_boundaries(partition.state, joint), posterior.units.kind
                 )
             )
             for joint in joints
         ]
-        allowed = [_min_log_odds(posterior.units.kind[joint - 1]) for joint in joints]
+        allowed = [
+            _min_log_odds_of_reported_change(posterior.units.kind[joint - 1]) for joint in joints
+        ]
         margin = [
             each.log_posterior - (partition.log_posterior - odds)
             for each, odds in zip(plainer, allowed, strict=True)
@@ -149,7 +160,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
     return partition
 
 
-def _min_log_odds(change_kind: Ints) -> float:
+def _min_log_odds_of_reported_change(change_kind: Ints) -> float:
     """Minimum log odds of a change that is reported.
 
     At the end of a record even odds suffice, since both sides are separate records.
@@ -157,59 +168,65 @@ def _min_log_odds(change_kind: Ints) -> float:
     return 0.0 if (change_kind == RESTARTED).all() else _SURE
 
 
-def _merge_states_at_boundaries(state: Ints, boundaries: Ints) -> Ints:
+def _merge_states_at_boundaries(state_of_unit: Ints, boundaries: Ints) -> Ints:
     """Merge the states on both sides of the given boundaries."""
-    changes = np.diff(state, prepend=0)
+    changes = np.diff(state_of_unit, prepend=0)
     changes[boundaries] = 0
     return np.cumsum(changes)
 
 
-def _propose_partitions(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+def _propose_segment_labels(
+    posterior: PartitionPosterior, initial_effects: Floats
+) -> set[PackedLabels]:
     """Candidates for the most probable partition, starting from given effects."""
     units, spread = posterior.units, posterior.spread
-    level = units.y - units.x @ effects
-    tried = {assign_two_levels(level, posterior.variance, units.kind).tobytes()}
+    level = units.y - units.x @ initial_effects
+    tried = {assign_two_alternating_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
-        tried |= propose_fill_cycle_partitions(posterior, effects)
+        tried |= propose_fill_cycle_labels(posterior, initial_effects)
     for probability in LIMITS.candidate_probabilities:
         for window in LIMITS.candidate_windows:
-            tried |= _iterate_partition_and_effects(
-                posterior, window * spread, probability, effects
+            tried |= _propose_labels_by_iterating_effects(
+                posterior, window * spread, probability, initial_effects
             )
     return tried
 
 
-def propose_fill_cycle_partitions(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+def propose_fill_cycle_labels(
+    posterior: PartitionPosterior, initial_effects: Floats
+) -> set[PackedLabels]:
     """Candidates with alternate filling and emptying, iterated with their effects."""
-    units, tried = posterior.units, set[bytes]()
+    units, tried = posterior.units, set[PackedLabels]()
     for _ in range(LIMITS.partition_max_rounds):
-        state = assign_cycle_states(units.y - units.x @ effects, posterior.variance, units.kind)
+        state = assign_fill_cycle_levels(
+            units.y - units.x @ initial_effects, posterior.variance, units.kind
+        )
         if state.tobytes() in tried:
             break
         tried.add(state.tobytes())
-        effects = posterior.estimate_effects(state)
+        initial_effects = posterior.estimate_shared_effects(state)
     return tried
 
 
-def _iterate_partition_and_effects(
-    posterior: PartitionPosterior, spread: float, probability: float, effects: Floats
-) -> set[bytes]:
+def _propose_labels_by_iterating_effects(
+    posterior: PartitionPosterior, spread: float, change_probability: float, initial_effects: Floats
+) -> set[PackedLabels]:
     """Candidates from iterating between partition and effects until nothing changes."""
     units, weight = posterior.units, 1.0 / posterior.variance
-    cost = np.full(units.y.size - 1, -2.0 * np.log(probability / (1.0 - probability)))
+    cost = np.full(units.y.size - 1, -2.0 * np.log(change_probability / (1.0 - change_probability)))
     cost[units.kind == 0] = LIMITS.impossible_change_cost
-    tried: set[bytes] = set()
+    tried: set[PackedLabels] = set()
     for _ in range(LIMITS.partition_max_rounds):
-        state = find_cheapest_partition(units.y - units.x @ effects, weight, cost, spread)
+        state = find_least_cost_partition(units.y - units.x @ initial_effects, weight, cost, spread)
         key = state.tobytes()
         if key in tried:
             break
         tried.add(key)
-        effects = posterior.estimate_effects(state)
+        initial_effects = posterior.estimate_shared_effects(state)
     return tried
 
 
-def assign_two_levels(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
+def assign_two_alternating_levels(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
     """Assign the units to two alternating levels with the least sum of squares.
 
     Args:
@@ -229,7 +246,7 @@ def assign_two_levels(values: Floats, variance: Floats, change_kinds: Ints) -> I
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (change_kinds > 0)))
 
 
-def assign_cycle_states(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
+def assign_fill_cycle_levels(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
     """Assign two levels: heavy after each filling, until the light level fits better.
 
     Args:
@@ -256,19 +273,19 @@ def assign_cycle_states(values: Floats, variance: Floats, change_kinds: Ints) ->
 
 
 @compiled_unless_short_log
-def mark_heavy_units(gains: Floats, first_units: Ints) -> NDArray[np.bool_]:
+def mark_heavy_units(heavy_gains: Floats, first_units: Ints) -> NDArray[np.bool_]:
     """Mark the heavy units: each stretch up to its largest cumulative gain, (n,).
 
     Args:
-        gains: (n,) gain of each unit if heavy.
+        heavy_gains: (n,) gain of each unit if heavy.
         first_units: (stretches,) first unit of each stretch.
     """
-    heavy = np.zeros(gains.size, np.bool_)
+    heavy = np.zeros(heavy_gains.size, np.bool_)
     for part in range(first_units.size):
-        end = first_units[part + 1] if part + 1 < first_units.size else gains.size
+        end = first_units[part + 1] if part + 1 < first_units.size else heavy_gains.size
         total, most, until = 0.0, 0.0, first_units[part]
         for k in range(first_units[part], end):
-            total += gains[k]
+            total += heavy_gains[k]
             if total > most:
                 most, until = total, k + 1
         heavy[first_units[part] : until] = True
@@ -276,14 +293,16 @@ def mark_heavy_units(gains: Floats, first_units: Ints) -> NDArray[np.bool_]:
 
 
 @compiled_unless_short_log
-def find_cheapest_partition(values: Floats, weight: Floats, cost: Floats, spread: float) -> Ints:
+def find_least_cost_partition(
+    values: Floats, weights: Floats, change_costs: Floats, level_spread: float
+) -> Ints:
     """Partition that minimises Σ w (y - ȳ)² + log(W L²/2π) per level plus the changes' cost.
 
     Args:
         values: (n,) y.
-        weight: (n,) w, reciprocal variance of each value; W is its sum over a level.
-        cost: (n - 1,) cost of a change between neighbours; may be negative.
-        spread: L, largest plausible distance between levels.
+        weights: (n,) w, reciprocal variance of each value; W is its sum over a level.
+        change_costs: (n - 1,) cost of a change between neighbours; may be negative.
+        level_spread: L, largest plausible distance between levels.
 
     Returns:
         (n,) numbers of the levels, from 0.
@@ -291,10 +310,10 @@ def find_cheapest_partition(values: Floats, weight: Floats, cost: Floats, spread
     n = values.size
     y = values - sum_in_order(values) / n
     w, wy, wyy = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    w[1:], wy[1:], wyy[1:] = np.cumsum(weight), np.cumsum(weight * y), np.cumsum(weight * y * y)
-    area = spread * spread / (2.0 * np.pi)
+    w[1:], wy[1:], wyy[1:] = np.cumsum(weights), np.cumsum(weights * y), np.cumsum(weights * y * y)
+    area = level_spread * level_spread / (2.0 * np.pi)
     # what one level more costs: at least, and at most
-    least_level, most_level = math.log(weight.min() * area), math.log(w[n] * area)
+    least_level, most_level = math.log(weights.min() * area), math.log(w[n] * area)
     before, begins = np.zeros(n + 1, np.int64), np.zeros(n, np.int64)
     # the best that ends here, the change included
     paid, bare = np.zeros(n), np.zeros(n)
@@ -313,7 +332,7 @@ def find_cheapest_partition(values: Floats, weight: Floats, cost: Floats, spread
                     least, before[end] = total, begin
         if end == n:
             break
-        paid[end] = least + cost[end - 1]
+        paid[end] = least + change_costs[end - 1]
         # a level that is worse by more than a change and a level cost never comes back
         kept = 0
         for k in range(alive):
@@ -321,11 +340,11 @@ def find_cheapest_partition(values: Floats, weight: Floats, cost: Floats, spread
                 begins[kept] = begins[k]
                 kept += 1
         alive = kept
-    return number_levels(before)
+    return number_levels_of_units(before)
 
 
 @compiled_unless_short_log
-def number_levels(first_unit_of_level: Ints) -> Ints:
+def number_levels_of_units(first_unit_of_level: Ints) -> Ints:
     """Level number of each unit (n,), from the first unit of the level that ends there."""
     end = first_unit_of_level.size - 1
     begins = np.zeros(end, np.int64)

@@ -110,20 +110,20 @@ class FactoredGain:
 
 
 def solve_by_elimination(
-    clean: BorderedMatrix,
+    normal_matrix: BorderedMatrix,
     scores: tuple[BorderedMatrix, Floats, float],
     priors: tuple[Floats, Floats],
-    bare: Floats,
+    right_hand_side: Floats,
     variance: float,
 ) -> tuple[Floats, FactoredGain]:
     """Estimates (wide,) and gain, level by level.
 
     Args:
-        clean: normal equations C.
+        normal_matrix: normal equations C.
         scores: covariance S of the scores over σ²: a bordered matrix, a vector (wide,) that is
             added times itself, and a number that is added to the diagonal.
         priors: (wide,) P, and P θ₀.
-        bare: (wide,) right-hand side b.
+        right_hand_side: (wide,) right-hand side b.
         variance: σ².
 
     Raises:
@@ -131,8 +131,8 @@ def solve_by_elimination(
     """
     gram, doubted, ridge = scores
     precision, believed = (variance * each for each in priors)
-    m, k = clean.right.shape
-    c, p = clean.diagonal, precision[:m]
+    m, k = normal_matrix.right.shape
+    c, p = normal_matrix.diagonal, precision[:m]
     s = gram.diagonal + ridge
     determinant = -(s * p + c**2)
     if not determinant.all():
@@ -140,22 +140,22 @@ def solve_by_elimination(
     # inverse of [s c; c -p], level by level
     k_yy, k_yt, k_tt = -p / determinant, -c / determinant, s / determinant
     zeros = np.zeros((m, k))
-    of_y = np.concatenate([gram.right, clean.right, doubted[:m, None]], axis=1)
-    of_t = np.concatenate([clean.right, zeros, np.zeros((m, 1))], axis=1)
+    of_y = np.concatenate([gram.right, normal_matrix.right, doubted[:m, None]], axis=1)
+    of_t = np.concatenate([normal_matrix.right, zeros, np.zeros((m, 1))], axis=1)
     q_y = k_yy[:, None] * of_y + k_yt[:, None] * of_t
     q_t = k_yt[:, None] * of_y + k_tt[:, None] * of_t
     size = 2 * k + 1
     reduced = np.zeros((size, size))
     reduced[:k, :k] = gram.corner + ridge * np.eye(k)
-    reduced[:k, k : 2 * k], reduced[k : 2 * k, :k] = clean.corner, clean.corner.T
+    reduced[:k, k : 2 * k], reduced[k : 2 * k, :k] = normal_matrix.corner, normal_matrix.corner.T
     reduced[range(k, 2 * k), range(k, 2 * k)] = -precision[m:]
     reduced[:k, -1] = reduced[-1, :k] = doubted[m:]
     reduced[-1, -1] = -1.0
     reduced -= of_y.T @ q_y + of_t.T @ q_t
     inverse = np.linalg.inv(reduced)
-    known = np.concatenate([bare[m:], -believed[m:], [0.0]])
-    shared = inverse @ (known - q_y.T @ bare[:m] + q_t.T @ believed[:m])
-    levels = k_yt * bare[:m] - k_tt * believed[:m] - q_t @ shared
+    known = np.concatenate([right_hand_side[m:], -believed[m:], [0.0]])
+    shared = inverse @ (known - q_y.T @ right_hand_side[:m] + q_t.T @ believed[:m])
+    levels = k_yt * right_hand_side[:m] - k_tt * believed[:m] - q_t @ shared
     theta = np.concatenate([levels, shared[k : 2 * k]])
     unit = np.eye(size)
     outer_t = np.concatenate([q_t, -unit[k : 2 * k]])
@@ -171,30 +171,30 @@ def solve_by_elimination(
     )
 
 
-def is_elimination_worthwhile(equations: BorderedMatrix) -> bool:
+def is_level_elimination_worthwhile(equations: BorderedMatrix) -> bool:
     """Whether the levels are worth eliminating one by one."""
     return equations.diagonal.size >= LIMITS.eliminated_levels
 
 
 def raise_meats_to_white_noise(
-    meats: BorderedMatrix, gram: BorderedMatrix, white: float
+    meats: BorderedMatrix, gram: BorderedMatrix, white_variance: float
 ) -> BorderedMatrix | Floats:
     """Raise each direction of the meats to a minimum fraction of its white-noise value.
 
     Estimated correlations may imply a negative variance.
 
     Returns:
-        The meats times the variance `white` of the residuals.
+        The meats times the variance `white_variance` of the residuals.
     """
-    if is_elimination_worthwhile(gram) and meats.exceeds_fraction(
+    if is_level_elimination_worthwhile(gram) and meats.is_at_least_fraction_of(
         gram, LIMITS.min_white_fraction, LIMITS.gain_rounding_fraction
     ):
-        return meats.multiply_by_number(white)
+        return meats.multiply_by_number(white_variance)
     squares, vectors = np.linalg.eigh(gram.to_dense())
     root = vectors * np.sqrt(np.maximum(squares, squares[-1] * LIMITS.gain_rounding_fraction))
     half = np.linalg.solve(root, meats.to_dense())
     of_white, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
     if of_white[0] >= LIMITS.min_white_fraction:
-        return meats.multiply_by_number(white)
+        return meats.multiply_by_number(white_variance)
     kept = root @ directions
-    return (kept * np.maximum(of_white, LIMITS.min_white_fraction)) @ kept.T * white
+    return (kept * np.maximum(of_white, LIMITS.min_white_fraction)) @ kept.T * white_variance

@@ -8,7 +8,7 @@ import numpy as np
 from estimators.arrays import Floats, Ints
 from estimators.joint.joint_limits import LIMITS
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
-from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_column_scales
+from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_rms_scales_of_columns
 from estimators.numerics.sandwich import compute_sandwich_meat
 
 #: Kinds of boundaries where something besides the units tells a change: a machine backs out of
@@ -51,7 +51,7 @@ def estimate_group_effects(
     noise: NoiseMoments | None,
     prior_mean: Floats,
     prior_std: Floats,
-    unit: Ints,
+    unit_of_group: Ints,
 ) -> GroupEffects:
     """Reduce A θ = f to one first parameter per unit, with all others shared.
 
@@ -64,20 +64,20 @@ def estimate_group_effects(
         noise: noise moments of the columns; None takes them as exact.
         prior_mean: (p - 1,) prior means of the shared parameters.
         prior_std: (p - 1,) prior standard deviations, inf where nothing is known.
-        unit: (groups,) unit of each group, from 0.
+        unit_of_group: (groups,) unit of each group, from 0.
 
     Returns:
         The units, with all boundaries of kind 1; NaN for a unit whose first column is 0.
     """
     used = group >= 0
     n = int(used.sum())
-    f, scale = np.where(used, f, 0.0), compute_column_scales(A, group)
+    f, scale = np.where(used, f, 0.0), compute_rms_scales_of_columns(A, group)
     A = A if used.all() else np.where(used[:, None], A, 0.0)
-    sums = GroupSums.sum_groups(A, f, group, noise, scale)
+    sums = GroupSums.sum_products_by_group(A, f, group, noise, scale)
     of_group = np.zeros(f.size, np.int64)
-    for part, number in zip(sums.rows, unit, strict=True):
+    for part, number in zip(sums.rows, unit_of_group, strict=True):
         of_group[part] = number
-    each = sums.sum_by_unit(unit)
+    each = sums.sum_groups_by_unit(unit_of_group)
     precision = np.where(np.isfinite(prior_std), (prior_std * scale[1:]) ** -2.0, 0.0)
     clean, bare = each.grams - each.noise_gram, each.crosses - each.noise_cross
     # a unit whose acceleration is noise says nothing, and not the contrary

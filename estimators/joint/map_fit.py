@@ -55,7 +55,7 @@ class MapFit:
         return self.noise + priors + self.scatter + self.misfit + doubt
 
     @cached_property
-    def has_misfit(self) -> bool:
+    def has_common_misfit(self) -> bool:
         """Whether a residual common to all groups adds to the covariance."""
         return bool(self.misfit.any())
 
@@ -84,7 +84,7 @@ class CommonResidual:
 
     @classmethod
     def average_groups(
-        cls, rows: list[Ints], residual: Floats, direction: Floats
+        cls, rows: list[Ints], residual: Floats, group_signs: Floats
     ) -> "CommonResidual | None":
         """Average the residuals of groups; None of fewer than three.
 
@@ -96,7 +96,7 @@ class CommonResidual:
         each = np.full((len(rows), length), np.nan)
         for i, part in enumerate(rows):
             part = part[:length]
-            each[i, : part.size] = residual[part] * direction[part[part.size // 2]]
+            each[i, : part.size] = residual[part] * group_signs[part[part.size // 2]]
         count = np.isfinite(each).sum(axis=0)
         known = count >= 2
         mean = np.nanmean(each[:, known], axis=0)

@@ -74,12 +74,12 @@ class Stretches:
     log_prior: float
 
     @classmethod
-    def from_boundaries(cls, state: Ints, kind: Ints) -> Self:
+    def from_boundaries(cls, state_of_unit: Ints, change_kinds: Ints) -> Self:
         """Number the stretches of units with boundaries of these kinds."""
         return cls(
-            state,
-            list_level_choices(int(state[-1]) + 1),
-            _log_prior_of_changes(kind, np.diff(state) > 0),
+            state_of_unit,
+            list_level_assignments_and_log_priors(int(state_of_unit[-1]) + 1),
+            _log_prior_of_changes(change_kinds, np.diff(state_of_unit) > 0),
         )
 
 
@@ -108,21 +108,23 @@ class PartitionPosterior:
         if usual is not None:
             self._log -= (scatter / usual) ** 2 / 2.0
 
-    def estimate_effects(self, state: Ints) -> Floats:
+    def estimate_shared_effects(self, state_of_unit: Ints) -> Floats:
         """Posterior mean of the effects β, (r,), with one level for every stretch.
 
         Args:
-            state: (n,) stretch numbers, ascending.
+            state_of_unit: (n,) stretch numbers, ascending.
         """
-        whole, right, _ = self._eliminate_levels(self._sums_by_state(state))
+        whole, right, _ = self._eliminate_levels(self._sum_equations_by_state(state_of_unit))
         return solve_with_log_determinant(whole, right)[0]
 
-    def evaluate_partition(self, stretches: Stretches) -> Partition:
+    def score_partition(self, stretches: Stretches) -> Partition:
         """Levels, effects and log posterior of a partition."""
-        by_state = self._sums_by_state(stretches.state)
+        by_state = self._sum_equations_by_state(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:
-            log, levels, effects = self._integrate_levels(sum_by_level(by_state, level))
+            log, levels, effects = self._integrate_levels_and_effects_out(
+                sum_by_level(by_state, level)
+            )
             logs.append(weight + log)
             if best is None or logs[-1] > best[0]:
                 best = logs[-1], levels[level], level, effects
@@ -130,9 +132,9 @@ class PartitionPosterior:
         posterior = float(np.logaddexp.reduce(logs)) + self._log + stretches.log_prior
         return Partition(stretches.state, best[1], best[2], self.scatter, best[3], posterior)
 
-    def _sums_by_state(self, state: Ints) -> Floats:
+    def _sum_equations_by_state(self, state_of_unit: Ints) -> Floats:
         """Sum the normal equations of consecutive units in one state."""
-        first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
+        first = np.append(0, np.flatnonzero(np.diff(state_of_unit)) + 1)
         return np.add.reduceat(self._sums, first)
 
     def _eliminate_levels(self, sums: Floats) -> tuple[Floats, Floats, float]:
@@ -145,7 +147,7 @@ class PartitionPosterior:
         units = self.units
         return units.gram + within[:-1, :-1], units.cross + within[:-1, -1], float(within[-1, -1])
 
-    def _integrate_levels(self, sums: Floats) -> tuple[float, Floats, Floats]:
+    def _integrate_levels_and_effects_out(self, sums: Floats) -> tuple[float, Floats, Floats]:
         """Log likelihood with levels and β integrated out, the levels, and β."""
         whole, right, squares = self._eliminate_levels(sums)
         effects, log_determinant = solve_with_log_determinant(whole, right)
@@ -158,12 +160,12 @@ class PartitionPosterior:
 
 
 @compiled_unless_short_log
-def sum_by_level(values: Floats, level_index: Ints) -> Floats:
+def sum_by_level(values_by_state: Floats, level_of_state: Ints) -> Floats:
     """Sum (states, columns) by level, (levels, columns)."""
-    sums = np.zeros((level_index.max() + 1, values.shape[1]))
-    for state in range(level_index.size):
-        for i in range(values.shape[1]):
-            sums[level_index[state], i] += values[state, i]
+    sums = np.zeros((level_of_state.max() + 1, values_by_state.shape[1]))
+    for state in range(level_of_state.size):
+        for i in range(values_by_state.shape[1]):
+            sums[level_of_state[state], i] += values_by_state[state, i]
     return sums
 
 
@@ -186,7 +188,7 @@ def solve_with_log_determinant(
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def list_level_choices(state_count: int) -> list[tuple[float, Ints]]:
+def list_level_assignments_and_log_priors(state_count: int) -> list[tuple[float, Ints]]:
     """Possible level indices of the states, (states,), each with its log probability."""
     own = np.arange(state_count)
     if state_count <= 2:
@@ -198,19 +200,21 @@ def list_level_choices(state_count: int) -> list[tuple[float, Ints]]:
     return [(_THIRD, own), (_THIRD, own % 2), *back]
 
 
-def _log_level_likelihood(level_values: Floats, variance: Floats, spread: float) -> float:
+def _log_level_likelihood(level_values: Floats, variance: Floats, level_spread: float) -> float:
     """Log likelihood of levels with the given variances, with their spread integrated out."""
     if level_values.size == 1:
-        return -float(np.log(spread))
-    each = (_DEVIATIONS[:, None] * spread) ** 2 + variance
+        return -float(np.log(level_spread))
+    each = (_DEVIATIONS[:, None] * level_spread) ** 2 + variance
     total = (1.0 / each).sum(axis=1)
     mean = (level_values / each).sum(axis=1) / total
     misfit = ((level_values - mean[:, None]) ** 2 / each).sum(axis=1)
     logs = np.log(2.0 * np.pi * each).sum(axis=1) + np.log(total / (2.0 * np.pi))
-    return float(np.logaddexp.reduce(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
+    return float(
+        np.logaddexp.reduce(-0.5 * (misfit + logs)) - np.log(level_spread * _DEVIATIONS.size)
+    )
 
 
-def _log_prior_of_changes(change_kinds: Ints, changes: Bools) -> float:
+def _log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior probability of the changes.
 
     Where something is filled, one emptying between two fillings is equally likely.
@@ -218,27 +222,27 @@ def _log_prior_of_changes(change_kinds: Ints, changes: Bools) -> float:
     named, filling = change_kinds == NAMED, change_kinds == FILLED
     if named.any():
         said = np.where(
-            changes[named],
+            has_change[named],
             np.log1p(-LIMITS.misnamed_probability),
             np.log(LIMITS.misnamed_probability),
         )
-        return float(said.sum()) + _log_prior_of_changes(change_kinds[~named], changes[~named])
+        return float(said.sum()) + _log_prior_of_changes(change_kinds[~named], has_change[~named])
     if not filling.any():
-        return _log_prior_of_unknown_rate(change_kinds, changes)
+        return _log_prior_of_unknown_rate(change_kinds, has_change)
     # or what is taken for a filling has nothing to do with it in this series
-    apart = _log_prior_of_unknown_rate(np.where(filling, 1, change_kinds), changes) + float(
+    apart = _log_prior_of_unknown_rate(np.where(filling, 1, change_kinds), has_change) + float(
         np.log(LIMITS.unrelated_filling_probability)
     )
     return float(
         np.logaddexp(
             apart,
-            log_prior_of_work_cycles(change_kinds, changes)
+            log_prior_of_work_cycles(change_kinds, has_change)
             + np.log1p(-LIMITS.unrelated_filling_probability),
         )
     )
 
 
-def log_prior_of_work_cycles(change_kinds: Ints, changes: Bools) -> float:
+def log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior probability of changes of the load as work cycles, without its constant.
 
     A cycle has one change at its filling and one, the dump, before the next filling: preferably
@@ -246,10 +250,10 @@ def log_prior_of_work_cycles(change_kinds: Ints, changes: Bools) -> float:
 
     Args:
         change_kinds: (n - 1,) kind of each boundary between manoeuvres.
-        changes: (n - 1,) whether the load changes there.
+        has_change: (n - 1,) whether the load changes there.
     """
     filling = change_kinds == FILLED
-    filled = filling & changes
+    filled = filling & has_change
     stretch, number = np.cumsum(filled), int(filled.sum()) + 1
     weight = np.where(
         filling | (change_kinds == 0),
@@ -257,7 +261,7 @@ def log_prior_of_work_cycles(change_kinds: Ints, changes: Bools) -> float:
         np.where(change_kinds == HINTED, LIMITS.hinted_emptying_ratio, 1.0),
     )
     total = np.bincount(stretch, weight, minlength=number)
-    emptied = changes & ~filling
+    emptied = has_change & ~filling
     often = np.bincount(stretch[emptied], minlength=number)
     each = np.log(
         np.array(
@@ -273,14 +277,14 @@ def log_prior_of_work_cycles(change_kinds: Ints, changes: Bools) -> float:
     each[[0, -1]] = np.where(often[[0, -1]] == 0, _HALF, each[[0, -1]])
     where = float(np.log(weight[emptied] / total[stretch[emptied]]).sum())
     fillings = np.where(
-        changes[filling],
+        has_change[filling],
         np.log1p(-LIMITS.unfilled_probability),
         np.log(LIMITS.unfilled_probability),
     )
     return float(fillings.sum()) + float(each.sum()) + where
 
 
-def _log_prior_of_unknown_rate(change_kinds: Ints, changes: Bools) -> float:
+def _log_prior_of_unknown_rate(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior under which no change is as likely as any, and all rates are equally likely.
 
     If other evidence indicates changes, either their rate is as likely as it is high, or the
@@ -289,7 +293,10 @@ def _log_prior_of_unknown_rate(change_kinds: Ints, changes: Bools) -> float:
     """
     total = 0.0
     for each in np.unique(change_kinds[change_kinds > 0]):
-        places, used = int((change_kinds == each).sum()), int(changes[change_kinds == each].sum())
+        places, used = (
+            int((change_kinds == each).sum()),
+            int(has_change[change_kinds == each].sum()),
+        )
         if each == RESTARTED:
             by_rate = float(np.exp(betaln(used + 1, places - used + 1)))
             one_each = (

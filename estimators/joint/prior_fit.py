@@ -20,16 +20,16 @@ from estimators.joint.joint_limits import LIMITS
 from estimators.joint.map_fit import CommonResidual, MapFit
 from estimators.joint.prior_solution import (
     SolutionParts,
-    solve_with_priors,
-    uncertain_noise_fraction,
+    compute_uncertain_noise_fraction,
+    iterate_prior_solution,
 )
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (
     compute_autocovariance_loss,
+    compute_student_to_normal_ratio,
     estimate_pooled_autocorrelation,
-    student_to_normal_ratio,
 )
-from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_column_scales
+from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_rms_scales_of_columns
 from estimators.numerics.sandwich import compute_sandwich_meat
 from estimators.threads import release_freed_memory
 
@@ -127,7 +127,7 @@ class _SolvedSamples:
         covariance = gain.propagate_covariance(
             raise_meats_to_white_noise(shape.expand_group_matrices(meats), turned.gram, white)
         )
-        covariance *= student_to_normal_ratio(max(n / alike - theta.size, 1.0)) ** 2
+        covariance *= compute_student_to_normal_ratio(max(n / alike - theta.size, 1.0)) ** 2
         told = self.compared_group_numbers
         own = shape.select_group_parameters(theta)
         cleaned = sums.grams - kept * sums.noise_gram
@@ -135,12 +135,14 @@ class _SolvedSamples:
         spread = shape.expand_group_rows(np.einsum("gij,gj->gi", turns, scores))[told]
         scatter = gain.propagate_covariance(turned.scatter)
         if levels is not None:
-            scatter *= student_to_normal_ratio(levels.freedom) ** 2
+            scatter *= compute_student_to_normal_ratio(levels.freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
         count = shape.levels.level_count
-        grown, ratio = estimate_between_group_covariance(gain, spread, covariance + scatter, count)
+        grown, ratio = estimate_between_group_covariance_and_ratio(
+            gain, spread, covariance + scatter, count
+        )
         scatter = scatter + grown
-        misfit, common = estimate_common_misfit(
+        misfit, common = estimate_common_misfit_and_ratio(
             gain,
             A,
             self.common_residual(),
@@ -148,13 +150,13 @@ class _SolvedSamples:
             self.residual_signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
-        doubt = gain.apply_to_vector(turned.taken, uncertain_noise_fraction(kept))
-        scale = shape.repeat_at_every_level(self.scale)
+        doubt = gain.apply_to_vector(turned.taken, compute_uncertain_noise_fraction(kept))
+        scale = shape.expand_to_levels(self.scale)
         units = np.outer(scale, scale)
         return MapFit(
             self.theta,
             covariance / units,
-            (gain.bread * np.sqrt(shape.repeat_at_every_level(self.precision))).T / scale,
+            (gain.bread * np.sqrt(shape.expand_to_levels(self.precision))).T / scale,
             scatter / units,
             misfit / units,
             doubt / scale,
@@ -270,9 +272,9 @@ def solve(
     A, f, scale = (
         np.ascontiguousarray(A),
         np.where(group >= 0, f, 0.0),
-        compute_column_scales(A, group),
+        compute_rms_scales_of_columns(A, group),
     )
-    sums = GroupSums.sum_groups(A, f, group, noise, scale)
+    sums = GroupSums.sum_products_by_group(A, f, group, noise, scale)
     one = np.zeros(len(sums.rows), np.int64)
     shape = InterceptShape(
         RandomIntercepts(one, np.arange(one.size)) if levels is None else levels, p, scale[0]
@@ -283,12 +285,12 @@ def solve(
     taken = A if grouping.taken is None and len(sums.rows) < LIMITS.few_groups else grouping.taken
     loss = compute_autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
     try:
-        solved = solve_with_priors(
+        solved = iterate_prior_solution(
             A, f, group, sums, scale, shape, (precision, believed), (taken, loss)
         )
     except np.linalg.LinAlgError:
         return nothing
-    theta = solved.theta / shape.repeat_at_every_level(scale)
+    theta = solved.theta / shape.expand_to_levels(scale)
     return PriorSolution(
         _SolvedSamples(theta, A, group, sums, shape, precision, scale, grouping, solved)
     )
@@ -348,7 +350,7 @@ class _InformativeGroups:
         return total
 
 
-def estimate_between_group_covariance(
+def estimate_between_group_covariance_and_ratio(
     gain: Gain, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
     """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
@@ -365,16 +367,16 @@ def estimate_between_group_covariance(
     if ratio <= 1.0 + LIMITS.disagreeing_std * np.sqrt(2.0 / freedom):
         return np.zeros_like(covariance), float(np.sqrt(ratio))
     # every parameter grows as the first does: a full matrix of few groups is no covariance
-    grown = covariance * (ratio * student_to_normal_ratio(float(freedom)) ** 2 - 1.0)
+    grown = covariance * (ratio * compute_student_to_normal_ratio(float(freedom)) ** 2 - 1.0)
     return grown, float(np.sqrt(ratio))
 
 
-def estimate_common_misfit(
+def estimate_common_misfit_and_ratio(
     gain: Gain,
     A: Floats,
     common_residual: CommonResidual | None,
     informative_groups: _InformativeGroups,
-    direction: Floats,
+    group_signs: Floats,
 ) -> tuple[Floats, float]:
     """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
 
@@ -389,6 +391,6 @@ def estimate_common_misfit(
         return nothing, common_residual.ratio
     mean, length = common_residual.mean, common_residual.length
     correlation, _ = estimate_pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
-    moved = gain.apply_to_rows(informative_groups.common_residual_scores(A, direction, length))
+    moved = gain.apply_to_rows(informative_groups.common_residual_scores(A, group_signs, length))
     lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
     return moved.T @ lasts @ moved * common_residual.excess, common_residual.ratio

@@ -15,7 +15,7 @@ from estimators.interpreted import compiled_unless_short_log, compiled_with_arra
 from estimators.joint.gain_matrix import (
     DenseGain,
     Gain,
-    is_elimination_worthwhile,
+    is_level_elimination_worthwhile,
     solve_by_elimination,
 )
 from estimators.joint.joint_limits import LIMITS
@@ -52,7 +52,7 @@ class WeightedNormalEquations:
     taken: Floats
 
 
-def _weight_units(
+def _weight_equations_of_units(
     units: GroupSums,
     shape: InterceptShape,
     level_of_unit: Ints,
@@ -223,7 +223,7 @@ class SolutionParts(NamedTuple):
     turned: WeightedNormalEquations
 
 
-def solve_with_priors(
+def iterate_prior_solution(
     A: Floats,
     f: Floats,
     group: Ints,
@@ -264,27 +264,27 @@ def solve_with_priors(
     one_level = np.zeros(len(sums.rows), np.int64)
     left = compute_grouped_residuals(A, f, index, first / scale, one_level, 1)
     variance = float(left @ left) / n
-    theta = shape.repeat_at_every_level(np.asarray(first, np.float64))
+    theta = shape.expand_to_levels(np.asarray(first, np.float64))
     wide_precision, wide_believed, wide_scale = map(
-        shape.repeat_at_every_level, (precision, believed, scale)
+        shape.expand_to_levels, (precision, believed, scale)
     )
     solved: SolutionParts | None = None
     units, of_units, level_of_unit = (
-        sums.sum_by_unit(shape.levels.unit),
+        sums.sum_groups_by_unit(shape.levels.unit),
         shape.level_of_each_unit,
         shape.levels.membership,
     )
     for _ in range(LIMITS.solution_rounds):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
-        share = largest_noise_fraction(added, gram + variance * np.diag(precision))
+        share = compute_largest_noise_fraction(added, gram + variance * np.diag(precision))
         kept = min(1.0, LIMITS.max_noise_fraction / share) if share > 0 else 1.0
-        turned = _weight_units(units, shape, of_units, kept, theta, variance)
+        turned = _weight_equations_of_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
             theta = solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
-            turned = _weight_units(units, shape, of_units, kept, theta, variance)
-        doubted = uncertain_noise_fraction(kept) * turned.taken
-        theta, gain = solve_with_common_error(
+            turned = _weight_equations_of_units(units, shape, of_units, kept, theta, variance)
+        doubted = compute_uncertain_noise_fraction(kept) * turned.taken
+        theta, gain = solve_for_noise_with_common_error(
             turned, (wide_precision, wide_believed), variance, doubted
         )
         residual = compute_grouped_residuals(
@@ -305,7 +305,7 @@ def solve_for_white_noise(
     """Estimates (wide,) for white noise, S = σ² G: where the iteration begins."""
     precision, believed = priors
     wanted = equations.bare / variance + believed
-    if is_elimination_worthwhile(equations.clean):
+    if is_level_elimination_worthwhile(equations.clean):
         clean = equations.clean.multiply_by_number(1.0 / variance)
         m = clean.diagonal.size
         regular = BorderedMatrix(
@@ -319,14 +319,14 @@ def solve_for_white_noise(
     return found @ wanted
 
 
-def solve_with_common_error(
+def solve_for_noise_with_common_error(
     equations: WeightedNormalEquations,
     priors: tuple[Floats, Floats],
     variance: float,
     common_error: Floats,
 ) -> tuple[Floats, Gain]:
     """Estimates (wide,) and gain for S = σ² AᵀA plus an error common to all samples."""
-    if is_elimination_worthwhile(equations.clean):
+    if is_level_elimination_worthwhile(equations.clean):
         trace = variance * equations.gram.trace + float(common_error @ common_error)
         scores = (
             equations.gram,
@@ -344,7 +344,7 @@ def solve_with_common_error(
         return theta, DenseGain(bread, bread @ weighed)
 
 
-def uncertain_noise_fraction(subtracted_noise_fraction: float) -> float:
+def compute_uncertain_noise_fraction(subtracted_noise_fraction: float) -> float:
     """Uncertain fraction of the noise; noise that is not subtracted is entirely uncertain."""
     return LIMITS.uncertain_correction_fraction * subtracted_noise_fraction + (
         1.0 - subtracted_noise_fraction
@@ -359,7 +359,7 @@ def compute_weighted_gram(
     return np.linalg.solve(S + LIMITS.ridge_fraction * np.trace(S) * np.eye(len(S)), clean).T
 
 
-def largest_noise_fraction(noise: Floats, gram: Floats) -> float:
+def compute_largest_noise_fraction(noise: Floats, gram: Floats) -> float:
     """Largest fraction of noise in any direction of the columns."""
     if not noise.any():
         return 0.0

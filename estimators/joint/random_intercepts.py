@@ -40,7 +40,7 @@ class InterceptShape:
     p: int
     scale: float
 
-    def repeat_at_every_level(self, values: Floats) -> Floats:
+    def expand_to_levels(self, values: Floats) -> Floats:
         """Expand (p,) of a group to (wide,), with the first value at every level."""
         return np.concatenate([np.full(self.levels.level_count, values[0]), values[1:]])
 
@@ -74,7 +74,7 @@ class InterceptShape:
 
 @compiled_unless_short_log
 def sum_matrices_by_level(
-    values: Floats, membership: Ints, level_count: int
+    values: Floats, level_of_group: Ints, level_count: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Parts of the sum of (groups, p, p), with first row and column at the group's level."""
     groups, p, _ = values.shape
@@ -86,7 +86,7 @@ def sum_matrices_by_level(
     )
     corner = np.zeros((k, k))
     for g in range(groups):
-        level = membership[g]
+        level = level_of_group[g]
         diagonal[level] += values[g, 0, 0]
         for i in range(k):
             right[level, i] += values[g, 0, i + 1]

@@ -20,8 +20,8 @@ from estimators.numerics.small_systems import (
 )
 
 
-def compute_attenuation(
-    G: Floats, theta: Floats, added_noise: Floats, loading: Floats | None = None
+def compute_attenuation_by_noise_source(
+    G: Floats, theta: Floats, added_noise: Floats, noise_mixing: Floats | None = None
 ) -> Floats:
     """Attenuation (AᵀA - N)⁻¹ N θ of each parameter, by noise source.
 
@@ -29,18 +29,18 @@ def compute_attenuation(
         G: (p, p) AᵀA as measured.
         theta: (p,) its least-squares solution.
         added_noise: (s,) n·σ² of each source.
-        loading: (p, s) loading of each column on each source, N = L diag(added) Lᵀ; None: each
+        noise_mixing: (p, s) loading of each column on each source, N = L diag(added) Lᵀ; None: each
             column has its own source.
 
     Returns:
         (p, s) attenuation of θ_i by each source; their sum is to be added. NaN if the columns are
         only noise.
     """
-    L = np.eye(theta.size) if loading is None else loading
+    L = np.eye(theta.size) if noise_mixing is None else noise_mixing
     return invert_positive_definite(G - L * added_noise @ L.T) @ (L * (added_noise * (L.T @ theta)))
 
 
-def compute_window_attenuations(
+def compute_attenuation_corrections_of_windows(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: Floats
 ) -> Floats:
     """Correction for attenuation of each window that ends at `index`, (rows, p).

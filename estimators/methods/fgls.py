@@ -68,7 +68,7 @@ def solve_windows(
 
     def solve_rows(rows: slice) -> None:
         products = sum_window_products(A, f, window, index[rows])
-        theta = reweight_windows(A, f, window, index[rows], products, options)
+        theta = solve_windows_by_reweighting(A, f, window, index[rows], products, options)
         out.store_windows(
             rows,
             products,
@@ -81,7 +81,7 @@ def solve_windows(
     return out
 
 
-def reweight_windows(
+def solve_windows_by_reweighting(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: FglsOptions
 ) -> Floats:
     """θ (p, rows) of windows with packed products (entries, rows): OLS, then weighted."""

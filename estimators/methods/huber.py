@@ -28,8 +28,8 @@ from estimators.numerics.reweighted import (
     AT_ONCE,
     copy_consecutive_estimates,
     copy_samples_to_buffer,
-    find_batch_begins,
-    residuals,
+    fill_residuals_of_sample,
+    find_begins_of_window_batches,
     sum_reweighted_products,
 )
 from estimators.numerics.rolling import (
@@ -160,7 +160,7 @@ def _sum_newton_equations(
     raw = np.empty((entries, window + AT_ONCE))
     pull, full = np.empty(AT_ONCE), np.empty(AT_ONCE)
     out = np.zeros((entries, index.size))
-    begins = find_batch_begins(index)
+    begins = find_begins_of_window_batches(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
@@ -170,7 +170,7 @@ def _sum_newton_equations(
         now, bends = copy_consecutive_estimates(theta, begin, end), limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(window):
-            residuals(z, s, now, pull)
+            fill_residuals_of_sample(z, s, now, pull)
             force = z[p, s : s + m]
             for k in range(m):
                 inside = abs(pull[k]) <= bends[k]
@@ -202,7 +202,7 @@ def summarise_clipped_residuals(
     z = np.empty((p + 1, window + AT_ONCE))
     e = np.empty(AT_ONCE)
     kept, squares = np.zeros(index.size), np.zeros(index.size)
-    begins = find_batch_begins(index)
+    begins = find_begins_of_window_batches(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
@@ -211,7 +211,7 @@ def summarise_clipped_residuals(
         now, bends = copy_consecutive_estimates(theta, begin, end), limit[begin:end]
         inside, square = kept[begin:end], squares[begin:end]
         for s in range(window):
-            residuals(z, s, now, e)
+            fill_residuals_of_sample(z, s, now, e)
             for k in range(m):
                 size = abs(e[k])
                 inside[k] += 1.0 if size <= bends[k] else 0.0

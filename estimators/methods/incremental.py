@@ -18,21 +18,21 @@ from estimators.interpreted import compiled_unless_short_log
 from estimators.methods import rls as recursion
 from estimators.methods import rtls as total_recursion
 from estimators.methods.fgls import FglsOptions
-from estimators.methods.fgls import reweight_windows as reweight_fgls
+from estimators.methods.fgls import solve_windows_by_reweighting as reweight_fgls
 from estimators.methods.huber import HuberOptions
 from estimators.methods.huber import solve_windows_robustly as reweight_huber
 from estimators.methods.ls import (
     LsOptions,
     WindowStatistics,
-    compute_statistics_from_products,
-    solve_least_squares,
+    compute_gate_statistics_from_products,
+    solve_windows_by_normal_equations,
 )
 from estimators.methods.pooled import PooledOptions, add_one_sample_product, subtract_expected_noise
 from estimators.methods.rls import RlsOptions, RlsState
 from estimators.methods.rtls import RtlsOptions
 from estimators.methods.tls import TlsOptions, solve_scaled_tls
 from estimators.numerics import directional_forgetting
-from estimators.numerics.mutual_information import fill_correlations
+from estimators.numerics.mutual_information import fill_correlation_and_variance
 from estimators.numerics.normal_equations import (
     compute_residual_sums_of_squares,
     count_columns,
@@ -45,10 +45,10 @@ from estimators.numerics.recursive import (
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import (
+    convert_centred_moments_to_products,
     count_padded_lanes,
     fill_centred_terms,
     fill_suffix_sums,
-    uncentre_moments,
 )
 from estimators.numerics.small_systems import (
     compute_condition_numbers,
@@ -128,7 +128,7 @@ def advance_window(state: WindowState, sample: Floats) -> WindowState:
         for lane in range(prefix.size):
             moments[lane, 0] = suffix[lane, since] + prefix[lane]
         products = np.empty(state.products.shape)
-        uncentre_moments(moments, centre, window, 0, 1, products)
+        convert_centred_moments_to_products(moments, centre, window, 0, 1, products)
     return WindowState(z, seen, centre, suffix, prefix, products, moments)
 
 
@@ -139,22 +139,22 @@ def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> 
     """
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
-    fill_correlations(state.moments, state.centre, window, rho, spread)
+    fill_correlation_and_variance(state.moments, state.centre, window, rho, spread)
     return WindowStatistics(
-        rho, spread, *compute_statistics_from_products(state.products, window, noise)
+        rho, spread, *compute_gate_statistics_from_products(state.products, window, noise)
     )
 
 
 def ls(state: WindowState, mean_samples: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the current window."""
-    A, f, end = make_log_of_window(state)
-    theta, _ = solve_least_squares(A, f, f.size, end, state.products)
+    A, f, end = unroll_window_to_samples(state)
+    theta, _ = solve_windows_by_normal_equations(A, f, f.size, end, state.products)
     return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
 def fgls(state: WindowState, mean_samples: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the current window: O(window)."""
-    A, f, end = make_log_of_window(state)
+    A, f, end = unroll_window_to_samples(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
     return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
@@ -166,14 +166,14 @@ def tls(state: WindowState, mean_samples: int, options: TlsOptions) -> Estimate:
 
 def huber(state: WindowState, mean_samples: int, options: HuberOptions) -> Estimate:
     """Huber regression of the current window: at most a hundred steps of O(window)."""
-    A, f, end = make_log_of_window(state)
+    A, f, end = unroll_window_to_samples(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
     return make_window_estimate(
         state, theta, extract_packed_gram(state.products), mean_samples, residuals.squares
     )
 
 
-def make_log_of_window(state: WindowState) -> tuple[Floats, Floats, Ints]:
+def unroll_window_to_samples(state: WindowState) -> tuple[Floats, Floats, Ints]:
     """The window as a log: A (window, p), f (window,) and its end (1,)."""
     A = np.ascontiguousarray(state.z[:-1].T)
     return A, state.z[-1].copy(), np.array([state.z.shape[1] - 1])
@@ -224,7 +224,7 @@ def _add_new_samples_to_history(
     state: WindowState, past: WindowHistory, new_samples: int, forgetting: float
 ) -> WindowHistory:
     """Add the newest samples of the window to the history."""
-    A, f, _ = make_log_of_window(state)
+    A, f, _ = unroll_window_to_samples(state)
     fed = np.arange(f.size - new_samples, f.size)
     products, squares = past.products.copy(), past.squares.copy()
     accumulate_discounted_products(A, f, fed, forgetting, products)
@@ -279,7 +279,7 @@ def _step_exponential_rls(
     p = len(state.z) - 1
     entries = len(state.products)
     if past is None:
-        A, f, _ = make_log_of_window(state)
+        A, f, _ = unroll_window_to_samples(state)
         begin = recursion.start(A, f, options)
         R, G = (
             np.diag(1.0 / np.diagonal(begin.P)),
@@ -313,7 +313,7 @@ def _step_directional_rls(
     options: RlsOptions,
 ) -> tuple[RlsState, Estimate]:
     """One step of RLS with directional forgetting; the first starts from the window."""
-    A, f, _ = make_log_of_window(state)
+    A, f, _ = unroll_window_to_samples(state)
     if past is None:
         past = recursion.start(A, f, options)
         p = past.theta.size
@@ -340,10 +340,10 @@ def rtls(
     """Recursive total least squares; the arguments are those of `rls`."""
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
-        A, f, _ = make_log_of_window(state)
+        A, f, _ = unroll_window_to_samples(state)
         begin = total_recursion.start(A, f, options)
         products = pad_entries_to_lanes(
-            pack_symmetric_matrix(total_recursion.unscale_gram(begin, options))
+            pack_symmetric_matrix(total_recursion.rescale_gram_to_original_units(begin, options))
         )
         past = WindowHistory(products, pad_entries_to_lanes(state.products[:, 0]), begin.weight)
     else:

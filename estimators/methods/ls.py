@@ -20,7 +20,7 @@ from estimators.numerics.autocorrelation import (
     compute_disjoint_window_residuals,
     estimate_pooled_autocorrelation,
 )
-from estimators.numerics.mutual_information import sum_windows_with_correlation
+from estimators.numerics.mutual_information import sum_window_products_and_correlation
 from estimators.numerics.normal_equations import extract_packed_gram, solve_packed_equations
 from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
 from estimators.numerics.sandwich import (
@@ -113,14 +113,14 @@ def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
 
     def solve_rows(rows: slice) -> None:
         products = sum_window_products(A, f, window, index[rows])
-        theta, rss = solve_least_squares(A, f, window, index[rows], products)
+        theta, rss = solve_windows_by_normal_equations(A, f, window, index[rows], products)
         out.store_windows(rows, products, theta, extract_packed_gram(products), rss)
 
     run_in_chunks(solve_rows, index.size)
     return out
 
 
-def solve_least_squares(
+def solve_windows_by_normal_equations(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats
 ) -> tuple[Floats, Floats]:
     """θ (p, rows) and RSS (rows,) of windows with packed products (entries, rows).
@@ -133,7 +133,7 @@ def solve_least_squares(
     p = len(theta)
     poor = np.flatnonzero(compute_condition_numbers(products, p + 1, p) > LIMITS.poor_condition)
     if poor.size:
-        correction = compute_normal_equation_residual(A, f, window, index[poor], theta[:, poor])
+        correction = compute_normal_equation_residuals(A, f, window, index[poor], theta[:, poor])
         L, inverse = np.take(solved.L, poor, axis=2), np.take(solved.inverse, poor, axis=1)
         solve_factored_in_place(L, inverse, correction)
         theta[:, poor] += correction
@@ -141,7 +141,7 @@ def solve_least_squares(
 
 
 @compiled_unless_short_log
-def compute_normal_equation_residual(
+def compute_normal_equation_residuals(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats
 ) -> Floats:
     """Aᵀ(f - A θ) of each window, (p, rows): zero except for rounding of θ (p, rows)."""
@@ -193,9 +193,11 @@ def compute_window_statistics(
     out = WindowStatistics(*(np.empty(index.size) for _ in WindowStatistics._fields))
 
     def fill_rows(rows: slice) -> None:
-        products, *seen = sum_windows_with_correlation(A, f, window, index[rows])
+        products, *seen = sum_window_products_and_correlation(A, f, window, index[rows])
         for whole, part in zip(
-            out, (*seen, *compute_statistics_from_products(products, window, noise)), strict=True
+            out,
+            (*seen, *compute_gate_statistics_from_products(products, window, noise)),
+            strict=True,
         ):
             whole[rows] = part
 
@@ -203,7 +205,7 @@ def compute_window_statistics(
     return out
 
 
-def compute_statistics_from_products(
+def compute_gate_statistics_from_products(
     products: Floats, window: int, noise: Floats | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Last four fields of `WindowStatistics`, (m,) each, from packed products (entries, m)."""
@@ -215,7 +217,7 @@ def compute_statistics_from_products(
     solve_factored_in_place(solved.L, solved.inverse, unit)
     variance = solved.rss / max(window - p, 1)
     partial, share = np.empty(variance.size), np.zeros(variance.size)
-    raise_variances_by_noise(
+    raise_variances_to_noise(
         solved.theta,
         unit,
         np.zeros((p + 1, p + 1)) if noise is None else noise,
@@ -233,9 +235,9 @@ def compute_statistics_from_products(
 
 
 @compiled_unless_short_log
-def raise_variances_by_noise(
+def raise_variances_to_noise(
     theta: Floats,
-    unit: Floats,
+    unit_variances: Floats,
     noise: Floats,
     window: int,
     variance: Floats,
@@ -250,18 +252,18 @@ def raise_variances_by_noise(
     p, m = theta.shape
     least = np.full(m, noise[p, p])
     for i in range(p):
-        x, u = theta[i], unit[i]
+        x, u = theta[i], unit_variances[i]
         own, of_force = noise[i, i], 2.0 * noise[i, p]
         for k in range(m):
             least[k] += (own * x[k] - of_force) * x[k]
             noise_fraction[k] += own * u[k] * u[k]
         for j in range(i + 1, p):
-            y, w = theta[j], unit[j]
+            y, w = theta[j], unit_variances[j]
             twice = 2.0 * noise[i, j]
             for k in range(m):
                 least[k] += twice * x[k] * y[k]
                 noise_fraction[k] += twice * u[k] * w[k]
-    first = unit[0]
+    first = unit_variances[0]
     for k in range(m):
         variance[k] = least[k] if least[k] > variance[k] else variance[k]
         # u₁ is never zero where G has an inverse, and NaN where it has none
@@ -269,7 +271,7 @@ def raise_variances_by_noise(
         noise_fraction[k] *= window * partial_sums[k]
 
 
-def residual_noise_variance(theta: Floats, noise: Floats) -> Floats:
+def compute_residual_noise_variance(theta: Floats, noise: Floats) -> Floats:
     """Noise variance (m,) of f - A θ, from θ (p, m) and the noise covariance of [A f]."""
     p = len(theta)
     own = np.einsum("ik,ij,jk->k", theta, noise[:p, :p], theta)
@@ -306,7 +308,7 @@ def estimate_window_stds(A: Floats, f: Floats, window: int, index: Ints, solved:
 
 
 @compiled_unless_short_log
-def compute_mean_weights(
+def compute_mean_sample_weights(
     A: Floats, breads: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Weights c_k (n, p), and 0 for samples inside an accepted window, -1 for others, (n,).
@@ -342,7 +344,7 @@ def compute_mean_weights(
     return weights, inside
 
 
-def average_estimates(
+def average_window_estimates_and_stds(
     A: Floats,
     f: Floats,
     window: int,
@@ -377,7 +379,7 @@ def average_estimates(
     known = np.maximum(std[:, 0], np.finfo(float).tiny ** 0.25)
     share = known**-2.0 / (known**-2.0).sum()
     breads = invert(*factor_packed_ldl(grams, A.shape[1], A.shape[1])) * share
-    weights, inside = compute_mean_weights(A, breads, index, window)
+    weights, inside = compute_mean_sample_weights(A, breads, index, window)
     # the residuals' own correlation, which a window where TLS is wild would hide
     residual, owner = compute_disjoint_window_residuals(A, f, least.theta, index, window)
     correlation, variance = estimate_pooled_autocorrelation(residual, owner, A)

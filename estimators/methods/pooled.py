@@ -11,7 +11,10 @@ from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
 from estimators.interpreted import compiled_unless_short_log
 from estimators.methods.method_limits import LIMITS
-from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation, std_widening_factor
+from estimators.numerics.autocorrelation import (
+    compute_std_widening_factor,
+    estimate_pooled_autocorrelation,
+)
 from estimators.numerics.fit_loss import list_group_numbers
 from estimators.numerics.normal_equations import count_columns, solve_packed_equations
 from estimators.numerics.sandwich import compute_sandwich_meat, compute_sandwich_stds
@@ -110,6 +113,6 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         B = compute_sandwich_meat(A, segment_id, ids[row], first[row], last[row], correlation)
         gram = unpack_leading_block(clean[:, row], p + 1, p)
         known = compute_sandwich_stds(gram, B, float(rss[row]), float(counts[row]))
-        std[row] = known * std_widening_factor(counts[row], correlation)
+        std[row] = known * compute_std_widening_factor(counts[row], correlation)
     std = np.hypot(std, LIMITS.uncertain_correction_fraction * (theta - ordinary))
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)

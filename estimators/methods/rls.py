@@ -24,7 +24,7 @@ from estimators.numerics.recursive import (
     accumulate_discounted_products,
     count_discounted_samples,
     iter_sample_chunks,
-    list_fed_samples,
+    list_samples_fed_after_window,
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import find_accepted_window_ends
@@ -135,24 +135,28 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    run = trace_directional_forgetting if options.directional else _trace_exponential_forgetting
+    run = (
+        trace_with_directional_forgetting
+        if options.directional
+        else _trace_with_exponential_forgetting
+    )
     return run(A, f, window, index, options.forgetting, begin)
 
 
-def _trace_exponential_forgetting(
-    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
+def _trace_with_exponential_forgetting(
+    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, initial_state: RlsState
 ) -> Trace:
     """Solve the discounted normal equations of (12)-(15), for exponential forgetting."""
     rows, p = index.size, A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
-    fed, seen = list_fed_samples(index, window)
+    fed, seen = list_samples_fed_after_window(index, window)
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
-    theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
+    theta[0], rms[0] = initial_state.theta, np.sqrt(initial_state.square / initial_state.weight)
     condition[0] = compute_scaled_condition(gram)
     past, weight = (
-        pad_entries_to_lanes(pack_symmetric_matrix(initial_gram_matrix(begin))),
-        np.array([begin.weight]),
+        pad_entries_to_lanes(pack_symmetric_matrix(initial_gram_matrix(initial_state))),
+        np.array([initial_state.weight]),
     )
     entries = (p + 1) * (p + 2) // 2
     for of_chunk, of_rows, at_rows in iter_sample_chunks(seen):
@@ -164,7 +168,7 @@ def _trace_exponential_forgetting(
         condition[of_rows] = compute_condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
     correlation, variance = _estimate_window_autocorrelation(A, f, window, index)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
-    R = np.diag(1.0 / np.diagonal(begin.P))
+    R = np.diag(1.0 / np.diagonal(initial_state.P))
     as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
     std = compute_recursion_stds(A, as_fed, index, fed, seen, forgetting, R, correlation)
     return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
@@ -225,15 +229,15 @@ def compute_recursion_stds(
     return compute_recursive_stds(bread, meats, white)
 
 
-def trace_directional_forgetting(
-    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
+def trace_with_directional_forgetting(
+    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, initial_state: RlsState
 ) -> Trace:
     """Run the recursion with directional forgetting."""
     p = A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
-    sums = (begin.square, begin.weight)
+    sums = (initial_state.square, initial_state.weight)
     theta, rms, P, _ = directional.run_recursion_over_windows(
-        A, f, window, index, forgetting, begin.theta, begin.P, sums
+        A, f, window, index, forgetting, initial_state.theta, initial_state.P, sums
     )
     correlation, variance = _estimate_window_autocorrelation(A, f, window, index)
     gram = A[first].T @ A[first]
@@ -245,13 +249,13 @@ def trace_directional_forgetting(
         # the first window's samples that the residual j + 1 after it still knows
         near = correlation[j + 1 :][:window]
         ahead[j] = bread @ (near @ A[first][::-1][: near.size])
-    std = directional.propagate_window_stds(
-        A, window, index, forgetting, begin.P, cover, ahead, correlation
+    std = directional.propagate_stds_through_recursion(
+        A, window, index, forgetting, initial_state.P, cover, ahead, correlation
     )
     # a tapered correlation need not be positive definite: never below uncorrelated residuals
     none = np.zeros((1, p))
-    white = directional.propagate_window_stds(
-        A, window, index, forgetting, begin.P, bread, none, np.ones(1)
+    white = directional.propagate_stds_through_recursion(
+        A, window, index, forgetting, initial_state.P, bread, none, np.ones(1)
     )
     std = np.maximum(std, white) * np.sqrt(variance)
     upper = np.triu_indices(p)

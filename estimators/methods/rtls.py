@@ -20,7 +20,7 @@ from estimators.numerics.recursive import (
     accumulate_discounted_products,
     count_discounted_samples,
     iter_sample_chunks,
-    list_fed_samples,
+    list_samples_fed_after_window,
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import find_accepted_window_ends
@@ -55,7 +55,7 @@ def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState
     """Initialise from the TLS estimate of a first window: A (n, p), f (n,)."""
     options = options or RtlsOptions()
     p = A.shape[1]
-    scale = options.noise.scales(p)
+    scale = options.noise.list_column_scales(p)
     z = np.column_stack([A / scale, f])
     C: Floats = z.T @ z
     return RtlsState(solve_tls_from_gram(C, options), C, float(f.size))
@@ -64,7 +64,7 @@ def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState
 def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = None) -> RtlsState:
     """Feed one sample: row a (p,) of the regressor, and force f."""
     options = options or RtlsOptions()
-    scale = options.noise.scales(a.size)
+    scale = options.noise.list_column_scales(a.size)
     z = np.append(a / scale, f)
     C = options.forgetting * state.C + np.outer(z, z)
     return RtlsState(solve_tls_from_gram(C, options), C, options.forgetting * state.weight + 1.0)
@@ -72,14 +72,14 @@ def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = No
 
 def solve_tls_from_gram(gram: Floats, options: RtlsOptions) -> Floats:
     """Estimate (p,) from a scaled Gram matrix; NaN if A without its noise is singular."""
-    units = np.append(options.noise.scales(len(gram) - 1), 1.0)
+    units = np.append(options.noise.list_column_scales(len(gram) - 1), 1.0)
     products = pack_symmetric_matrix(gram * np.outer(units, units)).reshape(-1, 1)
     return solve_scaled_tls(products, options.noise)[0][:, 0]
 
 
-def unscale_gram(state: RtlsState, options: RtlsOptions) -> Floats:
+def rescale_gram_to_original_units(state: RtlsState, options: RtlsOptions) -> Floats:
     """Discounted Gram matrix (p+1, p+1) of [A f] in the original units."""
-    units = np.append(options.noise.scales(len(state.theta)), 1.0)
+    units = np.append(options.noise.list_column_scales(len(state.theta)), 1.0)
     return state.C * np.outer(units, units)
 
 
@@ -117,17 +117,17 @@ def trace(
         condition[of_rows] = compute_condition_numbers(products, p + 1, p)
 
     past, weight = (
-        pad_entries_to_lanes(pack_symmetric_matrix(unscale_gram(begin, options))),
+        pad_entries_to_lanes(pack_symmetric_matrix(rescale_gram_to_original_units(begin, options))),
         np.array([begin.weight]),
     )
     entries = (p + 1) * (p + 2) // 2
     store_rows(slice(0, 1), past[:entries].reshape(-1, 1), weight)
-    fed, seen = list_fed_samples(index, window)
+    fed, seen = list_samples_fed_after_window(index, window)
     for of_chunk, of_rows, at_rows in iter_sample_chunks(seen):
         sums = accumulate_discounted_products(A, f, fed[of_chunk], decay, past)
         weight = count_discounted_samples(sums.shape[1], decay, float(weight[-1]))
         store_rows(of_rows, sums[:entries, at_rows], weight[at_rows])
-    residual, owner = compute_fed_residuals(A, f, theta, index, window)
+    residual, owner = compute_residuals_of_fed_samples(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
     correlation, variance = estimate_pooled_autocorrelation(residual, owner, None)
     one = np.zeros(window, np.int64)
@@ -145,7 +145,7 @@ def trace(
 
 
 @compiled_unless_short_log
-def compute_fed_residuals(
+def compute_residuals_of_fed_samples(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Residual of each fed sample by the state after it, (n,), with group 0, or -1 if not fed."""

@@ -47,7 +47,7 @@ class TlsOptions:
     noise_A: tuple[float, ...] = (0.01, 0.005, 0.001)
     noise_f: float = 60.0
 
-    def scales(self, parameters: int) -> Floats:
+    def list_column_scales(self, parameters: int) -> Floats:
         """(p,) noise of the columns of A over that of f."""
         return np.array(self.noise_A[:parameters]) / self.noise_f
 
@@ -69,7 +69,7 @@ def fit(
     """
     options = options or TlsOptions()
     p = A.shape[1]
-    scale = options.scales(p)
+    scale = options.list_column_scales(p)
     scaled = A / scale
     _, s, Vt = np.linalg.svd(np.column_stack([scaled, f]), full_matrices=False)
     theta = -Vt[-1, :p] / Vt[-1, p] / scale
@@ -94,7 +94,7 @@ def solve_scaled_tls(products: Floats, options: TlsOptions) -> tuple[Floats, Flo
     """
     q = count_columns(products)
     p, m = q - 1, products.shape[1]
-    scale = np.append(options.scales(p), 1.0)
+    scale = np.append(options.list_column_scales(p), 1.0)
     units = pack_symmetric_matrix(np.outer(scale, scale))[:, None]
     C = products / units
     shifted = C.copy()
@@ -102,27 +102,29 @@ def solve_scaled_tls(products: Floats, options: TlsOptions) -> tuple[Floats, Flo
     roots = np.zeros((3, m))
     roots[2] = np.inf
     done = np.zeros(m, np.bool_)
-    x = solve_shifted_system(C, shifted, roots[0])
+    x = solve_tls_normal_equations(C, shifted, roots[0])
     for _ in range(LIMITS.root_max_steps):
-        if take_newton_step(C, x, roots, done):
+        if update_eigenvalues_by_newton_step(C, x, roots, done):
             break
-        x = solve_shifted_system(C, shifted, roots[0])
+        x = solve_tls_normal_equations(C, shifted, roots[0])
     return x / scale[:p, None], extract_packed_gram(shifted * units)
 
 
-def solve_shifted_system(C: Floats, shifted: Floats, eigenvalue: Floats) -> Floats:
-    """Solve (G - λI) x = h for x (p, m) at the current λ (m,); `shifted` receives G - λI."""
-    q = count_columns(C)
+def solve_tls_normal_equations(
+    augmented_gram: Floats, shifted_gram_out: Floats, eigenvalue: Floats
+) -> Floats:
+    """Solve (G - λI) x = h for x (p, m) at the present λ (m,); `shifted_gram_out` gets G - λI."""
+    q = count_columns(augmented_gram)
     rows = make_packed_index_table(q)
     for i in range(q - 1):
-        shifted[rows[i][i]] = C[rows[i][i]] - eigenvalue
-    x = C[list(rows[q - 1][: q - 1])]
-    solve_factored_in_place(*factor_packed_ldl(shifted, q, q - 1), x)
+        shifted_gram_out[rows[i][i]] = augmented_gram[rows[i][i]] - eigenvalue
+    x = augmented_gram[list(rows[q - 1][: q - 1])]
+    solve_factored_in_place(*factor_packed_ldl(shifted_gram_out, q, q - 1), x)
     return x
 
 
 @compiled_unless_short_log
-def take_newton_step(gram: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
+def update_eigenvalues_by_newton_step(gram: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
     """Update λ, low and high (3, m) where not `done` (m,); returns whether all are done.
 
     A step below rounding is skipped, so that x (p, m) stays the solution for λ.

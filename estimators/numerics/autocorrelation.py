@@ -158,23 +158,25 @@ def estimate_pooled_autocorrelation(
     noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
     run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
     # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one
-    kept = find_first_insignificant_lag(found, noise, 1)
-    kept = find_first_insignificant_lag(
-        restore_lost_covariance(found, loss, make_flat_top_weights(kept, limit)), noise, run
+    kept = find_first_lag_within_noise(found, noise, 1)
+    kept = find_first_lag_within_noise(
+        restore_autocovariance_lost_by_fit(found, loss, make_flat_top_lag_weights(kept, limit)),
+        noise,
+        run,
     )
-    taper = make_flat_top_weights(kept, limit)
-    restored = restore_lost_covariance(found, loss, taper)
+    taper = make_flat_top_lag_weights(kept, limit)
+    restored = restore_autocovariance_lost_by_fit(found, loss, taper)
     both_sides = np.where(np.arange(limit) > 0, 2.0, 1.0) * taper
     long_run = max(float(both_sides @ restored), 0.0)
     growth = max(long_run / max(float(both_sides @ found), 1e-3 * found[0]), 1.0)
     freedom = n / float(both_sides @ taper) / growth**2
-    allowed = (student_to_normal_ratio(freedom) ** 2 - 1.0) * long_run / both_sides.sum()
+    allowed = (compute_student_to_normal_ratio(freedom) ** 2 - 1.0) * long_run / both_sides.sum()
     corrected = (taper * (restored + allowed))[taper > 0.0]
     return corrected / corrected[0], float(corrected[0])
 
 
 @compiled_unless_short_log
-def make_flat_top_weights(kept_lags: int, lag_count: int) -> Floats:
+def make_flat_top_lag_weights(kept_lags: int, lag_count: int) -> Floats:
     """Weights (limit,) of the lags: 1 up to `kept_lags`, falling to 0 at twice as many."""
     width = min(2 * kept_lags, lag_count)
     out = np.empty(lag_count)
@@ -184,18 +186,20 @@ def make_flat_top_weights(kept_lags: int, lag_count: int) -> Floats:
 
 
 @compiled_unless_short_log
-def find_first_insignificant_lag(covariance: Floats, noise: float, min_run: int) -> int:
+def find_first_lag_within_noise(autocovariance: Floats, noise: float, min_run: int) -> int:
     """First lag from which `min_run` lags, or all remaining ones, stay within the noise."""
     first = 1
-    for lag in range(1, covariance.size):
-        if not abs(covariance[lag] / covariance[0]) < noise:
+    for lag in range(1, autocovariance.size):
+        if not abs(autocovariance[lag] / autocovariance[0]) < noise:
             first = lag + 1
         elif lag - first + 1 >= min_run:
             break
     return first
 
 
-def restore_lost_covariance(autocovariance: Floats, loss: Floats, taper: Floats) -> Floats:
+def restore_autocovariance_lost_by_fit(
+    autocovariance: Floats, loss: Floats, lag_weights: Floats
+) -> Floats:
     """Autocovariances (lags,) with the loss from fitting restored.
 
     It is restored by substitution; where a fit leaves little, solving would be unstable.
@@ -203,7 +207,7 @@ def restore_lost_covariance(autocovariance: Floats, loss: Floats, taper: Floats)
     restored = autocovariance
     # of residuals that no fit took anything out of there is nothing to put back
     for _ in range(LIMITS.loss_rounds if loss.any() else 0):
-        restored = autocovariance + loss @ (taper * restored)
+        restored = autocovariance + loss @ (lag_weights * restored)
     return restored
 
 
@@ -249,7 +253,7 @@ def _fill_window_residuals(
                     residual[k] -= A[k, c] * theta[row, c]
 
 
-def student_to_normal_ratio(dof: float) -> float:
+def compute_student_to_normal_ratio(dof: float) -> float:
     """Student's t over the normal quantile at 95 %, by the Cornish-Fisher expansion.
 
     The error is below 0.5 % from 3 degrees of freedom on; fewer count as 3.
@@ -258,10 +262,10 @@ def student_to_normal_ratio(dof: float) -> float:
     return 1.0 + x * (1.2104 + x * (1.4335 + x * (1.2904 + x * 0.89)))
 
 
-def std_widening_factor(samples: float, correlation: Floats) -> float:
+def compute_std_widening_factor(samples: float, correlation: Floats) -> float:
     """Widening of a deviation whose scale is estimated from `samples` correlated residuals.
 
     The effective number of residuals follows from the sum of squared correlations (Bartlett).
     """
     alike = 2.0 * float(correlation @ correlation) - float(correlation[0]) ** 2
-    return student_to_normal_ratio(samples / alike)
+    return compute_student_to_normal_ratio(samples / alike)

@@ -69,7 +69,9 @@ class BorderedMatrix(NamedTuple):
         )
         return np.concatenate([columns[:m] / self.diagonal - scaled @ shared, shared])
 
-    def exceeds_fraction(self, other: "BorderedMatrix", fraction: float, rounding: float) -> bool:
+    def is_at_least_fraction_of(
+        self, other: "BorderedMatrix", fraction: float, rounding: float
+    ) -> bool:
         """Whether it is at least a fraction of another such matrix in every direction.
 
         Directions of less than `rounding` of the largest corner element are not looked at.

@@ -73,7 +73,7 @@ def run_recursion_over_windows(
 
 
 @compiled_unless_short_log
-def propagate_window_stds(
+def propagate_stds_through_recursion(
     A: Floats,
     window: int,
     index: Ints,

@@ -33,7 +33,7 @@ def _average_by_arrays(
 
 @compiled_with_array_form(_average_by_arrays)
 def fill_trailing_group_means(
-    columns: Floats, group: Ints, samples: int, rows: Ints, mean: Floats
+    columns: Floats, group: Ints, samples: int, requested_rows: Ints, mean: Floats
 ) -> Ints:
     """Average each requested sample and up to `samples` - 1 before it in the same group.
 
@@ -41,14 +41,14 @@ def fill_trailing_group_means(
         columns: (p, n) values; ignored where the group is negative.
         group: (n,) group of each sample, negative for none.
         samples: largest number of samples in a mean.
-        rows: (m,) samples whose means are requested, ascending; all in groups.
+        requested_rows: (m,) samples whose means are requested, ascending; all in groups.
         mean: (m, p) overwritten with the means; for a shift it needs hundreds of megabytes.
 
     Returns:
         (m,) number of samples in each mean.
     """
     p, n = columns.shape
-    count = np.empty(rows.size, np.int64)
+    count = np.empty(requested_rows.size, np.int64)
     # sums of the group so far, so that rounding does not add up over the log: those that a mean
     # still needs, in turn
     kept = samples + 1
@@ -64,7 +64,7 @@ def fill_trailing_group_means(
         before, now = now, now + 1 if now + 1 < kept else 0
         for j in range(p):
             total[now, j] = total[before, j] + columns[j, k]
-        if at < rows.size and rows[at] == k:
+        if at < requested_rows.size and requested_rows[at] == k:
             held = min(samples, k + 1 - begin)
             count[at] = held
             first = now - held if now >= held else now - held + kept

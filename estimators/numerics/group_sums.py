@@ -120,7 +120,7 @@ def sum_noise_moments(
     return gram, cross
 
 
-def compute_column_scales(A: Floats, group: Ints) -> Floats:
+def compute_rms_scales_of_columns(A: Floats, group: Ints) -> Floats:
     """Divisors (p,) that make the columns' mean square 1.
 
     Sums are divided by them instead of columns, which would be copied.
@@ -169,7 +169,7 @@ class GroupSums:
     noise_cross: Floats
 
     @classmethod
-    def sum_groups(
+    def sum_products_by_group(
         cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
     ) -> Self:
         """Sum the products of the columns, divided by (p,) `scale`, by group."""
@@ -181,30 +181,30 @@ class GroupSums:
             return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
         return cls(rows, grams, crosses, noise.gram / square, noise.cross / scale)
 
-    def sum_by_unit(self, unit: Ints) -> Self:
+    def sum_groups_by_unit(self, unit_of_group: Ints) -> Self:
         """Sum over the groups of each unit, (groups,) from 0; `rows` stay by group."""
-        if np.array_equal(unit, np.arange(len(self.rows))):
+        if np.array_equal(unit_of_group, np.arange(len(self.rows))):
             return self
 
-        units = int(unit.max()) + 1
+        units = int(unit_of_group.max()) + 1
         return type(self)(
             self.rows,
-            sum_matrices_by_unit(self.grams, unit, units),
-            sum_matrices_by_unit(self.crosses[:, None], unit, units)[:, 0],
-            sum_matrices_by_unit(self.noise_gram, unit, units),
-            sum_matrices_by_unit(self.noise_cross[:, None], unit, units)[:, 0],
+            sum_matrices_by_unit(self.grams, unit_of_group, units),
+            sum_matrices_by_unit(self.crosses[:, None], unit_of_group, units)[:, 0],
+            sum_matrices_by_unit(self.noise_gram, unit_of_group, units),
+            sum_matrices_by_unit(self.noise_cross[:, None], unit_of_group, units)[:, 0],
         )
 
 
 @compiled_unless_short_log
-def sum_matrices_by_unit(values: Floats, unit: Ints, unit_count: int) -> Floats:
+def sum_matrices_by_unit(values: Floats, unit_of_group: Ints, unit_count: int) -> Floats:
     """Sum (groups, q, p) over the groups of each unit, in their order: (units, q, p)."""
     groups, q, p = values.shape
     out = np.zeros((unit_count, q, p))
     for g in range(groups):
         for i in range(q):
             for j in range(p):
-                out[unit[g], i, j] += values[g, i, j]
+                out[unit_of_group[g], i, j] += values[g, i, j]
     return out
 
 

@@ -37,7 +37,9 @@ def _dot_in_order(x: Floats, y: Floats) -> float:
     return float(x @ y)
 
 
-def _make_primitive(library_call: Callable[..., Any], compiled_loop: Callable[..., Any]) -> Any:
+def _make_ordered_sum_primitive(
+    library_call: Callable[..., Any], compiled_loop: Callable[..., Any]
+) -> Any:
     """Library call for the interpreter, loop for compiled code; both sum in order."""
 
     def import_and_compile() -> Any:
@@ -49,8 +51,10 @@ def _make_primitive(library_call: Callable[..., Any], compiled_loop: Callable[..
 
 
 #: Σ x of a vector
-sum_in_order = cast("Callable[[Floats], float]", _make_primitive(_sum_by_numpy, _sum_in_order))
+sum_in_order = cast(
+    "Callable[[Floats], float]", _make_ordered_sum_primitive(_sum_by_numpy, _sum_in_order)
+)
 #: Σ x y of two vectors, each without gaps
 multiply_vectors = cast(
-    "Callable[[Floats, Floats], float]", _make_primitive(_dot_by_scipy, _dot_in_order)
+    "Callable[[Floats, Floats], float]", _make_ordered_sum_primitive(_dot_by_scipy, _dot_in_order)
 )

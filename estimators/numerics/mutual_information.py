@@ -5,10 +5,10 @@ import numpy as np
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.rolling import (
-    make_workspace,
-    split_into_block_pairs,
-    sum_block_pair,
-    uncentre_moments,
+    convert_centred_moments_to_products,
+    find_begins_of_block_pairs,
+    make_window_sum_workspace,
+    sum_moments_of_block_pair,
 )
 from estimators.numerics.small_systems import find_packed_index
 from estimators.threads import run_in_chunks
@@ -38,14 +38,14 @@ def compute_window_correlation(x: Floats, y: Floats, window: int) -> tuple[Float
 
     def fill_rows(rows: slice) -> None:
         ends = np.arange(rows.start, rows.stop) + window - 1
-        _, rho[ends], spread[ends] = sum_windows_with_correlation(A, y, window, ends)
+        _, rho[ends], spread[ends] = sum_window_products_and_correlation(A, y, window, ends)
 
     run_in_chunks(fill_rows, max(x.size - window + 1, 0))
     return rho, spread
 
 
 @compiled_unless_short_log
-def sum_windows_with_correlation(
+def sum_window_products_and_correlation(
     A: Floats, f: Floats, window: int, index: Ints
 ) -> tuple[Floats, Floats, Floats]:
     """`rolling.sum_window_products`, plus the correlation of A's first column with f.
@@ -55,22 +55,24 @@ def sum_windows_with_correlation(
         `compute_window_correlation`.
     """
     q = A.shape[1] + 1
-    work = make_workspace(q, window)
+    work = make_window_sum_workspace(q, window)
     products = np.empty((q * (q + 1) // 2, index.size))
     rho, spread = np.empty(index.size), np.empty(index.size)
-    pairs = split_into_block_pairs(window, index)
+    pairs = find_begins_of_block_pairs(window, index)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
-        sum_block_pair(A, f, window, index, row, end, work)
-        uncentre_moments(work.moments, work.centre, window, row, end, products)
-        fill_correlations(work.moments, work.centre, window, rho[row:end], spread[row:end])
+        sum_moments_of_block_pair(A, f, window, index, row, end, work)
+        convert_centred_moments_to_products(work.moments, work.centre, window, row, end, products)
+        fill_correlation_and_variance(
+            work.moments, work.centre, window, rho[row:end], spread[row:end]
+        )
     return products, rho, spread
 
 
 @compiled_unless_short_log
-def fill_correlations(
-    moments: Floats, centre: Floats, window: int, rho: Floats, spread: Floats
+def fill_correlation_and_variance(
+    moments: Floats, centre: Floats, window: int, rho: Floats, relative_variance: Floats
 ) -> None:
     """Compute ρ and relative variance (m,) of first and last series (see `rolling.Workspace`)."""
     q = centre.size
@@ -87,7 +89,7 @@ def fill_correlations(
         value = sxy / (np.sqrt(sxx) * np.sqrt(syy))
         value = 1.0 if value > 1.0 else value
         value = -1.0 if value < -1.0 else value
-        spread[k] = least
+        relative_variance[k] = least
         rho[k] = value if least > _NO_SPREAD else np.nan
 
 

@@ -10,7 +10,7 @@ from estimators.compiled import compiled
 
 
 @compiled
-def tabulate_digamma(max_n: int) -> Floats:
+def tabulate_digamma_of_integers(max_n: int) -> Floats:
     """ψ(n) for n = 1 … upto at index n; ψ(n + 1) = ψ(n) + 1/n."""
     psi = np.empty(max_n + 1)
     psi[0] = np.nan
@@ -39,7 +39,7 @@ def estimate_window_mutual_information(
     Returns:
         (rows,) in nat; may be slightly negative; NaN for a window without variance or with a NaN.
     """
-    psi = tabulate_digamma(window + 1)
+    psi = tabulate_digamma_of_integers(window + 1)
     out = np.full(index.size, np.nan)
     nearest = np.empty(neighbours)
     for row in range(index.size):

@@ -10,7 +10,7 @@ from estimators.interpreted import compiled_unless_short_log
 
 
 @compiled_unless_short_log
-def follow_with_play(signal: Floats, half_width: float) -> Floats:
+def apply_play_hysteresis(signal: Floats, half_width: float) -> Floats:
     """Follow a signal (n,) with play: stay until it is half a width away, then go with it.
 
     Args:

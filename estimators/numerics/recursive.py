@@ -12,7 +12,7 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.rolling import (
     copy_columns_to_buffer,
-    copy_samples_to_row,
+    copy_force_samples,
     count_padded_lanes,
     fill_sample_products,
 )
@@ -24,7 +24,7 @@ _AT_ONCE = 512
 
 
 @compiled_unless_short_log
-def list_fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
+def list_samples_fed_after_window(index: Ints, window: int) -> tuple[Ints, Ints]:
     """Samples fed after the first window, (fed,), and their number up to each row, (rows,)."""
     rows = index.size
     seen = np.zeros(rows, np.int64)
@@ -54,27 +54,31 @@ def iter_sample_chunks(fed_count: Ints) -> Iterator[tuple[slice, slice, Ints]]:
 
 
 @compiled_unless_short_log
-def find_consecutive_end(fed: Ints, begin: int) -> int:
+def find_end_of_consecutive_samples(fed_samples: Ints, begin: int) -> int:
     """End of the run of consecutive samples from fed[begin] on, at most `_AT_ONCE`."""
     end = begin + 1
-    while end < fed.size and end - begin < _AT_ONCE and fed[end] == fed[end - 1] + 1:
+    while (
+        end < fed_samples.size
+        and end - begin < _AT_ONCE
+        and fed_samples[end] == fed_samples[end - 1] + 1
+    ):
         end += 1
     return end
 
 
 @compiled_unless_short_log
-def accumulate_discounted(
-    terms: Floats, begin: int, end: int, forgetting: float, past: Floats, sums: Floats
+def accumulate_discounted_sums(
+    terms: Floats, begin: int, end: int, forgetting: float, initial_sums: Floats, sums: Floats
 ) -> None:
     """Compute s ← λ s + term into sums (lanes, ≥ end) from `begin` on; terms start at 0.
 
-    `past` (lanes,) holds s before and after.
+    `initial_sums` (lanes,) holds s before and after.
     """
     count = end - begin
-    for lane in range(0, past.size, 3):
+    for lane in range(0, initial_sums.size, 3):
         a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
         x, y, z = sums[lane, begin:end], sums[lane + 1, begin:end], sums[lane + 2, begin:end]
-        s, t, u = past[lane], past[lane + 1], past[lane + 2]
+        s, t, u = initial_sums[lane], initial_sums[lane + 1], initial_sums[lane + 2]
         for k in range(count):
             s = forgetting * s + a[k]
             t = forgetting * t + b[k]
@@ -82,7 +86,7 @@ def accumulate_discounted(
             x[k] = s
             y[k] = t
             z[k] = u
-        past[lane], past[lane + 1], past[lane + 2] = s, t, u
+        initial_sums[lane], initial_sums[lane + 1], initial_sums[lane + 2] = s, t, u
 
 
 def pad_entries_to_lanes(entries: Floats) -> Floats:
@@ -102,7 +106,7 @@ def accumulate_discounted_meats(
     forgetting: float,
     decay: float,
     correlation: Floats,
-    past: Floats,
+    initial_meats: Floats,
 ) -> Floats:
     """Discounted Aᵀ R A of the past at each row: the covariance of the errors of Aᵀf.
 
@@ -115,7 +119,7 @@ def accumulate_discounted_meats(
         forgetting: λ, weight of a sample relative to the next.
         decay: decay of the sum per sample: λ², or λ for the weights' own sum.
         correlation: (lags,) residual autocorrelation, 1 first.
-        past: (lanes,) packed sum of the first window; it is overwritten.
+        initial_meats: (lanes,) packed sum of the first window; it is overwritten.
 
     Returns:
         (rows, entries) packed.
@@ -129,15 +133,15 @@ def accumulate_discounted_meats(
         fading[lag] = fading[lag - 1] * forgetting
     out = np.empty((seen.size, entries))
     for entry in range(entries):
-        out[0, entry] = past[entry]
+        out[0, entry] = initial_meats[entry]
     z, near = np.empty((p, _AT_ONCE)), np.empty((p, _AT_ONCE))
-    terms, sums = np.zeros((past.size, _AT_ONCE)), np.empty((past.size, _AT_ONCE))
+    terms, sums = np.zeros((initial_meats.size, _AT_ONCE)), np.empty((initial_meats.size, _AT_ONCE))
     row = 1
     stretch = begin = 0
     while begin < fed.size:
         if begin > 0 and fed[begin] != fed[begin - 1] + 1:
             stretch = begin
-        end = find_consecutive_end(fed, begin)
+        end = find_end_of_consecutive_samples(fed, begin)
         count = end - begin
         copy_columns_to_buffer(A, fed[begin], count, z)
         for c in range(p):
@@ -167,7 +171,7 @@ def accumulate_discounted_meats(
                 for k in range(count):
                     term[k] = x[k] * v[k] + u[k] * y[k]
         # a plain 0 would be compiled for itself
-        accumulate_discounted(terms, end - end, count, decay, past, sums)
+        accumulate_discounted_sums(terms, end - end, count, decay, initial_meats, sums)
         while row < seen.size and seen[row] <= end:
             for entry in range(entries):
                 out[row, entry] = sums[entry, seen[row] - 1 - begin]
@@ -178,28 +182,28 @@ def accumulate_discounted_meats(
 
 @compiled_unless_short_log
 def accumulate_discounted_products(
-    A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floats
+    A: Floats, f: Floats, fed_samples: Ints, forgetting: float, running_products: Floats
 ) -> Floats:
     """Discounted products (lanes, fed) of the columns of [A f] after each sample fed.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
-        fed: (fed,) the samples, ascending.
+        fed_samples: (fed,) the samples, ascending.
         forgetting: λ.
-        past: (lanes,) packed sums before and after.
+        running_products: (lanes,) packed sums before and after.
     """
     q = A.shape[1] + 1
-    z, terms = np.empty((q, _AT_ONCE)), np.zeros((past.size, _AT_ONCE))
-    sums = np.empty((past.size, fed.size))
+    z, terms = np.empty((q, _AT_ONCE)), np.zeros((running_products.size, _AT_ONCE))
+    sums = np.empty((running_products.size, fed_samples.size))
     begin = 0
-    while begin < fed.size:
-        end = find_consecutive_end(fed, begin)
+    while begin < fed_samples.size:
+        end = find_end_of_consecutive_samples(fed_samples, begin)
         count = end - begin
-        copy_columns_to_buffer(A, fed[begin], count, z)
-        copy_samples_to_row(f, fed[begin], count, z[q - 1])
+        copy_columns_to_buffer(A, fed_samples[begin], count, z)
+        copy_force_samples(f, fed_samples[begin], count, z[q - 1])
         fill_sample_products(z, count, terms)
-        accumulate_discounted(terms, begin, end, forgetting, past, sums)
+        accumulate_discounted_sums(terms, begin, end, forgetting, running_products, sums)
         begin = end
     return sums
 

@@ -9,7 +9,7 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
 from estimators.numerics.rolling import (
     copy_columns_to_buffer,
-    copy_samples_to_row,
+    copy_force_samples,
     fill_sample_products,
 )
 
@@ -20,7 +20,7 @@ _IN_STEP = 4
 
 
 @compiled_unless_short_log
-def find_batch_begins(index: Ints) -> Ints:
+def find_begins_of_window_batches(index: Ints) -> Ints:
     """Begins of the batches of consecutive windows in index (rows,), (batches + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
     count = 0
@@ -37,7 +37,7 @@ def find_batch_begins(index: Ints) -> Ints:
 def copy_samples_to_buffer(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
     """Copy samples of [A f] from `first` on into z (p + 1, > samples), then zeros."""
     copy_columns_to_buffer(A, first, samples, z)
-    copy_samples_to_row(f, first, samples, z[A.shape[1]])
+    copy_force_samples(f, first, samples, z[A.shape[1]])
     for c in range(z.shape[0]):
         for k in range(samples, min(samples + _IN_STEP, z.shape[1])):
             z[c, k] = 0.0
@@ -48,7 +48,7 @@ def copy_consecutive_estimates(theta: Floats, begin: int, end: int) -> Floats:
     """Copy the estimates theta (p, rows) of windows begin … end - 1."""
     out = np.empty((theta.shape[0], end - begin))
     for c in range(theta.shape[0]):
-        copy_samples_to_row(theta[c], begin, end - begin, out[c])
+        copy_force_samples(theta[c], begin, end - begin, out[c])
     return out
 
 
@@ -60,7 +60,7 @@ def _add_weighted_by_arrays(weights: Floats, raw: Floats, sample: int, sums: Flo
 
 
 @compiled_with_array_form(_add_weighted_by_arrays)
-def add_weighted_samples(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
+def add_weighted_sample_products(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
     """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), except the last entry."""
     entries, m = sums.shape
     u, v, w, x = weights[0], weights[1], weights[2], weights[3]
@@ -79,7 +79,7 @@ def _subtract_fit_by_arrays(z: Floats, sample: int, theta: Floats, out: Floats) 
 
 
 @compiled_with_array_form(_subtract_fit_by_arrays)
-def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
+def fill_residuals_of_sample(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
     """Residuals (m,) of sample `sample` + k for estimate k of theta (p, m)."""
     p, m = theta.shape
     x, column, force = theta[0], z[0, sample : sample + m], z[p, sample : sample + m]
@@ -115,7 +115,7 @@ def sum_reweighted_products(
     raw = np.empty((entries, window + AT_ONCE + _IN_STEP))
     weights = np.empty((_IN_STEP, AT_ONCE))
     out = np.zeros((entries, index.size))
-    begins = find_batch_begins(index)
+    begins = find_begins_of_window_batches(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
@@ -128,7 +128,7 @@ def sum_reweighted_products(
         for s in range(0, window, _IN_STEP):
             for c in range(_IN_STEP):
                 weight = weights[c]
-                residuals(z, s + c, now, weight)
+                fill_residuals_of_sample(z, s + c, now, weight)
                 for k in range(m):
                     size = abs(weight[k])
                     # an exact fit leaves nothing to weigh by
@@ -137,7 +137,7 @@ def sum_reweighted_products(
                 if s + c >= window:
                     for k in range(m):
                         weight[k] = 0.0
-            add_weighted_samples(weights, raw, s, sums)
+            add_weighted_sample_products(weights, raw, s, sums)
         for entry in range(entries):
             total = sums[entry]
             for k in range(m):

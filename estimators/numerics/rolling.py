@@ -47,7 +47,7 @@ def count_padded_lanes(quantities: int) -> int:
 
 
 @compiled_unless_short_log
-def make_workspace(q: int, window: int) -> Workspace:
+def make_window_sum_workspace(q: int, window: int) -> Workspace:
     """Allocate the arrays for windows over q columns."""
     entries = q * (q + 1) // 2
     lanes = count_padded_lanes(q + entries)
@@ -88,15 +88,17 @@ def _add_prefixes_by_arrays(terms: Floats, start: int, skip: int, count: int, su
 
 
 @compiled_with_array_form(_add_prefixes_by_arrays)
-def add_prefix_sums(terms: Floats, start: int, skip: int, count: int, sums: Floats) -> None:
-    """Add the `skip` + m terms from `start` on to each sums[:, m], m < count."""
+def add_prefix_sums(
+    terms: Floats, start_sample: int, skipped_terms: int, count: int, sums: Floats
+) -> None:
+    """Add the `skipped_terms` + m terms from `start_sample` on to each sums[:, m], m < count."""
     for lane in range(0, sums.shape[0], 3):
         s = t = u = 0.0
-        for k in range(start, start + skip):
+        for k in range(start_sample, start_sample + skipped_terms):
             s += terms[lane, k]
             t += terms[lane + 1, k]
             u += terms[lane + 2, k]
-        begin = start + skip
+        begin = start_sample + skipped_terms
         a, b, c = terms[lane, begin:], terms[lane + 1, begin:], terms[lane + 2, begin:]
         x, y, z = sums[lane], sums[lane + 1], sums[lane + 2]
         for k in range(count):
@@ -142,30 +144,30 @@ def fill_sample_products(z: Floats, count: int, products: Floats) -> None:
 
 
 def _add_centre_by_arrays(
-    moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
+    moments: Floats, centre: Floats, window: int, first_window: int, end_window: int, out: Floats
 ) -> None:
-    q, m = centre.size, end - row
+    q, m = centre.size, end_window - first_window
     i, j = np.triu_indices(q)
     left, right = centre[i, None], centre[j, None]
     x, y, central = moments[i, :m], moments[j, :m], moments[q : q + i.size, :m]
-    out[: i.size, row:end] = central + right * x + left * (window * right + y)
+    out[: i.size, first_window:end_window] = central + right * x + left * (window * right + y)
 
 
 @compiled_with_array_form(_add_centre_by_arrays)
-def uncentre_moments(
-    moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
+def convert_centred_moments_to_products(
+    moments: Floats, centre: Floats, window: int, first_window: int, end_window: int, out: Floats
 ) -> None:
     """Σ z_i z_j of windows row … end - 1, from their centred moments, into out (entries, rows)."""
     q = centre.size
     for i in range(q):
         for j in range(i, q):
             total, central = (
-                out[find_packed_index(i, j, q), row:end],
+                out[find_packed_index(i, j, q), first_window:end_window],
                 moments[q + find_packed_index(i, j, q)],
             )
             x, y = moments[i], moments[j]
             left, right = centre[i], centre[j]
-            for k in range(end - row):
+            for k in range(end_window - first_window):
                 total[k] = central[k] + right * x[k] + left * (window * right + y[k])
 
 
@@ -180,14 +182,14 @@ def copy_columns_to_buffer(A: Floats, start: int, count: int, z: Floats) -> None
 
 
 @compiled_unless_short_log
-def copy_samples_to_row(f: Floats, start: int, count: int, out: Floats) -> None:
+def copy_force_samples(f: Floats, start: int, count: int, out: Floats) -> None:
     """Copy `count` samples from `start` on; a slice assignment would take longer to compile."""
     for k in range(count):
         out[k] = f[start + k]
 
 
 @compiled_unless_short_log
-def split_into_block_pairs(window: int, index: Ints) -> Ints:
+def find_begins_of_block_pairs(window: int, index: Ints) -> Ints:
     """Begins of each pair of blocks in index (rows,), (pairs + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
     pairs = 0
@@ -202,25 +204,25 @@ def split_into_block_pairs(window: int, index: Ints) -> Ints:
 
 
 @compiled_unless_short_log
-def store_requested_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
+def store_sums_of_requested_rows(sums: Floats, index: Ints, first_row: int, end_row: int) -> None:
     """Keep the sums of the requested rows out of all windows from index[row] on."""
-    if end - row < index[end - 1] - index[row] + 1:
+    if end_row - first_row < index[end_row - 1] - index[first_row] + 1:
         for lane in range(sums.shape[0]):
             kept = sums[lane]
-            for m in range(end - row):
-                kept[m] = kept[index[row + m] - index[row]]
+            for m in range(end_row - first_row):
+                kept[m] = kept[index[first_row + m] - index[first_row]]
 
 
 @compiled_unless_short_log
-def sum_block_pair(
-    A: Floats, f: Floats, window: int, index: Ints, row: int, end: int, work: Workspace
+def sum_moments_of_block_pair(
+    A: Floats, f: Floats, window: int, index: Ints, first_row: int, end_row: int, work: Workspace
 ) -> None:
     """Compute the moments of windows row … end - 1, which begin in one block, into `work`."""
     p = A.shape[1]
-    start = index[row] - window + 1
-    samples = index[end - 1] + 1 - start
+    start = index[first_row] - window + 1
+    samples = index[end_row - 1] + 1 - start
     copy_columns_to_buffer(A, start, samples, work.z)
-    copy_samples_to_row(f, start, samples, work.z[p])
+    copy_force_samples(f, start, samples, work.z[p])
     # what is left of the first block: its last sample is in every window
     left = window - start % window
     for c in range(p + 1):
@@ -228,7 +230,7 @@ def sum_block_pair(
     fill_centred_terms(work.z, work.centre, samples, work.terms)
     fill_suffix_sums(work.terms, left, work.moments)
     add_prefix_sums(work.terms, left, window - left, samples - window + 1, work.moments)
-    store_requested_rows(work.moments, index, row, end)
+    store_sums_of_requested_rows(work.moments, index, first_row, end_row)
 
 
 @compiled_unless_short_log
@@ -245,12 +247,12 @@ def sum_window_products(A: Floats, f: Floats, window: int, index: Ints) -> Float
         (entries, rows) packed.
     """
     q = A.shape[1] + 1
-    work = make_workspace(q, window)
+    work = make_window_sum_workspace(q, window)
     out = np.empty((q * (q + 1) // 2, index.size))
-    pairs = split_into_block_pairs(window, index)
+    pairs = find_begins_of_block_pairs(window, index)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
-        sum_block_pair(A, f, window, index, row, end, work)
-        uncentre_moments(work.moments, work.centre, window, row, end, out)
+        sum_moments_of_block_pair(A, f, window, index, row, end, work)
+        convert_centred_moments_to_products(work.moments, work.centre, window, row, end, out)
     return out

@@ -2,14 +2,17 @@
 
 The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
 for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
-widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.std_widening_factor`).
+widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.compute_std_widening_factor`).
 """
 
 import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
-from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation, std_widening_factor
+from estimators.numerics.autocorrelation import (
+    compute_std_widening_factor,
+    estimate_pooled_autocorrelation,
+)
 from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.normal_equations import count_columns
 from estimators.numerics.rolling import (
@@ -17,8 +20,8 @@ from estimators.numerics.rolling import (
     copy_columns_to_buffer,
     count_padded_lanes,
     fill_suffix_sums,
-    split_into_block_pairs,
-    store_requested_rows,
+    find_begins_of_block_pairs,
+    store_sums_of_requested_rows,
 )
 from estimators.numerics.small_systems import (
     factor_packed_ldl,
@@ -143,7 +146,7 @@ def compute_sandwich_stds(G: Floats, B: Floats, rss: float, samples: float) -> F
     They are never below the textbook's: a tapered correlation need not be positive definite.
     """
     meats = pack_symmetric_matrix(B).reshape(-1, 1)
-    return compute_larger_stds(
+    return compute_larger_of_sandwich_and_textbook_stds(
         invert_packed(pack_symmetric_matrix(G).reshape(1, -1)), meats, np.array([rss]), samples
     )[:, 0]
 
@@ -164,7 +167,7 @@ def compute_one_window_stds(
         autocorrelation, _ = estimate_pooled_autocorrelation(residual, one, A)
     B = compute_sandwich_meat(A, one, 0, 0, residual.size - 1, autocorrelation)
     std = compute_sandwich_stds(gram, B, float(residual @ residual), float(residual.size))
-    return std * std_widening_factor(residual.size, autocorrelation)
+    return std * compute_std_widening_factor(residual.size, autocorrelation)
 
 
 def compute_all_window_stds(
@@ -187,10 +190,12 @@ def compute_all_window_stds(
 
     def fill_rows(rows: slice) -> None:
         meats = compute_window_meats(A, window, index[rows], correlation)
-        out[rows] = compute_larger_stds(invert_packed(grams[rows]), meats, rss[rows], window).T
+        out[rows] = compute_larger_of_sandwich_and_textbook_stds(
+            invert_packed(grams[rows]), meats, rss[rows], window
+        ).T
 
     run_in_chunks(fill_rows, index.size)
-    return out * std_widening_factor(window, correlation)
+    return out * compute_std_widening_factor(window, correlation)
 
 
 def invert_packed(grams: Floats) -> Floats:
@@ -199,7 +204,9 @@ def invert_packed(grams: Floats) -> Floats:
     return invert(*factor_packed_ldl(np.ascontiguousarray(grams.T), p, p))
 
 
-def compute_larger_stds(bread: Floats, meats: Floats, rss: Floats, samples: float) -> Floats:
+def compute_larger_of_sandwich_and_textbook_stds(
+    bread: Floats, meats: Floats, rss: Floats, samples: float
+) -> Floats:
     """Larger of the sandwich and the textbook standard deviation of each parameter, (p, m).
 
     From inverses (p, p, m), packed meats (entries, m) and RSS (m,).
@@ -251,7 +258,7 @@ def compute_window_meats(A: Floats, window: int, index: Ints, correlation: Float
     terms = np.zeros((lanes, 2 * window))
     sums = np.empty((lanes, window))
     out = np.empty((entries, index.size))
-    pairs = split_into_block_pairs(window, index)
+    pairs = find_begins_of_block_pairs(window, index)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
@@ -280,7 +287,7 @@ def compute_window_meats(A: Floats, window: int, index: Ints, correlation: Float
                             term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
                 fill_suffix_sums(terms, left, sums)
                 add_prefix_sums(terms, left, window - left, samples - window + 1, sums)
-                store_requested_rows(sums, index, begin, stop)
+                store_sums_of_requested_rows(sums, index, begin, stop)
                 for entry in range(entries):
                     total = sums[entry]
                     for k in range(stop - begin):

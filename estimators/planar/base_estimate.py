@@ -28,7 +28,7 @@ class Prior:
         variance = np.square(list(std.values()))
         return cls(tuple(std), np.zeros((axes, len(std))), np.diag(variance))
 
-    def combine_with(self, other: "Prior") -> "Prior":
+    def combine_with_prior(self, other: "Prior") -> "Prior":
         """Combine two independent priors of different parameters."""
         mine, size = len(self.names), len(self.names) + len(other.names)
         covariance = np.zeros((size, size))
@@ -72,7 +72,7 @@ class BaseEstimate:
         """(p,) standard deviations, NaN where the motion does not determine a parameter."""
         return np.sqrt(np.diagonal(self.covariance))
 
-    def add_parameter_uncertainty(self, parameter: str, u: float) -> "BaseEstimate":
+    def with_parameter_uncertainty(self, parameter: str, u: float) -> "BaseEstimate":
         """Add an uncertainty of a parameter that its residuals do not show.
 
         The others follow it as their covariance with it says. It is a further row of `responses`,
@@ -86,7 +86,7 @@ class BaseEstimate:
             responses=np.vstack([self.responses, moved]),
         )
 
-    def slope(self, numerator: str, denominator: str) -> tuple[float, Floats]:
+    def ratio_and_gradient(self, numerator: str, denominator: str) -> tuple[float, Floats]:
         """Ratio of two parameters, and its derivatives by each parameter, (p,).
 
         NaN if the denominator is 0.
@@ -105,7 +105,7 @@ class BaseEstimate:
 
         NaN if the motion does not determine both.
         """
-        ratio, gradient = self.slope(numerator, denominator)
+        ratio, gradient = self.ratio_and_gradient(numerator, denominator)
         both = np.flatnonzero(gradient)
         variance = gradient[both] @ self.covariance[np.ix_(both, both)] @ gradient[both]
         return ratio, float(np.sqrt(variance))

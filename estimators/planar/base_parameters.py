@@ -15,12 +15,12 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.errors import DataError, suggest_choice
-from estimators.methods.attenuation import compute_attenuation
+from estimators.methods.attenuation import compute_attenuation_by_noise_source
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.numerics.autocorrelation import (
     compute_autocovariance_loss,
+    compute_std_widening_factor,
     estimate_pooled_autocorrelation,
-    std_widening_factor,
 )
 from estimators.numerics.small_systems import invert_positive_definite, solve_least_squares_by_svd
 from estimators.planar.base_estimate import BaseEstimate, Prior
@@ -42,7 +42,7 @@ def fit(
     segment_id: Ints | None = None,
     prior: Prior | None = None,
     noise: Floats | None = None,
-    loading: Floats | None = None,
+    noise_mixing: Floats | None = None,
 ) -> BaseEstimate:
     """Estimate the parameters that one or several motions determine.
 
@@ -61,8 +61,8 @@ def fit(
             Parameters below the noise are not determined, see `identify`; attenuation is corrected,
             with part of the correction counted as uncertainty, see `attenuation`. None takes A as
             exact.
-        loading: (k, p, p) by axis, loading of each column on the noise of each column, 1 on its
-            own; if not given, columns have independent noise. A term proportional to a column
+        noise_mixing: (k, p, p) by axis, loading of each column on the noise of each column, 1 on
+            its own; if not given, columns have independent noise. A term proportional to a column
             shares its noise, and both are attenuated together.
 
     Raises:
@@ -90,15 +90,15 @@ def fit(
     given = np.array([list(parameters).index(name) for name in prior.names], np.int64)
     free = np.setdiff1d(np.arange(p), given)
     names = [parameters[int(i)] for i in free]
-    shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
-    all_noise = None if noise is None else column_noise_rms(noise, shared)[free]
+    shared = np.broadcast_to(np.eye(p), (k, p, p)) if noise_mixing is None else noise_mixing
+    all_noise = None if noise is None else propagate_noise_rms_to_columns(noise, shared)[free]
     found = find_identifiable_parameters(R[..., free], names, all_noise, samples * k)
     columns = np.concatenate([free[found.base], given])
     added = samples * np.square(np.zeros((k, p)) if noise is None else noise)
     # of what hardly moves and has a prior, the noise is nearly all of it
     added = np.minimum(added, LIMITS.max_noise_fraction * np.square(R[..., :-1]).sum(axis=1))
     system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
-    fitted = system.solve(np.ones(k))
+    fitted = system.solve_with_correlation_times(np.ones(k))
     coefficients = scatter_to_columns(fitted.theta, columns, p)
     residual = compute_blockwise_residuals(A, f, used, coefficients)
     losses = compute_fit_losses(A, columns, segment_id)
@@ -106,11 +106,11 @@ def fit(
     if given.size and samples and np.isfinite(fitted.theta).all():
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
-        fitted = system.solve(np.array(lasting))
+        fitted = system.solve_with_correlation_times(np.array(lasting))
         coefficients = scatter_to_columns(fitted.theta, columns, p)
         residual = compute_blockwise_residuals(A, f, used, coefficients)
         correlations = autocorrelate_residuals(segment_id, residual, losses)
-    covariance = sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
+    covariance = compute_sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
 
     single = np.append(found.identifiable[found.base], np.ones(given.size, np.bool_))
     here = columns[single]
@@ -130,9 +130,9 @@ def fit(
     )
 
 
-def column_noise_rms(noise: Floats, loading: Floats) -> Floats:
+def propagate_noise_rms_to_columns(noise_rms: Floats, noise_mixing: Floats) -> Floats:
     """R.m.s. noise (p,) of each column over the axes, of all its sources."""
-    return np.sqrt(np.mean(np.einsum("kcs,ks->kc", loading**2, noise**2), axis=0))
+    return np.sqrt(np.mean(np.einsum("kcs,ks->kc", noise_mixing**2, noise_rms**2), axis=0))
 
 
 def scatter_to_columns(
@@ -190,7 +190,7 @@ class _System:
     prior: Prior
     samples: int
 
-    def solve(self, correlation_times: Floats) -> _FittedParameters:
+    def solve_with_correlation_times(self, correlation_times: Floats) -> _FittedParameters:
         """Fit with each sample's weight divided by the correlation time of its residual (k,)."""
         k, _, r = self.A.shape
         q = len(self.prior.names)
@@ -235,7 +235,10 @@ class _System:
         doubt = np.zeros((r, r))
         if noise.any():
             sources, loading = noise.ravel(), np.concatenate(list(self.loading), axis=1)
-            drawn = [compute_attenuation(whole, each, sources, loading) for each in by_axis]
+            drawn = [
+                compute_attenuation_by_noise_source(whole, each, sources, loading)
+                for each in by_axis
+            ]
             by_axis = by_axis + np.stack([each.sum(axis=1) for each in drawn])
             taken: Floats = np.sum(drawn, axis=0)
             doubt = METHOD_LIMITS.uncertain_correction_fraction**2 * taken @ taken.T
@@ -259,7 +262,7 @@ class _System:
         )
 
     def _solve_regularised(
-        self, rms: Floats, correlation_times: Floats, *, with_prior: bool = True
+        self, axis_rms: Floats, correlation_times: Floats, *, with_prior: bool = True
     ) -> Floats:
         """Coefficients (k, r), a row per axis' force, by weighted least squares with the prior.
 
@@ -268,7 +271,7 @@ class _System:
         """
         k, s, r = self.A.shape
         q = len(self.prior.names)
-        scale = 1.0 / (rms * np.sqrt(correlation_times))
+        scale = 1.0 / (axis_rms * np.sqrt(correlation_times))
         rows = (self.A * scale[:, None, None]).reshape(-1, r)
         wanted = np.zeros((k, s, k))
         for axis in range(k):
@@ -317,7 +320,7 @@ def autocorrelate_residuals(
     ]
 
 
-def sandwich_covariance(
+def compute_sandwich_covariance(
     A: Blocks,
     columns: Ints,
     segment_id: Ints,
@@ -355,7 +358,7 @@ def sandwich_covariance(
         np.diagonal(plain) * samples / max(samples - r, 1.0),
     )
     # of what its prior alone tells the log says nothing, to rounding
-    std = np.sqrt(np.maximum(variance, 0.0)) * std_widening_factor(
+    std = np.sqrt(np.maximum(variance, 0.0)) * compute_std_widening_factor(
         fitted.samples * k, correlations[0]
     )
     shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else plain

@@ -29,42 +29,42 @@ class Blocks(Protocol):
         ...
 
 
-def iter_used_blocks(used: Bools) -> Iterator[slice]:
+def iter_used_blocks(is_used: Bools) -> Iterator[slice]:
     """Slices that together contain every used sample."""
-    for first in range(0, used.size, BLOCK):
-        part = slice(first, min(first + BLOCK, used.size))
-        if used[part].any():
+    for first in range(0, is_used.size, BLOCK):
+        part = slice(first, min(first + BLOCK, is_used.size))
+        if is_used[part].any():
             yield part
 
 
-def compute_triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
+def compute_triangular_factors(A: Blocks, f: Floats, is_used: Bools) -> Floats:
     """Triangular factor of [A f] of each axis, (k, p + 1, p + 1), over the used samples.
 
     Args:
         A: (n, k, p) regressor.
         f: (n, k) force or torque.
-        used: (n,) whether to use each sample; others may be NaN.
+        is_used: (n,) whether to use each sample; others may be NaN.
     """
     _, k, p = A.shape
     out = np.zeros((k, p + 1, p + 1))
-    for part in iter_used_blocks(used):
-        both = np.concatenate([A[part], f[part][..., None]], axis=-1)[used[part]]
+    for part in iter_used_blocks(is_used):
+        both = np.concatenate([A[part], f[part][..., None]], axis=-1)[is_used[part]]
         for axis in range(k):
             rows = np.concatenate([out[axis], both[:, axis]])
             out[axis] = np.linalg.qr(rows, mode="r")
     return out
 
 
-def compute_blockwise_residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:
+def compute_blockwise_residuals(A: Blocks, f: Floats, is_used: Bools, theta: Floats) -> Floats:
     """Residuals f - A θ, (n, k), zero where not used; θ is (p,)."""
     out = np.zeros(f.shape)
-    for part in iter_used_blocks(used):
-        out[part] = np.where(used[part][:, None], f[part] - A[part] @ theta, 0.0)
+    for part in iter_used_blocks(is_used):
+        out[part] = np.where(is_used[part][:, None], f[part] - A[part] @ theta, 0.0)
     return out
 
 
 def sum_sandwich_meat(
-    A: Blocks, columns: Ints, segment_id: Ints, correlations: list[Floats], weight: Floats
+    A: Blocks, columns: Ints, segment_id: Ints, correlations: list[Floats], axis_weights: Floats
 ) -> Floats:
     """Σ w² Aᵀ R A over axes and stretches, (r, r); each axis' stretch is its own series.
 
@@ -73,7 +73,7 @@ def sum_sandwich_meat(
         columns: (r,) selected columns.
         segment_id: (n,) stretch of each sample, negative for excluded ones.
         correlations: k of (lags,), the residuals' autocorrelation of each axis.
-        weight: (k, r) factors of each axis' columns.
+        axis_weights: (k, r) factors of each axis' columns.
     """
     total = np.zeros((columns.size, columns.size))
     before = max(each.size for each in correlations) - 1
@@ -83,7 +83,7 @@ def sum_sandwich_meat(
         wide = slice(part.start - history, part.stop)
         rows, labels = A[wide][..., columns], segment_id[wide]
         for axis, correlation in enumerate(correlations):
-            scaled = np.ascontiguousarray(rows[:, axis]) * weight[axis]
+            scaled = np.ascontiguousarray(rows[:, axis]) * axis_weights[axis]
             for label in np.unique(labels[history:]):
                 if label >= 0:
                     own = labels[history:] == label

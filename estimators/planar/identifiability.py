@@ -128,11 +128,11 @@ def reduce_to_row_echelon(rows: Floats, identifiable: Bools) -> tuple[Ints, Floa
     return base, np.asarray(np.linalg.solve(rows[:, base], rows), np.float64)
 
 
-def condition_of_base_columns(R: Floats, base: Ints) -> float:
+def condition_of_base_columns(triangular_factor: Floats, base_columns: Ints) -> float:
     """Condition number of the base columns scaled to unit norm; infinite without any."""
-    if base.size == 0:
+    if base_columns.size == 0:
         return np.inf
-    columns = R[:, base]
+    columns = triangular_factor[:, base_columns]
     singular = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)
     return float(singular[0] / singular[-1])
 

@@ -164,9 +164,9 @@ class PlanarRegressor:
         """Regressor of a slice of samples, (m, 2, 6)."""
         return make_planar_regressor(*(x[part] for x in self._channels))
 
-    def slice_samples(self, part: slice) -> "PlanarRegressor":
+    def slice_samples(self, sample_slice: slice) -> "PlanarRegressor":
         """Slice of the samples, sharing their memory."""
-        return PlanarRegressor(*(x[part] for x in self._channels))
+        return PlanarRegressor(*(x[sample_slice] for x in self._channels))
 
     def mark_complete_samples(self) -> Bools:
         """(n,) whether every channel of a sample is known."""

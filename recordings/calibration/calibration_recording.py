@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 
 from analysis.model.run_record import InputFile, Provenance, Run
-from analysis.model.schema import conform_to_schema
+from analysis.model.schema import conform_frame_to_schema
 from recordings.calibration.bundle_folder import RECORDING
 from recordings.calibration.calibration_text import write_report_paragraphs
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -71,5 +71,5 @@ def make_run_of_calibration(
         "readings": readings.rename(named, strict=False),
         "runs": pl.DataFrame(runs),
     }
-    run = Run({name: conform_to_schema(name, frame) for name, frame in frames.items()}, about)
+    run = Run({name: conform_frame_to_schema(name, frame) for name, frame in frames.items()}, about)
     return run.with_fingerprint()

@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
-from analysis.calibration.line.calibration_budget import rank_next_loads
+from analysis.calibration.line.calibration_budget import rank_loads_for_next_run
 from estimators.errors import counted, list_some
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.campaign_faults import (
@@ -207,7 +207,7 @@ def _describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
 
 def _describe_most_useful_next_load(calibration: Calibration) -> list[str]:
     """Sentence on the load to run next."""
-    best = rank_next_loads(calibration)[0]
+    best = rank_loads_for_next_run(calibration)[0]
     return [
         f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
         f"makes the line surest; half the interval of a later mass would go from "

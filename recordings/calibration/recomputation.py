@@ -10,14 +10,14 @@ from pydantic_core import to_jsonable_python
 
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
-    compare_with_known_mass,
-    fit_campaign,
+    check_single_load_by_calibration,
+    fit_campaign_line,
     make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import pool_terms_over_logs
+from analysis.calibration.use.learnt_priors import pool_learnt_terms_over_logs
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.bundle_limits import LIMITS
@@ -228,7 +228,7 @@ def compare_learnt_priors_with_pooled(document: EvidenceDocument) -> Findings:
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (
             learnt.terms,
-            pool_terms_over_logs(learnt.logs, document.procedure_rules),
+            pool_learnt_terms_over_logs(learnt.logs, document.procedure_rules),
         )
     )
     if not all(near for _, near in find_differing_json_values(stored, computed)):
@@ -283,7 +283,7 @@ def _iter_contradictions_of_reading_to_run(
         or not reading_row["start_s"] < reading_row["end_s"]
     ):
         yield "has no stretch of time"
-    elif not run.contains_middle_of_stretch(reading_row["start_s"], reading_row["end_s"]):
+    elif not run.does_contain_middle_of_stretch(reading_row["start_s"], reading_row["end_s"]):
         yield "is not in the stretch of its run"
     if reading_row["used"] and reading_row["reason"]:
         yield "is used, but has a reason for its exclusion"
@@ -352,9 +352,11 @@ def _refit_campaign_or_mass_check(document: EvidenceDocument, readings: pl.DataF
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return _Refit(*compare_with_known_mass(campaign, body, readings, document.calibration))
+        return _Refit(
+            *check_single_load_by_calibration(campaign, body, readings, document.calibration)
+        )
     responses = () if document.learnt is None else document.learnt.responses
-    return _Refit(fit_campaign(campaign, body, readings, document.options, responses), None)
+    return _Refit(fit_campaign_line(campaign, body, readings, document.options, responses), None)
 
 
 def _convert_dataclass_to_json(value: Any) -> Any:

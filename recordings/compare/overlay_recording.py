@@ -10,7 +10,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.compare.run_alignment import shift_run_to_time_line, subtract_run
+from analysis.compare.run_alignment import shift_run_b_to_time_of_a, subtract_runs_in_common_rows
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
@@ -83,7 +83,7 @@ def write_overlay_recording(
     Raises:
         OutputError: as `write_recording`.
     """
-    moved = shift_run_to_time_line(run_a, run_b, one_log=is_same_log)
+    moved = shift_run_b_to_time_of_a(run_a, run_b, one_log=is_same_log)
     about = run_a.provenance.model_copy(
         update={"notes": ("two replays overlaid; see the tab Compared",), "losses": ()}
     )
@@ -91,7 +91,11 @@ def write_overlay_recording(
     def make_overlay_scene(_: Run) -> Scene:
         sides = [
             _OverlaidRun(name, run, make_display_frames(run))
-            for name, run in ((_A, run_a), (_B, moved), (_LESS, subtract_run(run_a, moved)))
+            for name, run in (
+                (_A, run_a),
+                (_B, moved),
+                (_LESS, subtract_runs_in_common_rows(run_a, moved)),
+            )
         ]
         return Scene(
             name="A and B",

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.fleet.calibration_steps import FleetCalibration, LineChange
-from analysis.fleet.daily_figures import sum_machines, sum_results_by_group
+from analysis.fleet.daily_figures import sum_daily_figures_over_machines, sum_tonnes_by_group
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
@@ -51,7 +51,7 @@ class FleetPage:
         charts: charts of `make_machine_charts`.
         calibrations: calibrations of all machines.
         changes: changes between successive calibrations.
-        looks: frame of `rank_concerns`, with column `command`.
+        looks: frame of `rank_recordings_by_concern`, with column `command`.
         failed: recordings without a result, and why.
         today: last day of the fleet, against which expiry dates are checked.
         friction: sentences on when each machine's friction reaches a limit, if requested.
@@ -72,8 +72,8 @@ class FleetPage:
 
 def render_fleet_html(fleet_page: FleetPage) -> str:
     """HTML of the page, with all texts escaped and no external requests."""
-    machines = sum_results_by_group(fleet_page.results, ["machine"])
-    total = sum_machines(machines)
+    machines = sum_tonnes_by_group(fleet_page.results, ["machine"])
+    total = sum_daily_figures_over_machines(machines)
     flagged = sorted(
         (chart for chart in fleet_page.charts if chart.chart.flagged is not None),
         key=_make_drift_sort_key,
@@ -173,7 +173,7 @@ def _list_fleet_warnings(fleet_page: FleetPage) -> list[str]:
     undated = fleet_page.results.filter(pl.col("day") == "undated").height
     if undated:
         found.append(f"{counted(undated, 'recording')} without a date: not in any week or chart.")
-    scale = int(sum_results_by_group(fleet_page.results, ["machine"])["without_scale"].sum())
+    scale = int(sum_tonnes_by_group(fleet_page.results, ["machine"])["without_scale"].sum())
     if scale:
         found.append(
             f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's "

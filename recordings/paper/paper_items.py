@@ -285,7 +285,7 @@ def compute_paper_item(item: Item[N], extracts: Extracts) -> ItemResult:
 
 def _make_getter_of_single_extract(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
     """Function that returns the extract of a single simulation as an item's numbers."""
-    return lambda extracts: extracts.single_result(extract)
+    return lambda extracts: extracts.single_result_of_extract(extract)
 
 
 #: In the paper's order.
@@ -388,7 +388,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
             claims.CRUISE_ERRORS,
             campaign_tables.OVER_WINDOWS,
         ),
-        claims.compare_claims,
+        claims.check_claims_by_simulation,
         claims_sentences.write_claim_sentences,
         frame=claims_sentences.add_claim_texts,
         tables=render_claims_table,

@@ -15,8 +15,8 @@ from analysis.cycles.cycle_parts import (
     summarise_cycle_motion,
     summarise_shift_motion,
 )
-from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
-from analysis.cycles.friction_trend import FrictionPart, fit_friction_by_shift_part
+from analysis.cycles.cycles_without_mass import find_spans_of_missing_channels_ns
+from analysis.cycles.friction_trend import FrictionPart, fit_viscous_friction_by_shift_part
 from analysis.model.check_names import replace_former_check_names, replace_former_names_in_evidence
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
@@ -161,7 +161,7 @@ def collect_review_state(
     verdict = Verdict.from_frame(frames["verdict"])
     gate = frames["gate"]
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
-    gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
+    gaps = find_spans_of_missing_channels_ns(frames["excitation"], frames["aligned"])
     load = frames["loads"].row(0, named=True)
     body = read_machine_section(about)
     timezone, duration_s = str(body.get("timezone", "UTC")), float(frames["shift"]["duration_s"][0])
@@ -197,7 +197,7 @@ def collect_review_state(
             if name.startswith("raw/")
         ),
         friction=(load["friction_x_N_s_m"], load["friction_x_std_N_s_m"]),
-        friction_parts=fit_friction_by_shift_part(
+        friction_parts=fit_viscous_friction_by_shift_part(
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,

@@ -15,7 +15,7 @@ import polars as pl
 from analysis.cycles.cycle_limits import LIMITS as CYCLE_LIMITS
 from analysis.model.check_names import rename_stored_checks
 from analysis.model.physical_units import NS
-from analysis.model.schema import FRAMES, QUALITY, conform_to_schema
+from analysis.model.schema import FRAMES, QUALITY, conform_frame_to_schema
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import ReviewError, counted
@@ -156,7 +156,7 @@ def make_cycles_frame(ledger_rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFram
         quality=pl.col("quality").replace(CHECK, "good").cast(QUALITY),
         counted=pl.col("quality").is_in(["good", "weak", CHECK]),
     )
-    return conform_to_schema("cycles", frame.select(c.name for c in FRAMES["cycles"].columns))
+    return conform_frame_to_schema("cycles", frame.select(c.name for c in FRAMES["cycles"].columns))
 
 
 def write_ledger_parquet_and_csv(ledger: pl.DataFrame, folder: Path) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_friction_trend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_daily_friction_trend
 from analysis.model.physical_units import NS
 from estimators.errors import OutputError, counted
 from recordings.report.atomic_output import stage_output_file
@@ -119,7 +119,7 @@ def fit_friction_trends(
         shift.machine: list[FrictionDay]() for shift in shifts
     } | group_friction_by_machine(shifts)
     return {
-        machine: fit_friction_trend(days, limit_N_s_m)
+        machine: fit_daily_friction_trend(days, limit_N_s_m)
         for machine, days in sorted(by_machine.items())
     }
 

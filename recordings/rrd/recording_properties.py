@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import Any, Final
 from zoneinfo import ZoneInfo
 
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
@@ -33,7 +33,7 @@ def make_recording_properties(run: Run) -> dict[str, Value]:
         `payscope` and `versions`; `mass_kg` for one load state, `tonnes_t` and `cycles` if cycles
         count, each quantity with its uncertainty `U` (95 %).
     """
-    about, said = run.provenance, answer(run)
+    about, said = run.provenance, make_answer(run)
     body: Mapping[str, Any] = about.machine.get("machine", {})
     findings = read_findings_of_run(run)
     found: dict[str, Value | None] = {

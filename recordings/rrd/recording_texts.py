@@ -5,7 +5,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.model.answer import Answer, AnswerRow, answer
+from analysis.model.answer import Answer, AnswerRow, make_answer
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
@@ -109,7 +109,11 @@ def format_answer_headline(answer: Answer) -> str:
             return f"{mass} kg (standard uncertainty{scale})"
     # a recording of an earlier version has no loads
     for row in answer.rows if not answer.loads else ():
-        known = [method for method in row.methods if row.value("mass_kg", method) is not None]
+        known = [
+            method
+            for method in row.methods
+            if row.estimate_of_quantity("mass_kg", method) is not None
+        ]
         if known:
             best = "pooled" if "pooled" in known else known[0]
             mass = _format_value_of_method(row, best, *_MASS)
@@ -138,7 +142,7 @@ def _describe_loads_in_sentence(answer: Answer) -> str:
 
 def format_answer_summary(run: Run) -> str:
     """The answer in plain lines, headline first."""
-    about, said = run.provenance, answer(run)
+    about, said = run.provenance, make_answer(run)
     lines = [
         format_answer_headline(said),
         f"{make_recording_name(about)} · {format_local_time(about)}",
@@ -152,7 +156,7 @@ def format_answer_summary(run: Run) -> str:
             mass = (
                 "withheld" if row.withheld else f"{_format_value_of_method(row, method, *_MASS)} kg"
             )
-            inertia = row.value(_INERTIA[0], method)
+            inertia = row.estimate_of_quantity(_INERTIA[0], method)
             turns = (
                 f", yaw inertia {_format_value_of_method(row, method, *_INERTIA)} kg·m²"
                 if inertia
@@ -180,7 +184,7 @@ def format_answer_markdown(run: Run) -> str:
     """Masses, verdict with every check, and notes for the reader."""
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
-    about, span, said = run.provenance, find_time_span_of_grid_ns(run), answer(run)
+    about, span, said = run.provenance, find_time_span_of_grid_ns(run), make_answer(run)
     duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
         f"# {format_answer_headline(said)}",
@@ -286,7 +290,10 @@ def _describe_calibration_evidence(run: Run) -> list[str]:
 
 
 def _format_value_of_method(row: AnswerRow, method: str, value: str, std: str | None) -> str:
-    return format_plus_minus(row.value(value, method), row.value(std, method) if std else None)
+    return format_plus_minus(
+        row.estimate_of_quantity(value, method),
+        row.estimate_of_quantity(std, method) if std else None,
+    )
 
 
 def _make_mass_cells_of_load(row: AnswerRow) -> list[str]:

@@ -12,7 +12,7 @@ from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.use.apply_calibration import (
     ESTIMATORS,
     calibrate_loads,
-    describe_later_log,
+    collect_later_log_facts,
 )
 from analysis.calibration.use.learnt_priors import (
     apply_learnt_priors_to_machine,
@@ -199,7 +199,7 @@ class MachineCalibration:
             differing_settings: differences of that machine from the calibration.
         """
         body = self.make_weighing_machine(self.document.machine).machine
-        log = describe_later_log(
+        log = collect_later_log_facts(
             frames, body, f"the calibration {differing_settings}" if differing_settings else ""
         )
         return calibrate_loads(frames["loads"], self.calibration, log)

@@ -10,9 +10,9 @@ import polars as pl
 
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
-    fit_campaign,
+    fit_campaign_line,
+    list_force_scale_parts,
     make_calibration_options,
-    make_force_scale_parts,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
@@ -207,9 +207,9 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
         options = make_calibration_options(
-            campaign, make_force_scale_parts(campaign, replayed.budgets)
+            campaign, list_force_scale_parts(campaign, replayed.budgets)
         )
-        fitted = fit_campaign(
+        fitted = fit_campaign_line(
             campaign, machine.machine, replayed.readings, options, replayed.responses
         )
         evidence = EvidenceParts(

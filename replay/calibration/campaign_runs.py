@@ -15,7 +15,7 @@ import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.campaign_readings import (
-    make_run_responses,
+    make_run_responses_to_learnt_means,
     read_campaign_runs,
 )
 from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
@@ -23,10 +23,10 @@ from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
-    pool_terms_over_logs,
+    pool_learnt_terms_over_logs,
     select_learnable_terms,
 )
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -69,7 +69,7 @@ class CampaignReplay:
     @property
     def pool_priors_learnt_from_logs(self) -> LearntPriors | None:
         """Priors learnt from all logs; None if there are too few."""
-        terms = pool_terms_over_logs(self.terms)
+        terms = pool_learnt_terms_over_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 
@@ -115,7 +115,7 @@ def replay_campaign_logs(
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
         frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator, procedure))
-        responses += make_run_responses(replayed, runs, campaign.method.estimator)
+        responses += make_run_responses_to_learnt_means(replayed, runs, campaign.method.estimator)
         logs.append(make_evidence_log_record(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
         terms += (
@@ -168,7 +168,7 @@ def make_evidence_log_record(
 ) -> EvidenceLog:
     """The record of a replay that evidence keeps."""
     about = replayed.provenance
-    said = answer(replayed)
+    said = make_answer(replayed)
     excitation = replayed.frames["excitation"]
     speed = (
         excitation["speed_x_m_s"].drop_nulls() if excitation.height else pl.Series(dtype=pl.Float64)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from analysis.calibration.campaign.campaign_fit import compare_with_known_mass
+from analysis.calibration.campaign.campaign_fit import check_single_load_by_calibration
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
 from analysis.calibration.campaign.campaign_subjects import Conditions, ReferenceMass
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -92,7 +92,7 @@ def write_evidence_of_mass_check(
             Path(f"--day {mass_on_board.day}"), campaign, replayed, last.machine
         )
         on_log("evidence")
-        fitted, drift = compare_with_known_mass(
+        fitted, drift = check_single_load_by_calibration(
             campaign, last.machine.machine, replayed.readings, last.calibration
         )
         evidence = EvidenceParts(

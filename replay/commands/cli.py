@@ -222,9 +222,9 @@ def remove_unreadable_compile_cache(error: Exception) -> str:
     """
     if not any("numba" in Path(frame.filename).parts for frame in extract_tb(error.__traceback__)):
         raise error
-    from estimators.compile_cache import clear_cache
+    from estimators.compile_cache import remove_compile_cache
 
-    folders = ", ".join(map(str, clear_cache()))
+    folders = ", ".join(map(str, remove_compile_cache()))
     return f"{folders}: compiled code kept there cannot be read and was removed; run it again"
 
 

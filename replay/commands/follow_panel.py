@@ -103,7 +103,7 @@ class FollowPanel:
         if self._masses:
             parts.append(_make_manoeuvre_table(list(self._masses)))
         if self._replay is not None:
-            parts += _format_replayed_loads(self._replay.at_time(self._last.unix_ns))
+            parts += _format_replayed_loads(self._replay.with_age_at(self._last.unix_ns))
         if following.losses:
             count = "1 loss" if len(following.losses) == 1 else f"{len(following.losses):,} losses"
             parts.append(Text(f"{count}: {following.losses[-1]}"))
@@ -178,7 +178,7 @@ class ReportPrinter:
             return
         if replay_report.fault:
             replay_report = replace(replay_report, unix_ns=newest.unix_ns, t_s=newest.t_s)
-        replay_report = replay_report.at_time(newest.unix_ns)
+        replay_report = replay_report.with_age_at(newest.unix_ns)
         self._panel.show_replay_result(replay_report)
         if not self._outputs.write_replay_report_if_new(replay_report, newest.unix_ns):
             return

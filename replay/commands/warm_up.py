@@ -16,9 +16,9 @@ def command(
     that it needs are compiled. Several processes may compile at once.
     """
     from estimators.compile_cache import (
-        are_all_compiled,
+        are_all_loops_cached,
         find_persistent_cache_folder,
-        mark_all_compiled,
+        record_that_all_loops_are_cached,
     )
     from estimators.errors import OutputError
 
@@ -28,11 +28,11 @@ def command(
             "compiled code cannot be cached: neither the package's folder nor ~/.cache is "
             "writable; set NUMBA_CACHE_DIR to a writable folder"
         )
-    if force or not are_all_compiled():
+    if force or not are_all_loops_cached():
         from replay.commands.progress_bar import StageProgress
         from replay.warm_up.compile_loops import STEPS, compile_all_loops
 
         with StageProgress(len(STEPS), warns=False) as stages:
             compile_all_loops(stages.begin_stage)
-        mark_all_compiled()
+        record_that_all_loops_are_cached()
     typer.echo(f"everything is compiled: {folder}")

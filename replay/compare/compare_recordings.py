@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
-from analysis.compare.run_comparison import Comparison, compare_runs, has_same_inputs
+from analysis.compare.run_comparison import Comparison, compare_runs, do_runs_read_same_bytes
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
@@ -132,7 +132,7 @@ def compare_recordings(
                 "SHA-256), so their rows cannot be compared; give --other-logs to compare "
                 "settings, masses and verdict only"
             )
-        found = compare_runs(mine, theirs, rtol=relative_tolerance, rows=not other_logs)
+        found = compare_runs(mine, theirs, rtol=relative_tolerance, rows_correspond=not other_logs)
         if overlay.path is not None:
             from recordings.compare.overlay_recording import (
                 format_comparison_markdown,
@@ -153,7 +153,7 @@ def compare_recordings(
 def do_runs_replay_same_log(provenance_a: RecordedRun, provenance_b: RecordedRun) -> bool:
     """Whether both replay the same bytes, or one is a replay of the other recording."""
     return (
-        has_same_inputs(provenance_a.provenance, provenance_b.provenance)
+        do_runs_read_same_bytes(provenance_a.provenance, provenance_b.provenance)
         or has_run_replayed_recording(provenance_a.path, provenance_b.provenance)
         or has_run_replayed_recording(provenance_b.path, provenance_a.provenance)
     )

@@ -13,13 +13,13 @@ import polars as pl
 
 from analysis import Machine, Run
 from analysis.calibration.campaign.by_method import (
-    calibrate_methods,
+    fit_calibration_line_by_method,
     make_calibration_frame,
     make_method_rows,
 )
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_rms_errors
-from analysis.model.answer import JOINT, Answer, answer
+from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
+from analysis.model.answer import JOINT, Answer, make_answer
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
@@ -208,8 +208,8 @@ def run_demo(
         calibrated,
         verified,
         replayed.frames["calibration"],
-        compute_rms_errors(replayed.frames["calibration"]),
-        answer(replayed, str(recording)),
+        compute_rms_errors_by_method(replayed.frames["calibration"]),
+        make_answer(replayed, str(recording)),
         reviewed,
         (
             *(*logs, *map(make_truth_path_of_log, logs), machine_file, campaign_file, *keys),
@@ -251,7 +251,7 @@ def replay_simulated_campaign(
             for path in logs
         ]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate_methods(
+    calibration = fit_calibration_line_by_method(
         average_masses_by_method_and_run(replayed, read_true_trials_of_logs(logs))
     )
     frames = {**replayed.frames, "calibration": calibration}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from analysis.compare.run_comparison import list_changed_settings_and_keys
-from analysis.explain import Explanation, explain
+from analysis.explain import Explanation, make_explanation
 from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
 from analysis.model.methods import RECURSIVE_METHODS
@@ -77,7 +77,7 @@ def explain_run_and_correct_machine(
     _refuse_contradictory_request(explain_request)
     whole = load_run_to_explain(explain_request, on_stage)
     _refuse_time_outside_run(explain_request, whole)
-    explained = explain(whole, explain_request.at_s)
+    explained = make_explanation(whole, explain_request.at_s)
     if explain_request.picture is not None:
         from recordings.explain.explanation_view import plot_explanation
 

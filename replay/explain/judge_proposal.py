@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.explain import Finding
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from estimators.errors import DataError, MachineError
@@ -41,7 +41,7 @@ class ProposalTrial:
 
     def explain_why_trial_is_not_better(self) -> str:
         """Why the replay with the proposal is not better; empty if it is."""
-        was, now = answer(self.before), answer(self.after)
+        was, now = make_answer(self.before), make_answer(self.after)
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
@@ -130,7 +130,7 @@ def explain_failure_on_held_out_half(
         changed = replay(split_finding_to_proposal_per_key(fitted), second)
     except (DataError, MachineError):
         return "half of the log is too short to test the correction"
-    was, now = answer(unchanged), answer(changed)
+    was, now = make_answer(unchanged), make_answer(changed)
     left = find_finding_of_same_cause_and_keys(finding, changed)
     claimed = did_mass_change_as_claimed(was, now, seen)
     if left is not None and not is_cause_reduced_by_proposal(left, seen, is_change_claimed=claimed):

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import polars as pl
 
 from analysis.explain import Finding
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
@@ -224,7 +224,7 @@ def try_proposals_one_by_one(
         for each in list_untried_findings(tried)
         if each.cause in behind
     ]
-    if tried.changes and not answer(tried.run).verdict.can_weigh:
+    if tried.changes and not make_answer(tried.run).verdict.can_weigh:
         tried.rejected += [
             RejectedProposal(each, "the mass remains withheld")
             for each in _select_first_proposal_of_causes(tried.changes)
@@ -250,7 +250,7 @@ def reject_unneeded_accepted_proposals(
         except (DataError, MachineError):
             continue
         shown = {each.cause for each in read_findings_of_run(without)}
-        if answer(without).verdict.can_weigh and finding.cause not in shown:
+        if make_answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in progress.changes if each.cause == finding.cause)
             progress.rejected.append(
                 RejectedProposal(own, "the correction does not improve the mass")
@@ -346,7 +346,7 @@ def try_proposal_of_finding(
         why = str(error)
     else:
         if not why:
-            if not answer(replayed).verdict.can_weigh:
+            if not make_answer(replayed).verdict.can_weigh:
                 progress.while_withheld.append(finding)
             progress.run = replayed
             progress.changes += changes
@@ -361,7 +361,7 @@ def _make_corrected_machine(
         output_path,
         tuple(progress.changes),
         tuple(progress.rejected),
-        answer(run_without_proposals),
-        answer(progress.run),
+        make_answer(run_without_proposals),
+        make_answer(progress.run),
         read_findings_of_run(progress.run),
     )

@@ -23,11 +23,16 @@ from typing import Final, Literal
 import polars as pl
 
 from analysis.calibration.line.shared_errors import SharedErrors
-from analysis.calibration.use.learnt_priors import describe_contradicted_priors
+from analysis.calibration.use.learnt_priors import describe_contradicted_learnt_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recompute_shift_totals
 from analysis.fleet.daily_figures import UNDATED
-from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, make_result_row, make_tables_of_run
+from analysis.fleet.fleet_tables import (
+    GATE_SHARES,
+    QUALITY,
+    make_fleet_tables_of_run,
+    make_result_row,
+)
 from analysis.model.run_record import Run
 from estimators.errors import DataError, FleetError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
@@ -251,7 +256,7 @@ def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
         raise DataError(f"{source}: {error}") from None
     if setup.by is None:
         return made
-    against = describe_contradicted_priors(made.frames["nuisances"])
+    against = describe_contradicted_learnt_priors(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
         shared_errors = SharedErrors.from_frames(frames)
@@ -274,13 +279,15 @@ def make_tables_and_results_row(
         schema={column.name: column.dtype for column in QUALITY.columns},
     )
     gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
-    against = "" if setup.by is None else describe_contradicted_priors(run.frames["nuisances"])
+    against = (
+        "" if setup.by is None else describe_contradicted_learnt_priors(run.frames["nuisances"])
+    )
     said = {
         **make_result_row(run),
         "longest_gap_at_s": gaps[0][0] if gaps else None,
         "not_calibrated_for": against,
     }
-    return make_tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
+    return make_fleet_tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from urllib.parse import quote, unquote
 
 import polars as pl
 
-from analysis.fleet.fleet_tables import RESULTS, TABLES, convert_rows_for_table
+from analysis.fleet.fleet_tables import RESULTS, TABLES, convert_frame_to_table_rows
 from replay.fleet.object_store import ObjectStore
 
 #: A result is there when its row of this table is, which is written last.
@@ -77,14 +77,14 @@ def write_result_tables(
     for each, frame in frames.items():
         store.write_object(
             result_name.make_object_name_of_table(each),
-            encode_table_as_parquet_bytes(convert_rows_for_table(each, frame, of)),
+            encode_table_as_parquet_bytes(convert_frame_to_table_rows(each, frame, of)),
         )
     columns = {
         c.name: pl.Series([results_row.get(c.name)], dtype=c.dtype) for c in TABLES[MARK].columns
     }
     store.write_object(
         result_name.make_object_name_of_table(MARK),
-        encode_table_as_parquet_bytes(convert_rows_for_table(MARK, pl.DataFrame(columns), of)),
+        encode_table_as_parquet_bytes(convert_frame_to_table_rows(MARK, pl.DataFrame(columns), of)),
     )
 
 

@@ -9,14 +9,14 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_friction_trend
-from analysis.fleet.attention import rank_concerns
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_daily_friction_trend
+from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
     UNDATED,
     make_daily_figures,
-    sum_machines,
-    sum_results_by_group,
+    sum_daily_figures_over_machines,
+    sum_tonnes_by_group,
     sum_weekly_tonnes,
 )
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
@@ -47,10 +47,10 @@ class FleetReport:
     def to_dict(self) -> dict[str, Any]:
         """Sums, drifts and recordings that need attention, as plain JSON values."""
         page = self.page
-        machines = sum_results_by_group(page.results, ["machine"])
+        machines = sum_tonnes_by_group(page.results, ["machine"])
         return {
             "page": str(self.path),
-            "sum": dict(sum_machines(machines)),
+            "sum": dict(sum_daily_figures_over_machines(machines)),
             "machines": machines.to_dicts(),
             "drifts": [
                 _convert_drift_to_dict(c) for c in page.charts if c.chart.flagged is not None
@@ -108,7 +108,9 @@ def make_fleet_page(results: FleetResults, destination: str, fleet_name: str) ->
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
         looks=add_commands_to_open_recordings(
-            rank_concerns(rows, cycles, results.scan_rows_of_selected_results("findings")),
+            rank_recordings_by_concern(
+                rows, cycles, results.scan_rows_of_selected_results("findings")
+            ),
             destination,
         ),
         failed=results.failure_reason_by_source,
@@ -160,4 +162,4 @@ def estimate_fleet_friction_trends(
     columns = ("machine", "t0_unix_ns", "friction_x_N_s_m", "friction_x_std_N_s_m")
     for machine, begin_ns, friction, std in known.select(columns).iter_rows():
         days[machine].append(FrictionDay(begin_ns / _DAY_NS, friction, std))
-    return {machine: fit_friction_trend(each, limit_N_s_m) for machine, each in days.items()}
+    return {machine: fit_daily_friction_trend(each, limit_N_s_m) for machine, each in days.items()}

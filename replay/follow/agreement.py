@@ -18,9 +18,9 @@ from analysis.model.axes import (
     Axis,
     X,
     Z,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     read_parameters_and_stds,
-    select_rows_of_axis,
+    select_estimate_rows_of_axis,
 )
 from analysis.model.machine import Machine
 from analysis.model.schema import REASON
@@ -166,7 +166,7 @@ def _digest_replayed_frames(
     replayed_frames: Mapping[str, pl.DataFrame],
 ) -> dict[str, _MinuteDigests]:
     found: dict[str, _MinuteDigests] = {}
-    for axis in list_available_axes(replayed_frames["excitation"]):
+    for axis in list_axes_allowed_by_channels(replayed_frames["excitation"]):
         gate = replayed_frames["gate"]
         codes = gate[f"reason_{axis.letter}"].cast(pl.String)
         codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)
@@ -176,7 +176,7 @@ def _digest_replayed_frames(
         for name, frame in replayed_frames.items():
             method = name.removeprefix("estimates/")
             if method != name and axis.parameters[0][0] in frame.columns:
-                rows = select_rows_of_axis(axis, frame).drop_nulls("t_ns")
+                rows = select_estimate_rows_of_axis(axis, frame).drop_nulls("t_ns")
                 theta, _ = read_parameters_and_stds(axis, rows)
                 found[_make_digest_name(method, axis)] = _digest_rows_by_minute(rows["t_ns"], theta)
     return found

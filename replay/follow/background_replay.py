@@ -23,7 +23,7 @@ from typing import Any, Final, Self
 
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
-from analysis.online.replay_report import ReplayReport, ReplayValidity, report_replay
+from analysis.online.replay_report import ReplayReport, ReplayValidity, make_replay_report
 from estimators.errors import DataError, PayscopeError, one_line
 from replay.follow.follow_limits import LIMITS
 from replay.logs import ACTIVE, open_log
@@ -348,7 +348,7 @@ def serve_replay_request(request_json: Mapping[str, Any]) -> ReplayReport:
             Machine.model_validate_json(json.dumps(request_json["machine"])),
             is_copied=request_json["is_copied"],
         )
-        return report_replay(result)
+        return make_replay_report(result)
     except DataError as error:
         return make_report_of_failed_replay(str(error), "none_yet")
     except (PayscopeError, OSError) as error:

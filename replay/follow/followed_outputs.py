@@ -118,7 +118,7 @@ class FollowedOutputs:
             if row.reports:
                 text = format_reports_markdown(row.reports[-1])
                 if self._replay is not None:
-                    replay = self._replay.at_time(row.reports[-1].unix_ns)
+                    replay = self._replay.with_age_at(row.reports[-1].unix_ns)
                     text += f"\n{format_replay_markdown(replay)}\n"
                 self._record_rows(following, waiting, text)
                 self._write_report_or_stop(

@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import find_unit_in_name
-from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
+from analysis.stages.signals.mounting_guess import MountingGuess, estimate_imu_mounting
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
@@ -336,7 +336,7 @@ def make_imu_mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str
         speed = read_machine_speed_m_s(log, sources)
     except LogError:
         return []
-    guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
+    guess = estimate_imu_mounting(t_ns, force, speed) if t_ns.size else None
     return [] if guess is None else _format_mounting_angle_lines(guess)
 
 
@@ -344,11 +344,11 @@ def _format_mounting_angle_lines(guess: MountingGuess) -> list[str]:
     """Lines of the mounting angles with their reasons; comments if a slope may explain them."""
     where = "at standstill" if guess.stood else "on average over the drive"
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
-    if guess.is_level and guess.yaw_deg is not None:
+    if guess.has_no_rotation and guess.yaw_deg is not None:
         return []
-    if guess.is_level and not guess.is_tilt_sure:
+    if guess.has_no_rotation and not guess.is_tilt_beyond_ground_slope:
         return [f"{found}: level. Its yaw cannot be determined from", "# the log.", ""]
-    sure = guess.is_tilt_sure and guess.stood
+    sure = guess.is_tilt_beyond_ground_slope and guess.stood
     lines = [
         found
         + (": the IMU is mounted so" if sure else ": check this, the ground may slope instead"),

@@ -12,7 +12,7 @@ from analysis.paper.simulated_sources import (
     Repetition,
     StudySettings,
     plan_repetitions,
-    set_paper_noise,
+    with_paper_noise,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.paper.paper_items import Item, ItemResult, compute_paper_item
@@ -38,7 +38,7 @@ class Reproduction:
         self._digests = Extracts()
         study = StudySettings(
             scenario=Scenario().with_seed(seed),
-            machine=set_paper_noise(load_machine("cat262c.toml")),
+            machine=with_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
             campaigns=campaigns,
             replay=replay_simulated_campaign_in_memory,

@@ -12,11 +12,11 @@ import polars as pl
 
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
-from analysis.calibration.use.learnt_priors import describe_contradicted_priors
+from analysis.calibration.use.learnt_priors import describe_contradicted_learnt_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, compute_shift_energy
-from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
-from analysis.cycles.empty_machine import find_empty_mass_jump
+from analysis.cycles.cycles_without_mass import find_spans_of_missing_channels_ns
+from analysis.cycles.empty_machine import find_machine_change_by_empty_mass
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Provenance, Run
@@ -142,7 +142,7 @@ def review_shift(
         cycles, against = made.cycles, ""
         if by is not None:
             told = read_frames_for_calibration(made, folder)
-            against = describe_contradicted_priors(told["nuisances"])
+            against = describe_contradicted_learnt_priors(told["nuisances"])
             shared_errors = SharedErrors.from_frames(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, shared_errors)
         shift = ShiftCount.count_cycles_with_verdicts(
@@ -218,14 +218,14 @@ def make_mixed_machines_warning(run: Run, opened_logs: list[Log], machine: Machi
     begins = compute_log_begins_ns(
         opened_logs, list_channel_fields(machine), run.provenance.t0_unix_ns
     )
-    found = find_empty_mass_jump(run.frames["manoeuvres"], list(begins.values()))
+    found = find_machine_change_by_empty_mass(run.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
 
 
 def _compute_shift_energy_of_run(run: Run, machine: Machine) -> ShiftEnergy:
     """Energy of the shift, by the settings of its replay."""
     frames, settings = run.frames, run.provenance.settings
-    gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
+    gaps = find_spans_of_missing_channels_ns(frames["excitation"], frames["aligned"])
     return compute_shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 

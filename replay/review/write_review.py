@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.payload_target import TargetCheck, judge_payload_target
+from analysis.cycles.payload_target import TargetCheck, compare_payloads_with_target
 from analysis.cycles.shift_totals import LabelTotal, recompute_shift_totals, sum_cycles_by_label
 from recordings.review.energy_columns import convert_shift_energy_to_dict
 from recordings.review.ledger_table import (
@@ -158,7 +158,7 @@ class ShiftCount:
             state,
             add_motion_columns(self.rows, state),
             self.shift,
-            None if target_kg is None else judge_payload_target(counted, target_kg),
+            None if target_kg is None else compare_payloads_with_target(counted, target_kg),
             input_changes,
             UsedCalibration(*state.calibration),
             track,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import recordings  # its names are imported when first used
 from analysis.compare.run_comparison import ValueChange, list_changed_settings_and_keys
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.machine import Machine
 from estimators.errors import DataError, LogError, PayscopeError
 from recordings.report.atomic_output import refuse_input_as_output
@@ -110,7 +110,7 @@ def replay_and_record_logs(
         if output.path is not None:
             on_stage("record")
             recordings.write_recording(result, output.path, force=output.force, viewer=viewer)
-    return answer(result, str(output.path) if output.path else None)
+    return make_answer(result, str(output.path) if output.path else None)
 
 
 def open_requested_live_viewer(output: RecordTo) -> "LiveView | None":

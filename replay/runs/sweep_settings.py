@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import compute_start_errors
-from analysis.model.answer import Answer, answer
+from analysis.model.answer import Answer, make_answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
@@ -106,7 +106,7 @@ def sweep_setting_combinations(
                 replayed = by.calibrate_masses_of_run(
                     replayed, by.list_differing_settings_as_text(machine)
                 )
-            told = answer(replayed)
+            told = make_answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:
                 errors["error_kg"] = {

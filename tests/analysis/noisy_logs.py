@@ -99,5 +99,5 @@ def _derived(t, columns):
     """The speed (column 1) and force after the low-pass, and the derivative of the speed."""
     _, speed = filters.apply_low_pass(t, columns[:, 1], 20.0, 1e9, causal=False)
     _, force = filters.apply_low_pass(t, columns[:, 2], 20.0, 1e9, causal=False)
-    _, acceleration = filters.differentiate(t, speed, 1e9, causal=False)
+    _, acceleration = filters.differentiate_signal(t, speed, 1e9, causal=False)
     return np.column_stack([acceleration, speed, force])

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis import CheckInputs, judge_checks
+from analysis.diagnosis import CheckInputs, judge_log_by_checks
 from analysis.model.verdict import Verdict
 from analysis.simulation import Scenario, solve_motion
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
@@ -73,7 +73,7 @@ def pooled(log, machine, method="pooled"):
     settings = machine.settings
     gated = gate_windows(excited, settings)
     table = summarise_masses(excited, gated, trace_estimates(excited, gated, settings), machine)
-    opinion = Verdict.from_frame(judge_checks(CheckInputs(excited, gated, machine)))
+    opinion = Verdict.from_frame(judge_log_by_checks(CheckInputs(excited, gated, machine)))
     table = withhold_masses(table, opinion, ())
     row = table.row(by_predicate=pl.col("method") == method, named=True)
     return row["mass_kg"], row["mass_std_kg"]

@@ -7,7 +7,7 @@ and Euler ask for (`estimators.planar.planar_rows.regressor` times the loader's 
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis import CheckInputs, judge_checks
+from analysis.diagnosis import CheckInputs, judge_log_by_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import make_planar_frames
@@ -177,7 +177,7 @@ def replayed(said, loader=None):
     noise = estimate_channel_noise(aligned, excitation, loader)
     gated = gate_windows(excitation, settings, noise)
     estimates = trace_estimates(excitation, gated, settings, noise)
-    judged = judge_checks(CheckInputs(excitation, gated, loader))
+    judged = judge_log_by_checks(CheckInputs(excitation, gated, loader))
     opinion = Verdict.from_frame(judged)
     return {
         "aligned": aligned,

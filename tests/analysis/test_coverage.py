@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from analysis.model.axes import make_straight_regressor_and_force
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import number_pooled_manoeuvres, pool_by_manoeuvre
+from analysis.stages.gating.segments import number_manoeuvres_for_pooling, pool_by_manoeuvre
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
@@ -81,7 +81,7 @@ def found(seeds, starts, plain):
         table = pool_by_manoeuvre(excitation, gated, plain.settings).filter(
             pl.col("mass_kg").is_not_null()
         )
-        ids = number_pooled_manoeuvres(excitation, gated, plain.settings)
+        ids = number_manoeuvres_for_pooling(excitation, gated, plain.settings)
         textbook = textbook_deviations(
             *make_straight_regressor_and_force(excitation, plain.settings), ids
         )

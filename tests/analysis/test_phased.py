@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from analysis.stages.signals.align import write_alignment_notes
+from analysis.stages.signals.align import list_alignment_notes
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis import phased
@@ -21,7 +21,7 @@ def in_phase_kg(method):
 
 
 def said(log, machine):
-    return write_alignment_notes(
+    return list_alignment_notes(
         derive(read_measured_channels(assign_timestamps(log)[0], machine)[0], machine)[0], machine
     )
 

@@ -130,7 +130,7 @@ def repeated_total_steps(log, _traced, options):
     ends = np.flatnonzero(log.accepted)
     first = slice(ends[0] - WINDOW + 1, ends[0] + 1)
     state = rtls.start(log.A[first], log.f[first], options)
-    scale = options.noise.scales(log.A.shape[1])
+    scale = options.noise.list_column_scales(log.A.shape[1])
     inside = log.union
     fed, weights = list(range(first.start, first.stop)), np.ones(WINDOW)
     residual, owner = np.zeros(log.f.size), np.full(log.f.size, -1)

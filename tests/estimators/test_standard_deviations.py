@@ -8,12 +8,12 @@ import pytest
 from scipy.stats import norm, t
 
 from estimators.methods import ls, pooled, rls, rtls
-from estimators.methods.ls import average_estimates
+from estimators.methods.ls import average_window_estimates_and_stds
 from estimators.methods.tls import TlsOptions
 from estimators.numerics.autocorrelation import (
     compute_disjoint_window_residuals,
+    compute_student_to_normal_ratio,
     estimate_pooled_autocorrelation,
-    student_to_normal_ratio,
 )
 from estimators.numerics.sandwich import compute_sandwich_meat, compute_sandwich_stds
 
@@ -68,7 +68,9 @@ def test_the_deviation_of_a_mean_of_overlapping_windows_is_its_spread():
     for seed in range(1000, 1120):
         A, f, _ = campaign(seed)
         traced = ls.trace(A, f, 200, accepted_ends(200))
-        theta, std = average_estimates(A, f, 200, traced.index, traced.theta, traced.std)
+        theta, std = average_window_estimates_and_stds(
+            A, f, 200, traced.index, traced.theta, traced.std
+        )
         means.append(theta)
         stds.append(std)
     spread = np.std(means, axis=0, ddof=1)
@@ -107,7 +109,9 @@ def test_the_deviation_of_a_recursion_is_its_spread_from_its_first_window_to_its
 def test_a_mean_of_one_window_is_that_window():
     A, f, _ = campaign(1)
     traced = ls.trace(A, f, 320, accepted_ends(320) & (np.arange(f.size) == 319))
-    theta, std = average_estimates(A, f, 320, traced.index, traced.theta, traced.std)
+    theta, std = average_window_estimates_and_stds(
+        A, f, 320, traced.index, traced.theta, traced.std
+    )
     np.testing.assert_allclose(theta, traced.theta[0])
     np.testing.assert_allclose(std, traced.std[0], rtol=0.1)
 
@@ -117,14 +121,18 @@ def test_a_mean_leaves_out_windows_without_an_estimate_and_is_nan_without_any():
     traced = ls.trace(A, f, 200, accepted_ends(200))
     unsolved = traced.index % 3 == 0
     holes = np.where(unsolved[:, None], np.nan, traced.theta)
-    kept = average_estimates(
+    kept = average_window_estimates_and_stds(
         A, f, 200, traced.index[~unsolved], traced.theta[~unsolved], traced.std[~unsolved]
     )
     for given, expected in zip(
-        average_estimates(A, f, 200, traced.index, holes, traced.std), kept, strict=True
+        average_window_estimates_and_stds(A, f, 200, traced.index, holes, traced.std),
+        kept,
+        strict=True,
     ):
         np.testing.assert_allclose(given, expected)
-    nothing = average_estimates(A, f, 200, traced.index, np.full_like(holes, np.nan), traced.std)
+    nothing = average_window_estimates_and_stds(
+        A, f, 200, traced.index, np.full_like(holes, np.nan), traced.std
+    )
     assert np.isnan(nothing).all()
 
 
@@ -140,11 +148,11 @@ def test_without_correlation_the_sandwich_is_the_textbooks_student_interval_over
 @pytest.mark.parametrize("freedom", [3.0, 4.0, 7.5, 30.0, 1e6])
 def test_the_factor_of_few_degrees_of_freedom_is_students(freedom):
     exact = t.ppf(0.975, freedom) / norm.ppf(0.975)
-    assert student_to_normal_ratio(freedom) == pytest.approx(exact, rel=0.005)
+    assert compute_student_to_normal_ratio(freedom) == pytest.approx(exact, rel=0.005)
 
 
 def test_hardly_any_degree_of_freedom_counts_as_three():
-    assert student_to_normal_ratio(0.1) == student_to_normal_ratio(3.0)
+    assert compute_student_to_normal_ratio(0.1) == compute_student_to_normal_ratio(3.0)
 
 
 def test_the_middle_of_the_sandwich_is_the_regressor_around_the_correlation_matrix():

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from analysis import InputFile, Loss, Provenance, Run, Settings
-from analysis.model.schema import FRAMES, PHASE, REASON, conform_to_schema
+from analysis.model.schema import FRAMES, PHASE, REASON, conform_frame_to_schema
 
 MASS_KG, FRICTION_N_S_M = 3500.0, 420.0
 METHODS = ("ls", "rls", "fgls", "tls", "pooled")
@@ -111,7 +111,7 @@ def straight_drives(
         "aligned": _declared("aligned", grid),
         "excitation": _declared("excitation", motion),
         "noise": _noise(),
-        "gate": conform_to_schema("gate", gate),
+        "gate": conform_frame_to_schema("gate", gate),
         **{f"estimates/{m}": _estimates(m, gate, rng) for m in METHODS},
         "segments": _segments(duration_s, accepted, rng),
         "planar": _planar(passed),
@@ -129,7 +129,7 @@ def straight_drives(
 
 def _declared(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     known = [column.name for column in FRAMES[name].columns]
-    return conform_to_schema(name, frame.select(c for c in frame.columns if c in known))
+    return conform_frame_to_schema(name, frame.select(c for c in frame.columns if c in known))
 
 
 def _raw(t_ns: np.ndarray, force: np.ndarray) -> pl.DataFrame:
@@ -165,7 +165,7 @@ def _theta(rng: np.random.Generator, n: int, std: float) -> dict[str, np.ndarray
 
 def _findings() -> pl.DataFrame:
     """A delay of the whole log, and a frozen channel in a part of it."""
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "findings",
         pl.DataFrame(
             {
@@ -188,7 +188,7 @@ def _findings() -> pl.DataFrame:
 
 
 def _noise():
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "noise",
         pl.DataFrame(
             {
@@ -211,7 +211,7 @@ def _estimates(method: str, gate: pl.DataFrame, rng: np.random.Generator) -> pl.
     if method == "tls" and rows.height:
         theta["mass_kg"][:: max(rows.height // 10, 1)] = 2.5e6  # a few are wild
     rows = rows.with_columns(axis=pl.lit("x"))
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "estimates", rows.with_columns(**{k: pl.Series(v) for k, v in theta.items()})
     )
 
@@ -237,7 +237,7 @@ def _segments(duration_s: float, accepted: bool, rng: np.random.Generator) -> pl
             "reason": ["accepted" if w else "low_information" for w in weighed],
         }
     )
-    return conform_to_schema("segments", frame)
+    return conform_frame_to_schema("segments", frame)
 
 
 def _planar(passed: bool) -> pl.DataFrame:
@@ -264,7 +264,7 @@ def _planar(passed: bool) -> pl.DataFrame:
         "withheld": [not passed] * n,
         "reason": ["accepted"] * n,
     }
-    return conform_to_schema("planar", pl.DataFrame(rows))
+    return conform_frame_to_schema("planar", pl.DataFrame(rows))
 
 
 def _masses(rng: np.random.Generator, accepted: bool, passed: bool) -> pl.DataFrame:
@@ -283,7 +283,9 @@ def _masses(rng: np.random.Generator, accepted: bool, passed: bool) -> pl.DataFr
     }
     others = ("method", "rows", "rows_z", "withheld", "withheld_z")
     frame = pl.DataFrame(columns).with_columns(pl.exclude(others).cast(pl.Float64))
-    return conform_to_schema("masses", frame.with_columns(payload_kg=pl.col("mass_kg") - 2850.0))
+    return conform_frame_to_schema(
+        "masses", frame.with_columns(payload_kg=pl.col("mass_kg") - 2850.0)
+    )
 
 
 def _loads(accepted: bool, passed: bool) -> pl.DataFrame:
@@ -314,11 +316,11 @@ def _loads(accepted: bool, passed: bool) -> pl.DataFrame:
         "withheld": [not told],
         "withheld_for": [reason],
     }
-    return conform_to_schema("loads", pl.DataFrame(rows))
+    return conform_frame_to_schema("loads", pl.DataFrame(rows))
 
 
 def _nuisances() -> pl.DataFrame:
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "nuisances",
         pl.DataFrame(
             {
@@ -335,7 +337,7 @@ def _nuisances() -> pl.DataFrame:
 
 
 def _budget() -> pl.DataFrame:
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "budget",
         pl.DataFrame(
             {
@@ -369,7 +371,7 @@ def _verdict(passed: bool) -> pl.DataFrame:
         },
         schema_overrides={"value": pl.Float64, "passed": pl.Boolean},
     )
-    return conform_to_schema("verdict", frame)
+    return conform_frame_to_schema("verdict", frame)
 
 
 def _calibration(rng: np.random.Generator) -> pl.DataFrame:
@@ -397,7 +399,7 @@ def _calibration(rng: np.random.Generator) -> pl.DataFrame:
                 }
             )
         )
-    return conform_to_schema("calibration", pl.concat(parts))
+    return conform_frame_to_schema("calibration", pl.concat(parts))
 
 
 def _provenance() -> Provenance:

@@ -5,7 +5,7 @@ from pathlib import Path
 import polars as pl
 
 from analysis import Run
-from analysis.explain import explain
+from analysis.explain import make_explanation
 from recordings import write_recording
 from recordings.explain.explanation_view import (
     describe_answer_and_likeliest_cause,
@@ -85,39 +85,39 @@ def test_findings_are_events_in_time(drives, tmp_path: Path) -> None:
 
 
 def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
-    said = describe_answer_and_likeliest_cause(explain(drives(60.0)))
+    said = describe_answer_and_likeliest_cause(make_explanation(drives(60.0)))
     assert said.count("\n") == 0
     assert said.endswith(
         "likeliest cause of an error: delay (fixing it changes the mass by +123 ± 10 kg), "
         "and 1 finding more."
     )
-    assert describe_answer_and_likeliest_cause(explain(healthy(drives(60.0)))).endswith(
+    assert describe_answer_and_likeliest_cause(make_explanation(healthy(drives(60.0)))).endswith(
         "none of the known causes of an error was detected."
     )
     told = drives(60.0)
     told.frames["findings"] = told.frames["findings"].with_columns(
         severity=pl.lit("tell"), mass_change_kg=pl.lit(None, pl.Float64)
     )
-    assert describe_answer_and_likeliest_cause(explain(told)).endswith(
+    assert describe_answer_and_likeliest_cause(make_explanation(told)).endswith(
         "none of the findings is known to affect the mass: delay, frozen."
     )
-    older = describe_answer_and_likeliest_cause(explain(without(drives(60.0), "findings")))
+    older = describe_answer_and_likeliest_cause(make_explanation(without(drives(60.0), "findings")))
     assert older.endswith("replay the log.")
 
 
 def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> None:
-    explained = explain(drives(60.0), at_s=14.0)
+    explained = make_explanation(drives(60.0), at_s=14.0)
     assert "at 14 s the window is accepted (index" in describe_answer_and_likeliest_cause(explained)
     lines = list(iter_lines_of_gate_reasons(explained))
     assert any("accepted (index" in line and "≥ 0.7 nat" in line for line in lines)
     # what is 5 s away is told as well, a finding elsewhere is not
     assert [each.cause for each in explained.findings or ()] == ["delay", "frozen"]
-    late = explain(drives(60.0), at_s=50.0)
+    late = make_explanation(drives(60.0), at_s=50.0)
     assert [each.cause for each in late.findings or ()] == ["delay"]
 
 
 def test_the_lines_name_causes_and_proposals(drives) -> None:
-    explained = explain(drives(60.0))
+    explained = make_explanation(drives(60.0))
     lines = list(iter_lines_of_findings(explained))
     assert lines[0].startswith("1. delay (force_x_N): ")
     assert "   set channels.force_x_N.delay_s = 0.042" in lines
@@ -132,13 +132,13 @@ def test_the_picture_is_drawn_of_every_kind_of_run(drives, tmp_path: Path) -> No
     for name, run in runs.items():
         for at_s in (None, 20.0):
             path = tmp_path / f"{name}{at_s}.png"
-            plot_explanation(run, explain(run, at_s), path)
+            plot_explanation(run, make_explanation(run, at_s), path)
             assert path.stat().st_size > 20_000
 
 
 def test_of_a_long_run_the_signals_around_what_stands_out_are_drawn(drives) -> None:
     run = drives(120.0)
-    figure = draw_explanation(run, explain(run))
+    figure = draw_explanation(run, make_explanation(run))
     (*_, below) = figure.subfigs[1].subfigs
     assert below.axes[0].get_xlim()[1] < 30.0
     assert "around 8.0 s" in below.get_suptitle()

@@ -2,7 +2,11 @@
 
 from typing import get_args
 
-from analysis.calibration.use.learnt_priors import LearntPriors, TermOfLog, pool_terms_over_logs
+from analysis.calibration.use.learnt_priors import (
+    LearntPriors,
+    TermOfLog,
+    pool_learnt_terms_over_logs,
+)
 from analysis.model.prior_settings import LearnableTerm
 from recordings.calibration.learnt_terms_text import TERMS, make_learnt_term_rows
 
@@ -23,7 +27,7 @@ def test_a_row_has_what_its_prior_has() -> None:
         )
         for k in range(3)
     )
-    (row,) = make_learnt_term_rows(LearntPriors(terms=pool_terms_over_logs(said), logs=said))
+    (row,) = make_learnt_term_rows(LearntPriors(terms=pool_learnt_terms_over_logs(said), logs=said))
     assert row == {
         "term": "delay of the force",
         "unit": "s",

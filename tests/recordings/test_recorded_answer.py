@@ -1,7 +1,7 @@
 """An answer that is read back from a recording, of today and of before the joint fit."""
 
 from analysis import Run, Settings
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from recordings import read_recording, write_recording
 from recordings.rrd.recording_texts import make_texts_of_run
 
@@ -15,7 +15,7 @@ def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_p
     del settings["priors"]
     before = run.provenance.model_copy(update={"settings": Settings.model_validate(settings)})
     path = write_recording(Run(frames, before), tmp_path / "old.rrd")
-    said = answer(read_recording(path))
+    said = make_answer(read_recording(path))
     assert said.verdict.can_weigh
     assert [check.consequence for check in said.verdict.checks] == ["withhold"] * 3
     assert said.loads == []
@@ -29,4 +29,4 @@ def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_p
 def test_a_recorded_answer_is_the_answer(drives, tmp_path):
     run = drives(30.0)
     kept = read_recording(write_recording(run, tmp_path / "new.rrd"))
-    assert answer(kept).to_dict() == answer(run).to_dict()
+    assert make_answer(kept).to_dict() == make_answer(run).to_dict()

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import polars as pl
 
-from analysis.calibration.use.learnt_priors import pool_terms_over_logs
+from analysis.calibration.use.learnt_priors import pool_learnt_terms_over_logs
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import make_estimator_with_digest
@@ -108,7 +108,7 @@ def relearnt(bundle: Bundle) -> None:
             each["posterior"] *= 1.1
     document = parse_untrusted_evidence(encode_canonical_json(bundle.evidence), EVIDENCE)
     assert document.learnt is not None
-    terms = pool_terms_over_logs(document.learnt.logs)
+    terms = pool_learnt_terms_over_logs(document.learnt.logs)
     bundle.evidence["learnt"]["terms"] = {
         name: term.model_dump(mode="json") for name, term in terms.items()
     }

@@ -6,8 +6,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.calibration.campaign.method_errors import compute_rms_errors
-from analysis.model.answer import answer
+from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
+from analysis.model.answer import make_answer
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
 from replay import load_machine
@@ -28,7 +28,7 @@ def campaign(logs: list[Path]) -> Run:
 
 
 def test_the_simulated_loader_can_weigh(campaign: Run) -> None:
-    checks = answer(campaign).verdict.to_dict()
+    checks = make_answer(campaign).verdict.to_dict()
     assert checks["can_weigh"], checks
 
 
@@ -53,7 +53,7 @@ def test_no_accepted_window_contains_braking(campaign: Run, logs: list[Path]) ->
 def test_load_means_after_calibration_are_within_8_kg_with_each_load_left_out(
     campaign: Run,
 ) -> None:
-    errors = compute_rms_errors(campaign.frames["calibration"])
+    errors = compute_rms_errors_by_method(campaign.frames["calibration"])
     by_method = {row["method"]: row for row in errors.to_dicts()}
     assert by_method["pooled"]["rmse_left_out_kg"] <= 8.0
     assert by_method["pooled"]["rmse_kg"] < by_method["pooled"]["rmse_left_out_kg"]

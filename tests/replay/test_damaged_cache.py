@@ -14,10 +14,10 @@ ONE_LOOP = """
 from replay.commands.cli import remove_unreadable_compile_cache
 import numpy as np
 from estimators.interpreted import force_compilation
-from estimators.methods.ls import compute_mean_weights
+from estimators.methods.ls import compute_mean_sample_weights
 try:
     with force_compilation():
-        compute_mean_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
+        compute_mean_sample_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")
 except Exception as error:
     print(remove_unreadable_compile_cache(error))

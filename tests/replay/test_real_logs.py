@@ -8,7 +8,7 @@ from typing import ClassVar
 import polars as pl
 import pytest
 
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.stages.estimation.masses import summarise_masses
@@ -179,7 +179,7 @@ class TestLinearAxis:
             "linear_axis.toml",
             ["settings.gate.exclude_braking=true"],
         )
-        result = answer(refused).to_dict()
+        result = make_answer(refused).to_dict()
         longest_s = {"own": "0.92"}.get(data.name, "1.15")
         assert result["verdict"]["can_weigh"] is False
         assert all(mass is None for mass in result["mass_kg"].values())
@@ -276,7 +276,7 @@ class TestHusky:
         assert planar.height
         assert planar["withheld"].all()
         assert planar["com_x_m"].null_count() == planar.height
-        assert answer(refused).verdict.can_estimate_inertia is False
+        assert make_answer(refused).verdict.can_estimate_inertia is False
 
     def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(
         self, replay: Replay, data: Path

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_fit import average_runs_without_line
+from analysis.calibration.campaign.campaign_fit import average_readings_of_runs
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point
-from analysis.calibration.line.line_fit import fit_calibration
-from analysis.model.schema import conform_to_schema
+from analysis.calibration.line.line_fit import fit_calibration_line
+from analysis.model.schema import conform_frame_to_schema
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
@@ -26,7 +26,7 @@ _COLUMNS = {
 }
 
 
-def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
+def fit_calibration_line_by_method(estimates: pl.DataFrame) -> pl.DataFrame:
     """Fit a line to the starts of each method; each load is a point with a known mass.
 
     Args:
@@ -41,9 +41,9 @@ def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
     for method, found in iter_readings_by_method(estimates):
         known, exact = found.references, found.covariance_kg2
         try:
-            line = fit_calibration(found.readings, known, exact, CalibrationOptions(method))
+            line = fit_calibration_line(found.readings, known, exact, CalibrationOptions(method))
         except DataError:
-            line, points = None, average_runs_without_line(found.readings, known)
+            line, points = None, average_readings_of_runs(found.readings, known)
         else:
             points = line.points
         rows += make_method_rows(method, points, line, lambda point: float(point.load_id))
@@ -69,7 +69,7 @@ def iter_readings_by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, Meth
     """Readings of each method, in order of appearance.
 
     Args:
-        estimates: as in `calibrate_methods`.
+        estimates: as in `fit_calibration_line_by_method`.
     """
     for (method,), found in estimates.group_by("method", maintain_order=True):
         load_id = found["load_kg"].cast(pl.String)
@@ -116,6 +116,6 @@ def make_calibration_frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
     """Frame `calibration` of the rows."""
     texts = {"method": pl.String, "load_kg": pl.Float64, "runs": pl.Int64}
     numbers = dict.fromkeys((*_COLUMNS.values(), "alpha_1", "beta_kg"), pl.Float64)
-    return conform_to_schema(
+    return conform_frame_to_schema(
         "calibration", pl.DataFrame(rows, schema={**numbers, **texts}, orient="row")
     )

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, CalibrationCampaign
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, StatedPart
-from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.calibration_drift import (
     CheckPoint,
     DriftCheck,
-    check_drift_by_known_mass,
+    compare_known_mass_with_calibration,
 )
 from analysis.calibration.use.error_limits import (
     DecisionRule,
     ErrorLimits,
-    error_limit_kg,
-    judge_campaign_loads,
+    error_limit_of_load_kg,
+    judge_loads_by_error_limits,
 )
 from analysis.model.machine_body import Body
 from estimators.errors import CampaignError, DataError
@@ -74,7 +74,7 @@ class CampaignFit:
         return pl.DataFrame([asdict(point) for point in self.points], schema=POINTS, orient="row")
 
 
-def fit_campaign(
+def fit_campaign_line(
     campaign: CalibrationCampaign,
     body: Body,
     readings: pl.DataFrame,
@@ -93,11 +93,11 @@ def fit_campaign(
     known, covariance_kg2 = make_references_and_covariance(campaign, body)
     rule = make_decision_rule(campaign, known)
     try:
-        fitted = fit_calibration(readings, known, covariance_kg2, options, responses)
+        fitted = fit_calibration_line(readings, known, covariance_kg2, options, responses)
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
-        return CampaignFit(None, no_fit, average_runs_without_line(readings, known), None)
-    limits = None if rule is None else judge_campaign_loads(fitted, rule)
+        return CampaignFit(None, no_fit, average_readings_of_runs(readings, known), None)
+    limits = None if rule is None else judge_loads_by_error_limits(fitted, rule)
     return CampaignFit(fitted, "", fitted.points, limits)
 
 
@@ -118,7 +118,7 @@ def make_decision_rule(
         return None
     rule = DecisionRule(**asked.model_dump())
     for reference_kg in known_masses["reference_kg"]:
-        error_limit_kg(rule, reference_kg - rule.tare_kg)
+        error_limit_of_load_kg(rule, reference_kg - rule.tare_kg)
     return rule
 
 
@@ -145,7 +145,7 @@ def make_calibration_options(
     )
 
 
-def make_force_scale_parts(
+def list_force_scale_parts(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
 ) -> tuple[StatedPart, ...]:
     """Force factors that no log determines, from the budgets of the replays.
@@ -171,7 +171,7 @@ def make_force_scale_parts(
     )
 
 
-def average_runs_without_line(
+def average_readings_of_runs(
     readings: pl.DataFrame, known_masses: pl.DataFrame
 ) -> tuple[Point, ...]:
     """Means of runs, without a line.
@@ -261,11 +261,8 @@ def make_references_and_covariance(
     return frame, covariance_kg2
 
 
-def compare_with_known_mass(
-    campaign: CalibrationCampaign,
-    body: Body,
-    readings: pl.DataFrame,
-    calibration: Calibration,
+def check_single_load_by_calibration(
+    campaign: CalibrationCampaign, body: Body, readings: pl.DataFrame, calibration: Calibration
 ) -> tuple[CampaignFit, DriftCheck]:
     """Compare the single load of a campaign with its mass by a calibration.
 
@@ -279,8 +276,8 @@ def compare_with_known_mass(
         The calibration with the points of this campaign, and the result of the check.
     """
     known, covariance_kg2 = make_references_and_covariance(campaign, body)
-    (point, *_) = average_runs_without_line(readings, known)
-    drift = check_drift_by_known_mass(
+    (point, *_) = average_readings_of_runs(readings, known)
+    drift = compare_known_mass_with_calibration(
         calibration,
         point.reference_kg,
         float(covariance_kg2[0, 0]) ** 0.5,

@@ -61,13 +61,13 @@ class CampaignRun(BaseModel):
         """The name of what is on board."""
         return "+".join(sorted(self.loads)) or EMPTY
 
-    def contains_middle_of_stretch(self, start_s: float, end_s: float) -> bool:
+    def does_contain_middle_of_stretch(self, start_s: float, end_s: float) -> bool:
         """Whether the middle of a stretch of its log lies in the run."""
         middle = (start_s + end_s) / 2.0
         return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
 
     @model_validator(mode="after")
-    def _check_order_of_times(self) -> Self:
+    def _refuse_end_before_begin(self) -> Self:
         if self.to_s is not None and self.to_s <= (self.from_s or 0.0):
             raise ValueError(f"run '{self.id}': to_s is not after from_s")
         if len(set(self.loads)) < len(self.loads):
@@ -159,7 +159,7 @@ class NotaryStretch(BaseModel):
         return {each.number: each.reason for each in self.left_out}
 
     @model_validator(mode="after")
-    def _check_log_numbers(self) -> Self:
+    def _refuse_wrong_log_numbers(self) -> Self:
         if self.last < self.first:
             raise ValueError(f"notary: last is {self.last}, before first, {self.first}")
         numbers = [each.number for each in self.left_out]
@@ -197,7 +197,7 @@ class CalibrationCampaign(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _check_load_numbers(cls, content: object) -> object:
+    def _refuse_wrong_load_numbers(cls, content: object) -> object:
         if not isinstance(content, dict) or not isinstance(content.get("runs"), list):
             return content
         runs = [
@@ -207,7 +207,7 @@ class CalibrationCampaign(BaseModel):
         return {**content, "runs": runs}
 
     @model_validator(mode="after")
-    def _check_consistency(self) -> Self:
+    def _refuse_inconsistent_campaign(self) -> Self:
         for what, ids in (
             ("mass", [each.id for each in self.masses]),
             ("run", [each.id for each in self.runs]),

@@ -69,7 +69,9 @@ def read_campaign_runs(
     rows: list[dict[str, Any]] = []
     for run in runs:
         inside = [
-            each for each in said if run.contains_middle_of_stretch(each["start_s"], each["end_s"])
+            each
+            for each in said
+            if run.does_contain_middle_of_stretch(each["start_s"], each["end_s"])
         ]
         about = {
             "run_id": run.id,
@@ -89,7 +91,7 @@ def read_campaign_runs(
     return subtract_mean_empty_reading(found) if estimator == "joint_payload" else found
 
 
-def make_run_responses(
+def make_run_responses_to_learnt_means(
     replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
 ) -> tuple[RunResponse, ...]:
     """Responses of the runs in one log to errors of learnt means; empty without any.
@@ -111,7 +113,7 @@ def make_run_responses(
             inside := [
                 e
                 for e in said
-                if run.contains_middle_of_stretch(
+                if run.does_contain_middle_of_stretch(
                     e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S
                 )
             ]
@@ -138,7 +140,7 @@ def make_joint_fit_readings(replayed: Run, procedure: Procedure) -> list[dict[st
     for row in replayed.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
-        common_kg = subtract_uncertainty_part(load["u_common_kg"], own_kg.get(row["load_id"]))
+        common_kg = subtract_common_uncertainty_kg(load["u_common_kg"], own_kg.get(row["load_id"]))
         found.append(
             _make_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld)
         )
@@ -158,7 +160,7 @@ def list_sources_common_within_log(replayed: Run) -> list[str]:
     return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
 
 
-def subtract_uncertainty_part(u_kg: float | None, part_kg: float | None) -> float | None:
+def subtract_common_uncertainty_kg(u_kg: float | None, part_kg: float | None) -> float | None:
     """Standard uncertainty without one of its parts."""
     if u_kg is None or not part_kg:
         return u_kg
@@ -199,7 +201,7 @@ def _make_reading_row(
     row: dict[str, Any],
     mass_kg: float | None,
     std_kg: Any,
-    common_u_kg: float | None,
+    common_uncertainty_kg: float | None,
     withheld: str,
 ) -> dict[str, Any]:
     """Row of a reading; without a finite mass, with the reason."""
@@ -210,7 +212,7 @@ def _make_reading_row(
         "end_s": row["end_t_ns"] / NS_PER_S,
         "mass_kg": mass_kg if known else None,
         "std_kg": std_kg if known else None,
-        "common_u_kg": common_u_kg if known else None,
+        "common_u_kg": common_uncertainty_kg if known else None,
         "used": not reason,
         "reason": reason,
     }

@@ -4,14 +4,14 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.by_method import MethodReadings, iter_readings_by_method
-from analysis.calibration.line.calibration_points import average_readings_by_run
-from analysis.calibration.line.line_fit import fit_line_and_test
+from analysis.calibration.line.calibration_points import average_used_readings_by_run
+from analysis.calibration.line.line_fit import fit_line_and_test_lack_of_fit
 from analysis.calibration.line.point_errors import fit_lines_without_each_load
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
 
-def compute_rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
+def compute_rms_errors_by_method(calibration: pl.DataFrame) -> pl.DataFrame:
     """Root mean square errors of a calibration over its loads, a row per method.
 
     Args:
@@ -42,7 +42,7 @@ def compute_start_errors(estimates: pl.DataFrame) -> pl.DataFrame:
     """Errors of single starts on the line through all loads, and through the other loads.
 
     Args:
-        estimates: as in `calibrate_methods`, with the same line.
+        estimates: as in `fit_calibration_line_by_method`, with the same line.
 
     Returns:
         The estimates' rows with `error_kg` and `error_left_out_kg`: calibrated mass minus
@@ -56,7 +56,7 @@ def compute_start_errors(estimates: pl.DataFrame) -> pl.DataFrame:
             pl.col("row").cast(pl.UInt32), pl.col(*columns).fill_nan(None)
         )
         for of, (_, found) in zip(rows, iter_readings_by_method(estimates), strict=True)
-        for within, without in (compute_errors_on_and_off_line(found),)
+        for within, without in (compute_errors_with_and_without_own_load(found),)
     ]
     empty = pl.DataFrame(schema={"row": pl.UInt32, **columns})
     return numbered.join(pl.concat([empty, *frames]), "row", "left", maintain_order="left").select(
@@ -64,22 +64,26 @@ def compute_start_errors(estimates: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def compute_errors_on_and_off_line(found: MethodReadings) -> tuple[Floats, Floats]:
+def compute_errors_with_and_without_own_load(
+    estimates_of_method: MethodReadings,
+) -> tuple[Floats, Floats]:
     """(starts,) errors on the line, and on the line without the start's load; NaN without one."""
-    mass = found.readings["mass_kg"].to_numpy().astype(np.float64)
-    loads = {load: k for k, load in enumerate(found.references["load_id"])}
-    load = np.array([loads[each] for each in found.readings["load_id"]], np.int64)
-    reference = found.references["reference_kg"].to_numpy().astype(np.float64)[load]
+    mass = estimates_of_method.readings["mass_kg"].to_numpy().astype(np.float64)
+    loads = {load: k for k, load in enumerate(estimates_of_method.references["load_id"])}
+    load = np.array([loads[each] for each in estimates_of_method.readings["load_id"]], np.int64)
+    reference = estimates_of_method.references["reference_kg"].to_numpy().astype(np.float64)[load]
     within, without = np.full(mass.size, np.nan), np.full(mass.size, np.nan)
     try:
-        points = average_readings_by_run(
-            found.readings, found.references, found.covariance_kg2
+        points = average_used_readings_by_run(
+            estimates_of_method.readings,
+            estimates_of_method.references,
+            estimates_of_method.covariance_kg2,
         ).points
-        line, _ = fit_line_and_test(points, None)
+        line, _ = fit_line_and_test_lack_of_fit(points, None)
     except DataError:
         return within, without
     within = (mass - line.level_kg) / line.slope_1 + line.centre_kg - reference
     for number, other in fit_lines_without_each_load(points, line).items():
         left = load == number
-        without[left] = other.abscissae_at(mass[left]) - reference[left]
+        without[left] = other.abscissae_of_ordinates(mass[left]) - reference[left]
     return within, without

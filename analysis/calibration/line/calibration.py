@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_inversion import LineInversion
 from analysis.calibration.line.line_model import DAY
 from analysis.model.prior_settings import LearnableTerm
 from estimators.errors import DataError
@@ -252,10 +252,10 @@ class Calibration:
         return len(days) == 1 and (self.day_kg is None or self.day_freedom is not None)
 
     @property
-    def inversion(self) -> Inversion:
+    def inversion(self) -> LineInversion:
         """Make the inverse of the line, which turns a later m̂ into a mass."""
         parts = self.components
-        return Inversion(
+        return LineInversion(
             centre_kg=self.centre_kg,
             level_kg=self.level_kg,
             slope_1=self.c1_1,
@@ -265,7 +265,7 @@ class Calibration:
             scatters=np.array([float(part.scatters) for part in parts]),
             estimated=np.flatnonzero([part.estimated for part in parts]).astype(np.int64),
             covariance=np.array(self.variance_covariance),
-            extra_kg2=unobserved_variance_kg2(
+            extra_kg2=sum_unobserved_variance_kg2(
                 self.stated, self.common_kg if self.common_counts else 0.0
             ),
             few_dof={} if self.few_days is None else {DAY: self.few_days},
@@ -276,7 +276,7 @@ class Calibration:
         self,
         mass_kg: float | None,
         u_random_kg: float | None,
-        readings: int,
+        reading_count: int,
         driving_u_kg: float = 0.0,
     ) -> CalibratedMass:
         """The mass of a later m̂, with its interval.
@@ -285,18 +285,20 @@ class Calibration:
             mass_kg: m̂ of a load, by the same method.
             u_random_kg: the random part of its own standard uncertainty, in kg of m̂; None if
                 unknown: that of the campaign's readings.
-            readings: whose mean it is.
+            reading_count: whose mean it is.
             driving_u_kg: what its log has of errors that the line did not take with it, in kg of m̂.
 
         Returns:
             The mass, or None with the reason: no estimate, a slope that cannot be distinguished
             from 0, or an interval that is wider than the valid range or lies outside of it.
         """
-        if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
+        if mass_kg is None or not np.isfinite(mass_kg) or reading_count < 1:
             return _make_withheld_mass("no estimate")
-        found = self.inversion.add_common_uncertainty(driving_u_kg / abs(self.c1_1)).invert(
+        found = self.inversion.with_common_uncertainty(
+            driving_u_kg / abs(self.c1_1)
+        ).invert_mass_estimates(
             np.array([mass_kg]),
-            np.array([float(readings)]),
+            np.array([float(reading_count)]),
             np.array([np.nan if u_random_kg is None else u_random_kg]),
             self.confidence_1,
         )
@@ -337,7 +339,7 @@ class Calibration:
             raise DataError(f"calibration: {where}: {what}") from error
 
 
-def unobserved_variance_kg2(stated_parts: tuple[StatedPart, ...], common_kg: float) -> float:
+def sum_unobserved_variance_kg2(stated_parts: tuple[StatedPart, ...], common_kg: float) -> float:
     """Variance of every later m̂ that the points do not show."""
     anew = (one.u_kg for one in stated_parts if not one.absorbed and one.u_kg is not None)
     return common_kg**2 + sum(u_kg**2 for u_kg in anew)

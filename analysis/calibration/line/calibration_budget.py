@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from analysis.calibration.line.calibration import (
     Point,
     StatedPart,
 )
-from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_inversion import LineInversion
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import (
     DAY,
@@ -44,8 +44,16 @@ _MEANINGS: Final = {
 }
 
 
+class LineUncertainty(NamedTuple):
+    """Standard uncertainty of the line at a mass in kg of m̂, by its cause."""
+
+    centroid_kg: float
+    slope_kg: float
+    references_kg: float
+
+
 def make_calibration_budget(
-    inversion: Inversion,
+    inversion: LineInversion,
     components: Sequence[Component],
     stated_parts: Sequence[StatedPart],
     mass_kg_and_readings: tuple[float, int],
@@ -61,7 +69,9 @@ def make_calibration_budget(
         common_kg: common error that counts, in kg of m̂; None if the line absorbs it.
     """
     mass_kg, readings = mass_kg_and_readings
-    anew = clip_negative_variances(inversion.later_mass_variances_kg2(readings), components)
+    anew = clip_negative_variances_to_stds_kg(
+        inversion.later_mass_variances_kg2(readings), components
+    )
     size = abs(inversion.slope_1)
     rows = [
         BudgetRow(
@@ -82,7 +92,7 @@ def make_calibration_budget(
         rows.append(
             BudgetRow(LACK_OF_FIT, "line", 0.0, None, "none found beyond the runs' scatter")
         )
-    level, slope, references = split_line_uncertainty_kg(inversion, mass_kg)
+    level, slope, references = split_line_uncertainty(inversion, mass_kg)
     rows += [
         BudgetRow("level", "line", level / size, None, "of the line at its centroid"),
         BudgetRow("slope", "line", slope / size, None, "of the line, at this mass"),
@@ -107,7 +117,9 @@ def make_calibration_budget(
     return tuple(rows)
 
 
-def clip_negative_variances(parts_kg2: Floats, components: Sequence[Component]) -> Floats:
+def clip_negative_variances_to_stds_kg(
+    parts_kg2: Floats, components: Sequence[Component]
+) -> Floats:
     """(effects,) standard deviations; a negative variance reduces the next finer effect."""
     parts = parts_kg2.copy()
     names = [component.name for component in components]
@@ -119,7 +131,7 @@ def clip_negative_variances(parts_kg2: Floats, components: Sequence[Component]) 
     return np.sqrt(np.maximum(parts, 0.0))
 
 
-def split_line_uncertainty_kg(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:
+def split_line_uncertainty(inversion: LineInversion, mass_kg: float) -> LineUncertainty:
     """Uncertainty of the line at a mass, in kg of m̂: due to centroid, slope and references."""
     own = inversion.scatters > 0.0
     line = np.tensordot(inversion.variance_kg2[own], inversion.on_line[own], 1)
@@ -129,19 +141,22 @@ def split_line_uncertainty_kg(inversion: Inversion, mass_kg: float) -> tuple[flo
     slope = line[1, 1] * (h + across) ** 2
     given = np.tensordot(inversion.variance_kg2[~own], inversion.on_line[~own], 1)
     references = given[0, 0] + 2.0 * h * given[0, 1] + h**2 * given[1, 1]
-    return float(np.sqrt(level)), float(np.sqrt(slope)), float(np.sqrt(max(references, 0.0)))
+    variances_kg2 = level, slope, max(references, 0.0)
+    return LineUncertainty(*(float(np.sqrt(each)) for each in variances_kg2))
 
 
-def _make_stated_budget_row(part: StatedPart, size_kg: float) -> BudgetRow:
+def _make_stated_budget_row(stated_part: StatedPart, mass_kg: float) -> BudgetRow:
     """Row of a stated component; zero if the line absorbs it."""
-    if part.absorbed:
+    if stated_part.absorbed:
         before = (
-            "" if part.u_kg is None else f"; {part.u_kg / size_kg:.3g} kg without a calibration"
+            ""
+            if stated_part.u_kg is None
+            else f"; {stated_part.u_kg / mass_kg:.3g} kg without a calibration"
         )
-        known = f"{part.known}; the line takes it with it{before}"
-        return BudgetRow(part.component, "absorbed", 0.0, None, known)
-    u_kg = None if part.u_kg is None else part.u_kg / size_kg
-    return BudgetRow(part.component, "stated", u_kg, None, part.known)
+        known = f"{stated_part.known}; the line takes it with it{before}"
+        return BudgetRow(stated_part.component, "absorbed", 0.0, None, known)
+    u_kg = None if stated_part.u_kg is None else stated_part.u_kg / mass_kg
+    return BudgetRow(stated_part.component, "stated", u_kg, None, stated_part.known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +179,9 @@ class NextLoad:
     half_width_now_kg: float
 
 
-def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tuple[NextLoad, ...]:
+def rank_loads_for_next_run(
+    calibration: Calibration, *, same_day: bool = False
+) -> tuple[NextLoad, ...]:
     """Rank the campaign's loads by the benefit of one more run, the best first.
 
     Variances stay as estimated. The run has the median number of readings, and its degrees of
@@ -179,8 +196,8 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
     """
     used = [point for point in calibration.points if point.mean_kg is not None]
     ends = [reference.reference_kg for reference in calibration.references]
-    now = make_inversion_for_points(calibration, used)
-    now_kg = widest_half_interval_kg(calibration, now, ends)
+    now = make_line_inversion_for_points(calibration, used)
+    now_kg = widest_half_interval_of_masses_kg(calibration, now, ends)
     found: list[NextLoad] = []
     for reference in calibration.references:
         more = replace(
@@ -190,40 +207,42 @@ def rank_next_loads(calibration: Calibration, *, same_day: bool = False) -> tupl
             reference_kg=reference.reference_kg,
             readings=calibration.budget_at[1],
         )
-        then = make_inversion_for_points(calibration, [*used, more])
+        then = make_line_inversion_for_points(calibration, [*used, more])
         found.append(
             NextLoad(
                 load_id=reference.load_id,
                 reference_kg=reference.reference_kg,
                 # equal ones stay equal: by rounding alone one would be better
-                determinant_1=round(covariance_determinant(then) / covariance_determinant(now), 9),
-                half_width_kg=widest_half_interval_kg(calibration, then, ends),
+                determinant_1=round(
+                    determinant_of_line_covariance(then) / determinant_of_line_covariance(now), 9
+                ),
+                half_width_kg=widest_half_interval_of_masses_kg(calibration, then, ends),
                 half_width_now_kg=now_kg,
             )
         )
     return tuple(sorted(found, key=lambda one: (one.determinant_1, one.load_id)))
 
 
-def make_unused_day_label(used_points: list[Point]) -> str:
+def make_unused_day_label(points: list[Point]) -> str:
     """Day label that no run uses."""
-    return max((point.day for point in used_points), key=len) + "+"
+    return max((point.day for point in points), key=len) + "+"
 
 
-def covariance_determinant(inversion: Inversion) -> float:
+def determinant_of_line_covariance(inversion: LineInversion) -> float:
     """Determinant of the covariance of level and slope of the line."""
     covariance = np.tensordot(inversion.variance_kg2, inversion.on_line, 1)
     return float(np.linalg.det(covariance))
 
 
-def widest_half_interval_kg(
-    calibration: Calibration, inversion: Inversion, masses_kg: list[float]
+def widest_half_interval_of_masses_kg(
+    calibration: Calibration, inversion: LineInversion, masses_kg: list[float]
 ) -> float:
     """Largest half interval of a later mass at these masses."""
     confidence_1, readings = calibration.confidence_1, float(calibration.budget_at[1])
     return max(inversion.half_interval_kg(mass_kg, confidence_1, readings) for mass_kg in masses_kg)
 
 
-def make_inversion_for_points(calibration: Calibration, points: list[Point]) -> Inversion:
+def make_line_inversion_for_points(calibration: Calibration, points: list[Point]) -> LineInversion:
     """The calibration's line with its variances, as if fitted to these points."""
     loads = {one.load_id: k for k, one in enumerate(calibration.references)}
     days = list(dict.fromkeys(point.day for point in points))
@@ -255,7 +274,9 @@ def make_inversion_for_points(calibration: Calibration, points: list[Point]) -> 
         mean_squares,
     )
     covariance = np.asarray(np.linalg.pinv(information, hermitian=True), np.float64)
-    variances = Variances(mean_squares, covariance).make_linear_combinations(scatter.squares)
+    variances = Variances(mean_squares, covariance).propagate_to_linear_combinations(
+        scatter.squares
+    )
     effects = scatter.describe_effects_on_line(variances, design, slope, x_cov)
     several_days = DAY in names and len(days) < LIMITS.enough_days
     return replace(

@@ -31,7 +31,7 @@ class Campaign:
     references: pl.DataFrame
 
 
-def average_readings_by_run(
+def average_used_readings_by_run(
     readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats
 ) -> Campaign:
     """Take the mean of the used readings of each run.
@@ -44,7 +44,7 @@ def average_readings_by_run(
     Raises:
         DataError: no line can be fitted to the readings.
     """
-    _check_references(readings, references, covariance_kg2)
+    _refuse_inconsistent_references(readings, references, covariance_kg2)
     references = references.select("load_id", pl.col("reference_kg").cast(pl.Float64))
     mass = pl.col("mass_kg").cast(pl.Float64)
     used = pl.col("used") & mass.is_finite().fill_null(value=False)
@@ -81,13 +81,13 @@ def average_readings_by_run(
         covariance_kg2=covariance_kg2,
         within=WithinRunVariance(float(part["squares"].sum()), int((part["readings"] - 1).sum())),
     )
-    _check_points_determine_line(points)
+    _refuse_points_without_line(points)
     return Campaign(
         runs.drop("loads", "days", "squares"), fitted, points, readings.filter(used), references
     )
 
 
-def _check_references(
+def _refuse_inconsistent_references(
     readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats
 ) -> None:
     """Raise an error if references or their covariance are inconsistent."""
@@ -110,7 +110,7 @@ def _check_references(
         raise DataError(f"calibration: no reference for load '{min(unknown)}'")
 
 
-def _check_points_determine_line(points: Points) -> None:
+def _refuse_points_without_line(points: Points) -> None:
     """Raise an error if the points cannot determine a line."""
     loads = np.unique(points.x_kg).size
     if loads < LIMITS.min_loads:

@@ -35,12 +35,14 @@ class StraightLine:
     x: Floats
     residual: Floats
 
-    def abscissae_at(self, y: Floats) -> Floats:
+    def abscissae_of_ordinates(self, y: Floats) -> Floats:
         """(values,) abscissae at which the line has these ordinates."""
         return (y - self.intercept) / self.slope
 
 
-def fit_distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> StraightLine:
+def fit_line_by_generalised_distance(
+    x: Floats, y: Floats, x_cov: Floats, y_cov: Floats
+) -> StraightLine:
     """Fit a straight line by generalised distance regression.
 
     It minimises the distances in x and y together. For given parameters the best abscissae have a

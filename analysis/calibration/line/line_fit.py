@@ -14,12 +14,12 @@ from analysis.calibration.line.calibration import (
     Component,
     LackOfFit,
     Reference,
-    unobserved_variance_kg2,
+    sum_unobserved_variance_kg2,
 )
 from analysis.calibration.line.calibration_budget import make_calibration_budget
-from analysis.calibration.line.calibration_points import Campaign, average_readings_by_run
-from analysis.calibration.line.distance_regression import fit_distance_regression
-from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.calibration_points import Campaign, average_used_readings_by_run
+from analysis.calibration.line.distance_regression import fit_line_by_generalised_distance
+from analysis.calibration.line.line_inversion import LineInversion
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import (
     DAY,
@@ -28,15 +28,15 @@ from analysis.calibration.line.line_model import (
     FittedLine,
     Points,
     choose_estimable_effects,
-    fit_line,
+    fit_line_and_variances,
     make_covariance_structure,
 )
-from analysis.calibration.line.outliers import find_outliers
+from analysis.calibration.line.outliers import find_outlying_readings_and_runs
 from analysis.calibration.line.point_errors import (
+    compute_scatter_to_stated_std_ratio,
     estimate_slope_attenuation,
     make_point_rows,
-    root_mean_square,
-    scatter_to_stated_std_ratio,
+    root_mean_square_of_known,
 )
 from analysis.calibration.line.shared_errors import RunResponse, compute_line_responses
 from analysis.calibration.line.variance_components import estimate_variances_by_reml
@@ -46,7 +46,7 @@ from estimators.errors import DataError
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
 
 
-def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
+def compute_lack_of_fit_test(points: Points, day_known_kg: float | None) -> LackOfFit:
     """Test the means of the loads against the line.
 
     Args:
@@ -81,9 +81,11 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
         scatter.known_covariance,
         points.within,
     )
-    y_cov = scatter.covariance_for_variances(found.make_linear_combinations(scatter.squares).value)
+    y_cov = scatter.combine_effect_covariances(
+        found.propagate_to_linear_combinations(scatter.squares).value
+    )
     x_cov = points.x_cov_kg2
-    fitted = fit_distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
+    fitted = fit_line_by_generalised_distance(points.x_kg, points.y_kg, x_cov, y_cov)
     weight = np.linalg.inv(y_cov + fitted.slope**2 * x_cov)
     means = np.linalg.solve(design.T @ weight @ design, design.T @ weight @ points.y_kg)
     left = points.y_kg - design @ means
@@ -92,7 +94,7 @@ def test_lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
     return LackOfFit(ratio, p, (above, below), against, separate=RUN in names)
 
 
-def fit_calibration(
+def fit_calibration_line(
     readings: pl.DataFrame,
     references: pl.DataFrame,
     covariance_kg2: Floats,
@@ -123,18 +125,20 @@ def fit_calibration(
     missing = [name for name in _NEEDED if name not in readings.columns]
     if missing:
         raise DataError(f"calibration: the readings have no column '{missing[0]}'")
-    campaign = average_readings_by_run(readings, references, covariance_kg2)
+    campaign = average_used_readings_by_run(readings, references, covariance_kg2)
     points = campaign.points
-    line, test = fit_line_and_test(points, options.day_known_kg)
+    line, test = fit_line_and_test_lack_of_fit(points, options.day_known_kg)
     day_unknown = options.day_known_kg is None and points.day_count == 1
     common_kg = largest_common_u_kg(campaign.readings)
     counted_kg = common_kg if day_unknown else 0.0
-    inversion = Inversion.from_line(line, unobserved_variance_kg2(options.stated, counted_kg))
-    components = describe_variance_components(line, campaign)
+    inversion = LineInversion.from_line(
+        line, sum_unobserved_variance_kg2(options.stated, counted_kg)
+    )
+    components = list_variance_components(line, campaign)
     low, high = float(points.x_kg.min()), float(points.x_kg.max())
     margin = options.margin_1 * (high - low)
     at = (high + margin, int(np.median(points.readings)))
-    u_kg = inversion.u_kg(*at)
+    u_kg = inversion.later_mass_u_kg(*at)
     half_kg = inversion.half_interval_kg(at[0], options.confidence_1, at[1])
     rows = make_point_rows(campaign, line)
     left_out = [row.error_left_out_kg for row in rows]
@@ -147,12 +151,12 @@ def fit_calibration(
         method=options.method,
         confidence_1=options.confidence_1,
         alpha_1=1.0 / line.slope_1,
-        alpha_interval_1=alpha_confidence_interval(inversion, options.confidence_1),
+        alpha_interval_1=compute_alpha_confidence_interval(inversion, options.confidence_1),
         beta_kg=-c0 / line.slope_1,
-        beta_interval_kg=beta_confidence_interval_kg(inversion, options.confidence_1),
+        beta_interval_kg=compute_beta_confidence_interval_kg(inversion, options.confidence_1),
         c0_kg=c0,
         c1_1=line.slope_1,
-        covariance=_upper_covariance_entries(covariance),
+        covariance=_list_upper_covariance_entries(covariance),
         centre_kg=line.centre_kg,
         level_kg=line.level_kg,
         chi2_1=line.chi2,
@@ -174,11 +178,11 @@ def fit_calibration(
         references=tuple(Reference(*row) for row in campaign.references.iter_rows()),
         references_covariance_kg2=tuple(tuple(map(float, row)) for row in points.covariance_kg2),
         points=rows,
-        outliers=find_outliers(campaign, line),
-        rms_error_kg=root_mean_square([row.error_kg for row in rows]) or 0.0,
-        rms_error_left_out_kg=root_mean_square(left_out),
+        outliers=find_outlying_readings_and_runs(campaign, line),
+        rms_error_kg=root_mean_square_of_known([row.error_kg for row in rows]) or 0.0,
+        rms_error_left_out_kg=root_mean_square_of_known(left_out),
         attenuation_1=estimate_slope_attenuation(campaign),
-        stated_ratio_1=scatter_to_stated_std_ratio(campaign),
+        stated_ratio_1=compute_scatter_to_stated_std_ratio(campaign),
         range_kg=(low - margin, high + margin),
         budget=make_calibration_budget(
             inversion, components, options.stated, at, common_kg if day_unknown else None
@@ -196,16 +200,18 @@ def fit_calibration(
     return replace(calibration, says=write_calibration_notes(calibration))
 
 
-def fit_line_and_test(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
+def fit_line_and_test_lack_of_fit(
+    points: Points, day_known_kg: float | None
+) -> tuple[FittedLine, LackOfFit]:
     """Fit the line, with an extra deviation of each load if the points show one.
 
     Args:
         points: means of runs.
         day_known_kg: known deviation between days, in kg of m̂; None if unknown.
     """
-    test = test_lack_of_fit(points, day_known_kg)
+    test = compute_lack_of_fit_test(points, day_known_kg)
     lacking = test.separate and test.p_1 is not None and test.p_1 < LIMITS.lack_of_fit_probability
-    line = fit_line(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
+    line = fit_line_and_variances(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
     if line.slope_1 == 0.0:
         raise DataError(
             "calibration: the estimates do not change with the reference masses; check the mass "
@@ -214,14 +220,14 @@ def fit_line_and_test(points: Points, day_known_kg: float | None) -> tuple[Fitte
     return line, test
 
 
-def describe_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
+def list_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
     """Components with the size of each effect, as plain numbers."""
     found: list[Component] = []
     place = 0
     for effect in line.effects:
         freedom: float | None = None
         if effect.estimated:
-            freedom = variance_degrees_of_freedom(
+            freedom = count_degrees_of_freedom_of_variance(
                 effect.name, effect.variance_kg2, line, campaign, place
             )
             place += 1
@@ -230,7 +236,7 @@ def describe_variance_components(line: FittedLine, campaign: Campaign) -> tuple[
                 name=effect.name,
                 variance_kg2=effect.variance_kg2,
                 freedom=freedom,
-                on_line=_upper_covariance_entries(effect.on_line),
+                on_line=_list_upper_covariance_entries(effect.on_line),
                 estimated=effect.estimated,
                 scatters=effect.scatters,
             )
@@ -238,17 +244,17 @@ def describe_variance_components(line: FittedLine, campaign: Campaign) -> tuple[
     return tuple(found)
 
 
-def variance_degrees_of_freedom(
-    name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, effect_index: int
+def count_degrees_of_freedom_of_variance(
+    effect_name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, effect_index: int
 ) -> float:
     """Degrees of freedom of an estimated variance; those of readings are counted."""
-    if name == REPEATABILITY:
+    if effect_name == REPEATABILITY:
         return float(campaign.points.within.freedom)
     uncertain = float(line.variances.covariance[effect_index, effect_index])
     return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0
 
 
-def _upper_covariance_entries(covariance: Floats) -> tuple[float, float, float]:
+def _list_upper_covariance_entries(covariance: Floats) -> tuple[float, float, float]:
     """Variance of the level, covariance, variance of the slope."""
     return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
 
@@ -261,19 +267,19 @@ def largest_common_u_kg(readings: pl.DataFrame) -> float:
     return float(largest) if isinstance(largest, float) and np.isfinite(largest) else 0.0
 
 
-def alpha_confidence_interval(
-    inversion: Inversion, confidence_1: float
+def compute_alpha_confidence_interval(
+    inversion: LineInversion, confidence_1: float
 ) -> tuple[float | None, float | None]:
     """Interval of α = 1/c1, without unit; (None, None) if that of c1 contains 0."""
     low, high = inversion.slope_interval(confidence_1)
     return (1.0 / high, 1.0 / low) if low * high > 0.0 else (None, None)
 
 
-def beta_confidence_interval_kg(
-    inversion: Inversion, confidence_1: float
+def compute_beta_confidence_interval_kg(
+    inversion: LineInversion, confidence_1: float
 ) -> tuple[float | None, float | None]:
     """Interval in kg of β, the mass at which the line is 0; (None, None) if it is unbounded."""
-    found = inversion.invert_line_only(0.0, confidence_1)
+    found = inversion.invert_without_later_variance(0.0, confidence_1)
     low, high = float(found.low_kg[0]), float(found.high_kg[0])
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)
 

@@ -28,7 +28,7 @@ class InverseReading:
 
 
 @dataclass(frozen=True, eq=False)
-class Inversion:
+class LineInversion:
     """A line y = level + slope (x - centre) with the scatter of later values of y.
 
     Attributes:
@@ -62,7 +62,7 @@ class Inversion:
     most_readings: int
 
     @classmethod
-    def from_line(cls, line: FittedLine, unobserved_variance_kg2: float = 0.0) -> "Inversion":
+    def from_line(cls, line: FittedLine, unobserved_variance_kg2: float = 0.0) -> "LineInversion":
         """Inverse of a fitted line."""
         effects = line.effects
         return cls(
@@ -80,7 +80,7 @@ class Inversion:
             most_readings=line.most_readings,
         )
 
-    def invert(
+    def invert_mass_estimates(
         self, y_kg: Floats, readings: Floats, u_random_kg: Floats, confidence_1: float
     ) -> InverseReading:
         """Mass of each later m̂, with its interval.
@@ -97,11 +97,11 @@ class Inversion:
         Source:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
-        new = self._effect_factors_of_new_value(readings)
+        new = self._make_effect_factors_of_later_value(readings)
         beyond = self._excess_random_variance_kg2(new, u_random_kg)
         return self._invert_with_effect_factors(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
-    def invert_line_only(self, y_kg: float, confidence_1: float) -> InverseReading:
+    def invert_without_later_variance(self, y_kg: float, confidence_1: float) -> InverseReading:
         """Mass whose value on the line is `y_kg`, with the interval of the line alone.
 
         Args:
@@ -121,16 +121,16 @@ class Inversion:
     def later_mass_variances_kg2(self, readings: float) -> Floats:
         """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
         return (
-            self._effect_factors_of_new_value(np.array([readings]))[0]
+            self._make_effect_factors_of_later_value(np.array([readings]))[0]
             * self.variance_kg2
             / self.slope_1**2
         )
 
-    def add_common_uncertainty(self, u_kg: float) -> "Inversion":
+    def with_common_uncertainty(self, u_kg: float) -> "LineInversion":
         """Add an uncertainty common to all later masses, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
-    def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
+    def later_mass_u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
         """Standard uncertainty of a later mass, in kg."""
         return self._half_interval_or_u_kg(mass_kg, None, readings, u_random_kg)
 
@@ -171,7 +171,7 @@ class Inversion:
     ) -> float:
         """Half interval; one standard uncertainty if no confidence is given."""
         away = np.array([1.0, mass_kg - self.centre_kg])
-        new = self._effect_factors_of_new_value(np.array([readings]))
+        new = self._make_effect_factors_of_later_value(np.array([readings]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
         more_kg2 = self._excess_random_variance_kg2(new, np.array([u_random_kg])) + self.extra_kg2
         scaled, of_more = gradient, 1.0
@@ -193,7 +193,7 @@ class Inversion:
         """Index of the effect that averages out over readings, or of the one that contains it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 
-    def _effect_factors_of_new_value(self, readings: Floats) -> Floats:
+    def _make_effect_factors_of_later_value(self, readings: Floats) -> Floats:
         """Factor of each variance component in the variance of a later value, (n, effects)."""
         new = np.tile(self.scatters, (readings.size, 1))
         if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
@@ -204,18 +204,24 @@ class Inversion:
         return new
 
     def _invert_with_effect_factors(
-        self, y_kg: Floats, effect_factors: Floats, more_kg2: Floats, confidence_1: float
+        self,
+        y_kg: Floats,
+        effect_factors: Floats,
+        additional_variance_kg2: Floats,
+        confidence_1: float,
     ) -> InverseReading:
         """Mass, uncertainty and interval of later values, given the factor of each effect."""
         away = (y_kg - self.level_kg) / self.slope_1
         at = np.stack([np.ones_like(away), away], -1)
         gradient = effect_factors + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
-        u_kg = np.sqrt(gradient @ self.variance_kg2 + more_kg2) / abs(self.slope_1)
-        squared, of_more = self._squared_student_factors(gradient, more_kg2, confidence_1)
+        u_kg = np.sqrt(gradient @ self.variance_kg2 + additional_variance_kg2) / abs(self.slope_1)
+        squared, of_more = self._squared_student_factors(
+            gradient, additional_variance_kg2, confidence_1
+        )
         # (d - s h)² = Σ t² (own + v00 + 2 h v01 + h² v11), for h from the centre
         scaled = squared * self.variance_kg2
         line = np.einsum("nk,kij->nij", scaled, self.on_line)
-        own = (scaled * effect_factors).sum(axis=1) + of_more * more_kg2
+        own = (scaled * effect_factors).sum(axis=1) + of_more * additional_variance_kg2
         d = y_kg - self.level_kg
         a = self.slope_1**2 - line[:, 1, 1]
         b = d * self.slope_1 + line[:, 0, 1]
@@ -232,13 +238,13 @@ class Inversion:
         )
 
     def _squared_student_factors(
-        self, gradient: Floats, more_kg2: Floats, confidence_1: float
+        self, gradient: Floats, additional_variance_kg2: Floats, confidence_1: float
     ) -> tuple[Floats, Floats]:
         """Squared Student factors of each effect, (n, effects), and of the rest, (n,).
 
         Args:
             gradient: (n, effects) derivatives by the variances.
-            more_kg2: (n,) known part of the variance.
+            additional_variance_kg2: (n,) known part of the variance.
             confidence_1: confidence of the intervals.
         """
         rest = gradient.copy()
@@ -248,27 +254,31 @@ class Inversion:
             if self.variance_kg2[k] > 0.0:
                 rest[:, k] = 0.0
                 squared[:, k] = (
-                    two_sided_student_factor(confidence_1, np.array([float(freedom)]))[0] ** 2
+                    compute_two_sided_student_factor(confidence_1, np.array([float(freedom)]))[0]
+                    ** 2
                 )
-        common = two_sided_student_factor(
-            confidence_1, self._dof_of_variances(rest, rest @ self.variance_kg2 + more_kg2)
+        common = compute_two_sided_student_factor(
+            confidence_1,
+            self._count_degrees_of_freedom(
+                rest, rest @ self.variance_kg2 + additional_variance_kg2
+            ),
         )
         return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
 
-    def _dof_of_variances(self, gradient: Floats, total: Floats) -> Floats:
+    def _count_degrees_of_freedom(self, gradients: Floats, total_variances: Floats) -> Floats:
         """Degrees of freedom (n,) of variances (n,) with gradients (n, effects)."""
         if self.covariance.size == 0:
-            return np.full(total.size, np.inf)
+            return np.full(total_variances.size, np.inf)
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)
         return np.array(
             [
                 variances.degrees_of_freedom(row[self.estimated], float(all_kg2))
-                for row, all_kg2 in zip(gradient, total, strict=True)
+                for row, all_kg2 in zip(gradients, total_variances, strict=True)
             ]
         )
 
 
-def two_sided_student_factor(confidence_1: float, dof: Floats) -> Floats:
+def compute_two_sided_student_factor(confidence_1: float, dof: Floats) -> Floats:
     """Student's factor of a two-sided interval, by element; normal for infinite `dof`."""
     level = 0.5 + 0.5 * confidence_1
     finite = np.isfinite(dof)

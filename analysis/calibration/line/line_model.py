@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.calibration.line.distance_regression import fit_distance_regression
+from analysis.calibration.line.distance_regression import fit_line_by_generalised_distance
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.variance_components import (
     Variances,
@@ -60,13 +60,13 @@ class Points:
         """Number of days."""
         return np.unique(self.day).size
 
-    def effect_covariance(self, name: str) -> Floats:
+    def effect_covariance(self, effect_name: str) -> Floats:
         """(points, points) covariance of the points for a unit variance of an effect."""
-        if name == REPEATABILITY:
+        if effect_name == REPEATABILITY:
             return np.diag(1.0 / self.readings)
-        if name == RUN:
+        if effect_name == RUN:
             return np.eye(self.y_kg.size)
-        of = self.day if name == DAY else self.load
+        of = self.day if effect_name == DAY else self.load
         return (of[:, None] == of[None, :]).astype(np.float64)
 
 
@@ -110,7 +110,7 @@ class FittedLine:
 
 
 def choose_estimable_effects(
-    points: Points, parameters: int, *, is_day_variance_known: bool
+    points: Points, parameter_count: int, *, is_day_variance_known: bool
 ) -> tuple[str, ...]:
     """Effects whose variances the points determine, given the number of fitted parameters.
 
@@ -121,14 +121,18 @@ def choose_estimable_effects(
     count, days = points.y_kg.size, points.day_count
     if points.within.freedom:
         names.append(REPEATABILITY)
-    if count > parameters:
+    if count > parameter_count:
         names.append(RUN)
-        if 1 < days < count and not is_day_variance_known and count - parameters - (days - 1) > 0:
+        if (
+            1 < days < count
+            and not is_day_variance_known
+            and count - parameter_count - (days - 1) > 0
+        ):
             names.append(DAY)
     return tuple(names)
 
 
-def mean_square_to_variance_matrix(points: Points, names: tuple[str, ...]) -> Floats:
+def make_mean_square_to_variance_matrix(points: Points, effect_names: tuple[str, ...]) -> Floats:
     """(effects, effects) matrix from mean squares, which cannot be negative, to variances.
 
     If means of runs scatter by chance less than their readings imply, their own variance is
@@ -136,23 +140,25 @@ def mean_square_to_variance_matrix(points: Points, names: tuple[str, ...]) -> Fl
     The mean squares of a run's mean, with the largest number of readings, and of a day's mean stay
     positive.
     """
-    of = np.eye(len(names))
-    if REPEATABILITY in names and RUN in names:
-        of[names.index(RUN), names.index(REPEATABILITY)] = -1.0 / points.readings.max()
-    if DAY in names:
+    of = np.eye(len(effect_names))
+    if REPEATABILITY in effect_names and RUN in effect_names:
+        of[effect_names.index(RUN), effect_names.index(REPEATABILITY)] = (
+            -1.0 / points.readings.max()
+        )
+    if DAY in effect_names:
         most = np.bincount(points.day).max()
-        of[names.index(DAY), names.index(RUN)] = -1.0 / most
+        of[effect_names.index(DAY), effect_names.index(RUN)] = -1.0 / most
     return of
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter:
+class CovarianceStructure:
     """Covariance of a campaign's points, by effect.
 
     Attributes:
         names: (effects,) names of the estimated effects.
         each: (effects, points, points) covariance for a unit variance of each.
-        squares: (effects, effects) matrix of `mean_square_to_variance_matrix`.
+        squares: (effects, effects) matrix of `make_mean_square_to_variance_matrix`.
         day: (points, points) covariance for a unit variance of the day.
         day_known_kg: known deviation between days; None if unknown.
         known_covariance: (points, points) known covariance.
@@ -170,7 +176,7 @@ class Scatter:
         """(effects, points, points) covariance for a unit mean square of each."""
         return np.asarray(np.tensordot(self.squares.T, self.each, 1), np.float64)
 
-    def covariance_for_variances(self, variances: Floats) -> Floats:
+    def combine_effect_covariances(self, variances: Floats) -> Floats:
         """(points, points) covariance for the given variances."""
         return np.asarray(np.tensordot(variances, self.each, 1) + self.known_covariance, np.float64)
 
@@ -178,7 +184,7 @@ class Scatter:
         self, variances: Variances, design: Floats, slope: float, x_cov: Floats
     ) -> tuple[Effect, ...]:
         """Each effect, with its contribution to a line fitted by generalised least squares."""
-        covariance = self.covariance_for_variances(variances.value) + slope**2 * x_cov
+        covariance = self.combine_effect_covariances(variances.value) + slope**2 * x_cov
         weighted = np.linalg.solve(covariance, design).T
         # (2, points): how level and slope follow each point
         gain = np.linalg.solve(weighted @ design, weighted)
@@ -194,8 +200,8 @@ class Scatter:
 
 
 def make_covariance_structure(
-    points: Points, names: tuple[str, ...], day_known_kg: float | None
-) -> Scatter:
+    points: Points, effect_names: tuple[str, ...], day_known_kg: float | None
+) -> CovarianceStructure:
     """Covariance structure of the points for these effects."""
     day = points.effect_covariance(DAY)
     known = (
@@ -203,13 +209,18 @@ def make_covariance_structure(
     )
     if day_known_kg is not None:
         known = known + day_known_kg**2 * day
-    each = np.array([points.effect_covariance(name) for name in names])
-    return Scatter(
-        names, each, mean_square_to_variance_matrix(points, names), day, day_known_kg, known
+    each = np.array([points.effect_covariance(name) for name in effect_names])
+    return CovarianceStructure(
+        effect_names,
+        each,
+        make_mean_square_to_variance_matrix(points, effect_names),
+        day,
+        day_known_kg,
+        known,
     )
 
 
-def fit_line(
+def fit_line_and_variances(
     points: Points, *, day_known_kg: float | None = None, lack_of_fit: bool = False
 ) -> FittedLine:
     """Fit line and variances together.
@@ -239,9 +250,9 @@ def fit_line(
             points.within,
             start,
         )
-        start, variances = found.value, found.make_linear_combinations(scatter.squares)
-        line = fit_distance_regression(
-            x - centre_kg, y, x_cov, scatter.covariance_for_variances(variances.value)
+        start, variances = found.value, found.propagate_to_linear_combinations(scatter.squares)
+        line = fit_line_by_generalised_distance(
+            x - centre_kg, y, x_cov, scatter.combine_effect_covariances(variances.value)
         )
         moved, slope = abs(line.slope - slope), line.slope
         design = np.column_stack([np.ones_like(x), line.x])
@@ -259,7 +270,7 @@ def fit_line(
         chi2=line.chi2,
         freedom=line.freedom,
         residual_kg=line.residual,
-        point_covariance_kg2=scatter.covariance_for_variances(variances.value) + slope**2 * x_cov,
+        point_covariance_kg2=scatter.combine_effect_covariances(variances.value) + slope**2 * x_cov,
         adjusted_kg=line.x + centre_kg,
         few_days=points.day_count - 1
         if DAY in names and points.day_count < LIMITS.enough_days

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from analysis.calibration.line.calibration import Point
 from analysis.calibration.line.calibration_points import Campaign
-from analysis.calibration.line.distance_regression import StraightLine, fit_distance_regression
+from analysis.calibration.line.distance_regression import (
+    StraightLine,
+    fit_line_by_generalised_distance,
+)
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import FittedLine, Points
-from analysis.calibration.line.outliers import studentised_residuals
+from analysis.calibration.line.outliers import compute_studentised_residuals
 from estimators.arrays import Floats
 
 #: What (19) goes from, and to.
@@ -30,7 +33,7 @@ def make_point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
         "calibrated_kg": calibrated,
         "error_kg": calibrated - reference,
         "error_left_out_kg": compute_leave_one_load_out_errors(campaign, line),
-        "studentised_1": studentised_residuals(line),
+        "studentised_1": compute_studentised_residuals(line),
     }
     place = {int(row): k for k, row in enumerate(campaign.fitted)}
     rows: list[Point] = []
@@ -50,7 +53,7 @@ def compute_leave_one_load_out_errors(campaign: Campaign, line: FittedLine) -> F
     errors = np.full(points.y_kg.size, np.nan)
     for load, other in fit_lines_without_each_load(points, line).items():
         left = points.load == load
-        errors[left] = other.abscissae_at(points.y_kg[left]) - points.x_kg[left]
+        errors[left] = other.abscissae_of_ordinates(points.y_kg[left]) - points.x_kg[left]
     return errors
 
 
@@ -67,13 +70,15 @@ def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, S
         if np.unique(x[rest]).size < 2:
             continue
         inner = np.ix_(rest, rest)
-        other = fit_distance_regression(x[rest], points.y_kg[rest], x_cov[inner], y_cov[inner])
+        other = fit_line_by_generalised_distance(
+            x[rest], points.y_kg[rest], x_cov[inner], y_cov[inner]
+        )
         if other.slope:
             found[int(load)] = other
     return found
 
 
-def root_mean_square(errors: Sequence[float | None]) -> float | None:
+def root_mean_square_of_known(errors: Sequence[float | None]) -> float | None:
     """Root mean square of the known errors; None without any."""
     known = [error for error in errors if error is not None]
     return float(np.sqrt(np.mean(np.square(known)))) if known else None
@@ -90,14 +95,16 @@ def estimate_slope_attenuation(campaign: Campaign) -> float | None:
         pl.col("mass_kg", "reference_kg").mean()
     )
     lines = [
-        fit_error_line(*(part[name].to_numpy().astype(np.float64) for name in _OF_19))
+        fit_error_slope_and_offset_kg(
+            *(part[name].to_numpy().astype(np.float64) for name in _OF_19)
+        )
         for part in (single, means)
     ]
     slopes = [line[0] if line else 0.0 for line in lines]
     return slopes[0] / slopes[1] if slopes[1] else None
 
 
-def scatter_to_stated_std_ratio(campaign: Campaign) -> float | None:
+def compute_scatter_to_stated_std_ratio(campaign: Campaign) -> float | None:
     """Scatter of single readings within runs over their stated standard deviations."""
     if "std_kg" not in campaign.readings.columns:
         return None
@@ -113,12 +120,12 @@ def scatter_to_stated_std_ratio(campaign: Campaign) -> float | None:
     return ratio if np.isfinite(ratio) else None
 
 
-def fit_error_line(
+def fit_error_slope_and_offset_kg(
     estimate_kg: NDArray[np.float64], reference_kg: NDArray[np.float64]
 ) -> tuple[float, float] | None:
     """Fit m_c = alpha m + beta by least squares.
 
-    On load means it is nearly the line of `fit_calibration`; on single runs the noise of the
+    On load means it is nearly the line of `fit_calibration_line`; on single runs the noise of the
     estimates flattens it.
 
     Args:

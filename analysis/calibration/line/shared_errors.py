@@ -101,7 +101,7 @@ class SharedErrors:
                 own[place[term]] = response_kg
         return cls(terms, error, covariance, told, moved_kg, scale_kg)
 
-    def line_shifts(
+    def compute_line_shifts_kg(
         self,
         responses: Sequence[LineResponse],
         level_response_1: float,
@@ -135,13 +135,15 @@ class SharedErrors:
             line_shifts_kg: (terms,) shifts of the line.
         """
         left = np.where(self.is_corrected, 0.0, responses_kg) - line_shifts_kg
-        return float(left @ self.error_1), self.u_kg(responses_kg - line_shifts_kg)
+        return float(left @ self.error_1), self.shared_error_u_kg(responses_kg - line_shifts_kg)
 
-    def u_kg(self, moved_kg: Floats) -> float:
+    def shared_error_u_kg(self, mass_responses_kg: Floats) -> float:
         """Standard uncertainty of an estimate due to the shared errors."""
-        return float(np.sqrt(max(float(moved_kg @ self.covariance_1 @ moved_kg), 0.0)))
+        return float(
+            np.sqrt(max(float(mass_responses_kg @ self.covariance_1 @ mass_responses_kg), 0.0))
+        )
 
     def shared_part_of_log_u_kg(self, responses_kg: Floats) -> float:
         """Part of the log's own standard uncertainty due to these errors."""
         told = np.where(self.is_corrected, responses_kg, 0.0)
-        return float(np.hypot(self.u_kg(told), np.linalg.norm(responses_kg - told)))
+        return float(np.hypot(self.shared_error_u_kg(told), np.linalg.norm(responses_kg - told)))

@@ -33,18 +33,18 @@ class Variances:
     value: Floats
     covariance: Floats
 
-    def make_linear_combinations(self, coefficients: Floats) -> "Variances":
+    def propagate_to_linear_combinations(self, coefficients: Floats) -> "Variances":
         """Variances of the linear combinations `coefficients` @ value."""
         return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
-    def degrees_of_freedom(self, weight: Floats, total: float) -> float:
-        """Degrees of freedom of a variance `total` whose estimated part is `weight` @ value.
+    def degrees_of_freedom(self, weights: Floats, total_variance: float) -> float:
+        """Degrees of freedom of `total_variance`, whose estimated part is `weights` @ value.
 
         Source:
             Satterthwaite (1946); with the information of REML Giesbrecht and Burns (1985).
         """
-        uncertain = float(weight @ self.covariance @ weight)
-        return max(2.0 * total**2 / uncertain, 1.0) if uncertain > 0.0 else float("inf")
+        uncertain = float(weights @ self.covariance @ weights)
+        return max(2.0 * total_variance**2 / uncertain, 1.0) if uncertain > 0.0 else float("inf")
 
 
 def estimate_variances_by_reml(

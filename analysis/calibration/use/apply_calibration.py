@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -12,16 +12,16 @@ from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.calibration_drift import (
     CheckPoint,
     DriftCheck,
-    check_drift_by_known_mass,
+    compare_known_mass_with_calibration,
 )
 from analysis.calibration.use.learnt_priors import (
-    describe_contradicted_priors,
+    describe_contradicted_learnt_priors,
     describe_undetectable_changes_by_load,
 )
 from analysis.calibration.use.mass_differences import NORMAL, calibrate_mass_differences
 from analysis.calibration.use.use_limits import LIMITS
 from analysis.model.machine_body import Body
-from analysis.model.schema import CALIBRATED, conform_to_schema
+from analysis.model.schema import CALIBRATED, conform_frame_to_schema
 from estimators.errors import DataError, suggest_choice
 
 #: The estimators of frame `loads`: m̂ and the random part of its standard uncertainty.
@@ -29,8 +29,16 @@ ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
     "joint_mass": ("mass_kg", "u_random_kg"),
     "joint_payload": ("own_payload_kg", "own_payload_u_random_kg"),
 }
-#: Frames of a replay for `describe_later_log`; the last two a replay under learnt priors has.
+#: Frames of a replay for `collect_later_log_facts`; the last two a replay under learnt priors has.
 LATER_LOG_FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
+
+
+class CalibratedPayload(NamedTuple):
+    """Payload of a load, its standard uncertainty and half interval, in kg."""
+
+    payload_kg: float
+    u_kg: float
+    half_interval_kg: float
 
 
 @dataclass(frozen=True)
@@ -82,7 +90,7 @@ def calibrate_loads(
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
-    check = check_empty_machine_drift(rows, calibration, log)
+    check = check_drift_of_empty_machine(rows, calibration, log)
     refused = log.refused or describe_machine_change(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
@@ -95,21 +103,23 @@ def calibrate_loads(
     types = dict.fromkeys(CALIBRATED, pl.Float64)
     types |= {"calibrated_reason": pl.String, "calibrated_said": pl.String}
     columns = {n: pl.Series([one.get(n) for one in found], dtype=t) for n, t in types.items()}
-    return conform_to_schema("loads", loads.with_columns(**columns))
+    return conform_frame_to_schema("loads", loads.with_columns(**columns))
 
 
 def _make_calibrated_columns(
-    row: Mapping[str, Any],
+    load_row: Mapping[str, Any],
     calibration: Calibration,
-    log: LaterLog,
+    later_log: LaterLog,
     refusal: str,
     *,
     drift_was_checked: bool,
     empty_weighings: int,
 ) -> dict[str, Any]:
     """Calibrated columns of a load."""
-    off_kg, unlike_u_kg = driving_offset_and_u_kg(row, calibration, log.shared_errors)
-    one = _calibrate_load_mass(row, calibration, refusal, off_kg, unlike_u_kg)
+    off_kg, unlike_u_kg = estimate_driving_offset_and_u_kg(
+        load_row, calibration, later_log.shared_errors
+    )
+    one = _calibrate_load_mass(load_row, calibration, refusal, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
         "calibrated_u_kg": one.u_kg,
@@ -122,8 +132,8 @@ def _make_calibrated_columns(
         return said
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
     if calibration.has_single_day and not drift_was_checked:
-        said["calibrated_said"] = log.unseen.get(row["load_id"], "")
-    payload = calibrate_payload(row, calibration, log, one, empty_weighings)
+        said["calibrated_said"] = later_log.unseen.get(load_row["load_id"], "")
+    payload = calibrate_payload_of_load(load_row, calibration, later_log, one, empty_weighings)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload
         said |= {
@@ -135,92 +145,96 @@ def _make_calibrated_columns(
     return said
 
 
-def driving_offset_and_u_kg(
-    row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
+def estimate_driving_offset_and_u_kg(
+    load_row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
-    key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
+    key = ("mass" if calibration.method == "joint_mass" else "payload", load_row["load_id"])
     if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
         return 0.0, 0.0
-    away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
-    line_kg = shared_errors.line_shifts(calibration.responses, 1.0, away_kg)
+    away_kg = ((load_row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
+    line_kg = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, away_kg)
     return shared_errors.line_offset_and_u_kg(shared_errors.moved_kg[key], line_kg)
 
 
 def _calibrate_load_mass(
-    row: Mapping[str, Any],
+    load_row: Mapping[str, Any],
     calibration: Calibration,
     refusal: str,
     driving_offset_kg: float,
     driving_u_kg: float,
 ) -> CalibratedMass:
     """Calibrated mass of a load, or the reason why it has none."""
-    estimate_kg, withheld_for = row["estimate_kg"], row["withheld_for"]
+    estimate_kg, withheld_for = load_row["estimate_kg"], load_row["withheld_for"]
     if refusal:
         return CalibratedMass(None, None, None, None, refusal)
     if estimate_kg is None:
         if withheld_for:
             return CalibratedMass(None, None, None, None, f"withheld for {withheld_for}")
-        return calibration.calibrate_estimate(None, None, row["manoeuvres"])
-    random_kg, count = row["estimate_u_random_kg"], row["manoeuvres"]
+        return calibration.calibrate_estimate(None, None, load_row["manoeuvres"])
+    random_kg, count = load_row["estimate_u_random_kg"], load_row["manoeuvres"]
     return calibration.calibrate_estimate(
         estimate_kg - driving_offset_kg, random_kg, count, driving_u_kg
     )
 
 
-def calibrate_payload(
-    row: Mapping[str, Any],
+def calibrate_payload_of_load(
+    load_row: Mapping[str, Any],
     calibration: Calibration,
-    log: LaterLog,
+    later_log: LaterLog,
     load_mass: CalibratedMass,
     empty_weighings: int,
-) -> tuple[float, float, float] | None:
+) -> CalibratedPayload | None:
     """Payload, standard uncertainty and half interval in kg; None without a payload."""
     if (
         load_mass.mass_kg is None
         or load_mass.u_kg is None
-        or row["own_payload_kg"] is None
-        or row["empty"]
+        or load_row["own_payload_kg"] is None
+        or load_row["empty"]
     ):
         return None
     assert load_mass.high_kg is not None
     assert load_mass.low_kg is not None
     half_kg = (load_mass.high_kg - load_mass.low_kg) / 2.0
     if calibration.method == "joint_payload":
-        return load_mass.mass_kg, load_mass.u_kg, half_kg
-    if row["payload_to"] is None:
-        empty_kg = row["mass_kg"] - row["own_payload_kg"]
-        u_kg = float(np.hypot(load_mass.u_kg, log.empty_u_kg))
-        return load_mass.mass_kg - empty_kg, u_kg, float(np.hypot(half_kg, NORMAL * log.empty_u_kg))
+        return CalibratedPayload(load_mass.mass_kg, load_mass.u_kg, half_kg)
+    if load_row["payload_to"] is None:
+        empty_kg = load_row["mass_kg"] - load_row["own_payload_kg"]
+        u_kg = float(np.hypot(load_mass.u_kg, later_log.empty_u_kg))
+        half_kg = float(np.hypot(half_kg, NORMAL * later_log.empty_u_kg))
+        return CalibratedPayload(load_mass.mass_kg - empty_kg, u_kg, half_kg)
     # by readings that repeat no better than the campaign's
     repeats_kg = (calibration.repeatability_kg or 0.0) * float(
-        np.sqrt(1.0 / row["manoeuvres"] + 1.0 / max(empty_weighings, 1))
+        np.sqrt(1.0 / load_row["manoeuvres"] + 1.0 / max(empty_weighings, 1))
     )
-    u_kg, u_random_kg = row["own_payload_u_kg"], row["own_payload_u_random_kg"]
+    u_kg, u_random_kg = load_row["own_payload_u_kg"], load_row["own_payload_u_random_kg"]
     random_kg = max(u_random_kg, repeats_kg)
     common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
     found = calibrate_mass_differences(
         calibration,
-        log.shared_errors,
-        [("payload", row["load_id"])],
-        np.array([row["own_payload_kg"]]),
+        later_log.shared_errors,
+        [("payload", load_row["load_id"])],
+        np.array([load_row["own_payload_kg"]]),
     )
-    beside_kg = found.common_u_beside_line_kg(np.array([common_kg]))[0]
+    beside_kg = found.common_u_not_absorbed_by_line_kg(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
     u_kg = float(np.linalg.norm(parts))
-    return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
+    half_kg = max(calibration.coverage_k_1, NORMAL) * u_kg
+    return CalibratedPayload(float(found.payload_kg[0]), u_kg, half_kg)
 
 
-def check_empty_machine_drift(
-    rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
+def check_drift_of_empty_machine(
+    load_rows: list[dict[str, Any]], calibration: Calibration, later_log: LaterLog
 ) -> DriftCheck | None:
     """Check of the log's empty part against the known mass; None without one."""
-    empty = [row for row in rows if row["empty"] and row["mass_kg"] is not None]
-    if log.empty_kg is None or not empty or calibration.method != "joint_mass":
+    empty = [row for row in load_rows if row["empty"] and row["mass_kg"] is not None]
+    if later_log.empty_kg is None or not empty or calibration.method != "joint_mass":
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [driving_offset_and_u_kg(row, calibration, log.shared_errors) for row in empty]
+    apart = [
+        estimate_driving_offset_and_u_kg(row, calibration, later_log.shared_errors) for row in empty
+    ]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )
@@ -228,28 +242,28 @@ def check_empty_machine_drift(
     # what errors that are shared do to them is alike
     unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
     point = CheckPoint(mass_kg, random_kg, int(count.sum()))
-    u_kg = float(np.hypot(log.empty_u_kg, unlike_u_kg))
-    return check_drift_by_known_mass(calibration, log.empty_kg, u_kg, point)
+    u_kg = float(np.hypot(later_log.empty_u_kg, unlike_u_kg))
+    return compare_known_mass_with_calibration(calibration, later_log.empty_kg, u_kg, point)
 
 
-def describe_machine_change(check: DriftCheck | None, log: LaterLog) -> str:
+def describe_machine_change(check: DriftCheck | None, later_log: LaterLog) -> str:
     """Why the calibration no longer applies to this machine; "" if it does."""
     if (
         check is None
         or check.p_1 is None
         or check.p_1 > LIMITS.moved_machine_probability
-        or log.empty_kg is None
+        or later_log.empty_kg is None
     ):
         return ""
     assert check.mass_kg is not None
     return (
         f"its empty part weighs {check.mass_kg:,.0f} kg by the calibration, and the empty machine "
-        f"{log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
+        f"{later_log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart can be chance: the "
         "machine, the ground or the empty mass has changed"
     )
 
 
-def describe_later_log(
+def collect_later_log_facts(
     frames: Mapping[str, pl.DataFrame], body: Body, refusal_reasons: str = ""
 ) -> LaterLog:
     """Collect the facts about a later log.
@@ -261,7 +275,7 @@ def describe_later_log(
     """
     nuisances, shared_errors = frames["nuisances"], SharedErrors.from_frames(frames)
     return LaterLog(
-        refusal_reasons or describe_contradicted_priors(nuisances),
+        refusal_reasons or describe_contradicted_learnt_priors(nuisances),
         shared_errors,
         body.empty_mass_kg,
         body.empty_mass_u_kg or 0.0,

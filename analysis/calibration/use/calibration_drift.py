@@ -55,7 +55,7 @@ class DriftCheck:
     reason: str
 
 
-def check_drift_by_known_mass(
+def compare_known_mass_with_calibration(
     calibration: Calibration,
     reference_kg: float,
     reference_u_kg: float,
@@ -83,16 +83,16 @@ def check_drift_by_known_mass(
     low, high = calibration.range_kg
     # a drifted machine may well say a mass outside of the range: the known mass has to be in it
     if not low <= reference_kg <= high:
-        return _make_missing_drift_check(
+        return _make_drift_check_without_result(
             f"{reference_kg:g} kg is outside of the range, {low:g} to {high:g} kg"
         )
     if machine_reading.mass_kg is None or machine_reading.readings < 1:
-        return _make_missing_drift_check("no estimate")
-    inversion = calibration.inversion.add_common_uncertainty(reference_u_kg)
+        return _make_drift_check_without_result("no estimate")
+    inversion = calibration.inversion.with_common_uncertainty(reference_u_kg)
     run = (float(machine_reading.readings), machine_reading.u_random_kg or 0.0)
     mass = calibration.alpha_1 * machine_reading.mass_kg + calibration.beta_kg
     difference = mass - reference_kg
-    u = inversion.u_kg(reference_kg, *run)
+    u = inversion.later_mass_u_kg(reference_kg, *run)
     limit = inversion.half_interval_kg(reference_kg, calibration.confidence_1, *run)
     tail = inversion.exceedance_probability(abs(difference), reference_kg, *run)
     matters = 2.0 * limit if min_relevant_drift_kg is None else min_relevant_drift_kg
@@ -111,5 +111,5 @@ def check_drift_by_known_mass(
     )
 
 
-def _make_missing_drift_check(reason: str) -> DriftCheck:
+def _make_drift_check_without_result(reason: str) -> DriftCheck:
     return DriftCheck(None, None, None, None, None, None, None, None, reason)

@@ -1,7 +1,7 @@
 """Decision whether later masses are within the error limits of a class, with a guard band."""
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict
@@ -90,7 +90,7 @@ class ErrorLimits:
     statement: str
 
 
-def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
+def error_limit_of_load_kg(rule: DecisionRule, load_kg: float) -> float:
     """Error limit of a class for a load, to either side, in kg.
 
     Raises:
@@ -119,7 +119,7 @@ def error_limit_kg(rule: DecisionRule, load_kg: float) -> float:
     return _R51_LIMITS_E[rule.in_service][step] * e_kg
 
 
-def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
+def judge_loads_by_error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     """Judge later masses at each load of the campaign.
 
     A later mass is assumed to err by the mean leave-one-out error of its load, and by the
@@ -139,8 +139,8 @@ def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorL
     readings = float(calibration.budget_at[1])
     inversion = calibration.inversion
     rows: list[LimitRow] = []
-    for load_id, reference_kg, error_kg in compute_mean_errors_kg(calibration):
-        limit = error_limit_kg(rule, reference_kg - rule.tare_kg)
+    for load_id, reference_kg, error_kg in list_mean_errors_of_loads(calibration):
+        limit = error_limit_of_load_kg(rule, reference_kg - rule.tare_kg)
         outside = min(
             inversion.exceedance_probability(limit - error_kg, reference_kg, readings)
             + inversion.exceedance_probability(limit + error_kg, reference_kg, readings),
@@ -153,7 +153,7 @@ def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorL
                 load_kg=reference_kg - rule.tare_kg,
                 limit_kg=limit,
                 error_kg=error_kg,
-                u_kg=inversion.u_kg(reference_kg, readings),
+                u_kg=inversion.later_mass_u_kg(reference_kg, readings),
                 guard_kg=inversion.half_interval_kg(reference_kg, one_sided, readings),
                 verdict=judge_load_risk(outside, rule.risk_1),
                 outside_1=outside,
@@ -162,9 +162,17 @@ def judge_campaign_loads(calibration: Calibration, rule: DecisionRule) -> ErrorL
     return choose_worst_verdict(rule, tuple(rows))
 
 
-def compute_mean_errors_kg(calibration: Calibration) -> list[tuple[str, float, float]]:
-    """Name, reference and mean error of each load on board, in kg."""
-    found: list[tuple[str, float, float]] = []
+class LoadError(NamedTuple):
+    """Mean error of a load on board, in kg."""
+
+    load_id: str
+    reference_kg: float
+    mean_error_kg: float
+
+
+def list_mean_errors_of_loads(calibration: Calibration) -> list[LoadError]:
+    """Mean error of each load on board."""
+    found: list[LoadError] = []
     for reference in calibration.references:
         errors = [
             point.error_kg if point.error_left_out_kg is None else point.error_left_out_kg
@@ -173,7 +181,9 @@ def compute_mean_errors_kg(calibration: Calibration) -> list[tuple[str, float, f
         ]
         known = [error for error in errors if error is not None]
         if known:
-            found.append((reference.load_id, reference.reference_kg, float(np.mean(known))))
+            found.append(
+                LoadError(reference.load_id, reference.reference_kg, float(np.mean(known)))
+            )
     return found
 
 
@@ -184,13 +194,13 @@ def judge_load_risk(exceedance_probability_1: float, allowed_risk_1: float) -> s
     return OUTSIDE if exceedance_probability_1 >= 1.0 - allowed_risk_1 else UNDECIDED
 
 
-def choose_worst_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
+def choose_worst_verdict(rule: DecisionRule, limit_rows: tuple[LimitRow, ...]) -> ErrorLimits:
     """The worst verdict of all loads, its risk and its sentence."""
-    verdicts = {row.verdict for row in rows}
+    verdicts = {row.verdict for row in limit_rows}
     verdict = next(v for v in (OUTSIDE, UNDECIDED, WITHIN) if v in verdicts)
     when = "in service" if rule.in_service else "at first verification"
     of_class = f"the error limits of {rule.accuracy_class} {when}"
-    worst = max(row.outside_1 for row in rows)
+    worst = max(row.outside_1 for row in limit_rows)
     if verdict == WITHIN:
         risk = worst
         text = (
@@ -198,7 +208,7 @@ def choose_worst_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> Erro
             f"{risk:.2g}"
         )
     elif verdict == OUTSIDE:
-        out = [row for row in rows if row.verdict == OUTSIDE]
+        out = [row for row in limit_rows if row.verdict == OUTSIDE]
         risk = 1.0 - max(row.outside_1 for row in out)
         loads = ", ".join(f"{row.load_kg:g}" for row in out)
         text = (
@@ -211,4 +221,4 @@ def choose_worst_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> Erro
             f"neither within nor outside of {of_class} at a risk of {rule.risk_1:g}: a mass is "
             f"beyond them with a probability of up to {worst:.2g}"
         )
-    return ErrorLimits(rule, rows, verdict, risk, text)
+    return ErrorLimits(rule, limit_rows, verdict, risk, text)

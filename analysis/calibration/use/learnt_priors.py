@@ -74,7 +74,7 @@ def select_learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog
     )
 
 
-def pool_terms_over_logs(
+def pool_learnt_terms_over_logs(
     log_terms: Iterable[TermOfLog], procedure: Procedure = PRESENT_PROCEDURE
 ) -> dict[LearnableTerm, LearntTerm]:
     """Pool the logs' estimates of each term: weighted mean, uncertainty, variation between logs.
@@ -101,14 +101,16 @@ def pool_terms_over_logs(
         if procedure.terms_tested_singly
         else LIMITS.variation_probability / max(len(pooled), 1)
     )
-    return {term: pool_term_over_logs(by_term[term], level) for term in pooled}
+    return {term: pool_learnt_term_over_logs(by_term[term], level) for term in pooled}
 
 
-def pool_term_over_logs(log_terms: Sequence[TermOfLog], significance_level: float) -> LearntTerm:
+def pool_learnt_term_over_logs(
+    log_terms: Sequence[TermOfLog], significance_level: float
+) -> LearntTerm:
     """Prior of a term from the logs' estimates, which count once with the old prior."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
-    told = [own for each in log_terms if (own := remove_prior_of_term(each)) is not None]
+    told = [own for each in log_terms if (own := estimate_term_without_prior(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
     between = (
         estimate_between_log_variance(value, variance, significance_level)
@@ -125,13 +127,13 @@ def pool_term_over_logs(log_terms: Sequence[TermOfLog], significance_level: floa
     )
 
 
-def remove_prior_of_term(log_term: TermOfLog) -> tuple[float, float] | None:
+def estimate_term_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
     """Estimate of a term by the log alone, without the prior, and its standard deviation."""
     prior = (log_term.prior_mean, log_term.prior_std)
-    return divide_out_prior((log_term.posterior, log_term.posterior_std), prior)
+    return remove_normal_prior_from_posterior((log_term.posterior, log_term.posterior_std), prior)
 
 
-def divide_out_prior(
+def remove_normal_prior_from_posterior(
     posterior: tuple[float, float], prior: tuple[float, float]
 ) -> tuple[float, float] | None:
     """Remove a prior from a posterior (mean and deviation each); None if the log adds little."""
@@ -143,10 +145,10 @@ def divide_out_prior(
 
 
 def estimate_between_log_variance(
-    estimates: np.ndarray, variance: np.ndarray, significance_level: float
+    estimates: np.ndarray, variances: np.ndarray, significance_level: float
 ) -> float:
     """Variance between logs; 0 if the differences are not significant at this level."""
-    weight = 1.0 / variance
+    weight = 1.0 / variances
     mean = float(weight @ estimates / weight.sum())
     squares, freedom = float(weight @ (estimates - mean) ** 2), estimates.size - 1
     if float(chdtrc(freedom, squares)) > significance_level:
@@ -175,14 +177,14 @@ def prepare_machine_for_later_log(machine: Machine) -> Machine:
     return machine.model_copy(update={"settings": machine.settings.with_changes(told)})
 
 
-def describe_contradicted_priors(nuisances: pl.DataFrame) -> str:
+def describe_contradicted_learnt_priors(nuisances: pl.DataFrame) -> str:
     """How a later log contradicts its learnt priors; "" if it does not.
 
     Args:
         nuisances: the frame `nuisances`.
     """
     worst, said = LIMITS.contradicting_std, ""
-    for row, own, std in iter_learnt_term_estimates(nuisances):
+    for row, own, std in iter_log_estimates_of_learnt_terms(nuisances):
         deviations = abs(own - row["prior_mean"]) / std
         if deviations > worst:
             worst = deviations
@@ -194,14 +196,14 @@ def describe_contradicted_priors(nuisances: pl.DataFrame) -> str:
     return said
 
 
-def iter_learnt_term_estimates(
+def iter_log_estimates_of_learnt_terms(
     nuisances: pl.DataFrame,
 ) -> Iterator[tuple[dict[str, Any], float, float]]:
     """Row, estimate by the log alone, and expected deviation of each learnt term."""
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():
-        own = divide_out_prior(
+        own = remove_normal_prior_from_posterior(
             (row["alone"], row["alone_std"]), (row["alone_prior_mean"], row["alone_prior_std"])
         )
         if own is not None and row["prior_mean_u"]:
@@ -222,7 +224,7 @@ def describe_undetectable_changes_by_load(
         return {}
     place = {term: k for k, term in enumerate(shared_errors.terms)}
     times = np.zeros(len(place))
-    for row, _, std in iter_learnt_term_estimates(nuisances):
+    for row, _, std in iter_log_estimates_of_learnt_terms(nuisances):
         if row["term"] in place and row["term"] in _CHANGES:
             times[place[row["term"]]] = LIMITS.contradicting_std * std / row["prior_mean_u"]
     return {

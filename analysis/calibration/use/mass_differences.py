@@ -46,7 +46,7 @@ class DifferenceOnLine:
     shared_u_kg: Floats
     size_1: float
 
-    def common_u_beside_line_kg(self, common_kg: Floats) -> Floats:
+    def common_u_not_absorbed_by_line_kg(self, common_kg: Floats) -> Floats:
         """(n,) common uncertainty in kg of m̂ minus the absorbed part, in kg of mass."""
         return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
 
@@ -67,9 +67,9 @@ def calibrate_mass_differences(
     """
     absolute = calibration.method == "joint_payload"
     gain = (
-        make_slope_gain(calibration)
+        make_mass_difference_gain_by_slope(calibration)
         if absolute
-        else combine_slope_and_level_gain(calibration, shared_errors)
+        else combine_slope_and_level_to_gain(calibration, shared_errors)
     )
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
@@ -80,8 +80,8 @@ def calibrate_mass_differences(
         centre_kg = calibration.centre_kg if absolute else 0.0
         nothing = np.zeros(len(shared_errors.terms))
         moved = np.array([shared_errors.moved_kg.get(each, nothing) for each in kinds_and_numbers])
-        of_level = shared_errors.line_shifts(calibration.responses, 1.0, 0.0)
-        of_slope = shared_errors.line_shifts(calibration.responses, 0.0, 1.0)
+        of_level = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
+        of_slope = shared_errors.compute_line_shifts_kg(calibration.responses, 0.0, 1.0)
         each = (1.0 - gain.by_level_1) * of_slope
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
@@ -96,7 +96,7 @@ def calibrate_mass_differences(
         taken_kg = np.hypot(
             share * shared_errors.shared_part_of_log_u_kg(moved.sum(axis=0)), scale_kg
         )
-        shared_u_kg = share * shared_errors.u_kg((moved - line).sum(axis=0))
+        shared_u_kg = share * shared_errors.shared_error_u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope
     variance = gain.variance_1 * mass_kg**2
     if absolute:
@@ -127,28 +127,30 @@ class DifferenceGain:
     by_level_1: float
 
 
-def make_slope_gain(calibration: Calibration) -> DifferenceGain:
+def make_mass_difference_gain_by_slope(calibration: Calibration) -> DifferenceGain:
     """Gain by the slope of the line alone."""
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
-def combine_slope_and_level_gain(
+def combine_slope_and_level_to_gain(
     calibration: Calibration, shared_errors: SharedErrors | None
 ) -> DifferenceGain:
     """Gain of mass differences: slope and level of the line, weighted by uncertainty."""
     if shared_errors is None or not calibration.responses:
-        return make_slope_gain(calibration)
+        return make_mass_difference_gain_by_slope(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
     own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
-    means_kg = shared_errors.u_kg(shared_errors.line_shifts(calibration.responses, 1.0, 0.0))
+    means_kg = shared_errors.shared_error_u_kg(
+        shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
+    )
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
     variances = np.array(
         [by_level_kg2 / at_kg**2, slope_variance + (LIMITS.slope_by_load_std_1 * slope) ** 2]
     )
     if abs(by_level - slope) > LIMITS.slope_gain_max_std * float(np.sqrt(variances.sum())):
-        return make_slope_gain(calibration)
+        return make_mass_difference_gain_by_slope(calibration)
     share = float(variances[1] / variances.sum())
     variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])
     return DifferenceGain(share * by_level + (1.0 - share) * slope, variance, share)

@@ -21,7 +21,7 @@ from estimators.arrays import Floats
 from estimators.errors import ScenarioError
 
 
-def integrate_log_trials(scenario: Scenario, load_kg: float, load_index: int) -> IntegratedLog:
+def drive_trials_of_log(scenario: Scenario, load_kg: float, load_index: int) -> IntegratedLog:
     """Drive all trials of one log, without noise.
 
     Args:
@@ -84,7 +84,7 @@ class TrialDriver(MachineDriver):
             self._added_kg, self._lost_kg = added_kg, 0.0
         load_kg = self._load_kg + added_kg - self._lost_kg
         body = RigidBody.make_loaded_body(self.scenario, load_kg)
-        body = replace(body, rolling_x_N=self.rolling_resistance(body.mass_kg))
+        body = replace(body, rolling_x_N=self.rolling_resistance_newtons(body.mass_kg))
         if self._stands_loaded:
             self.mass_kg = body.mass_kg
         load_end_kg, direction, throttle = load_kg, None, None
@@ -130,24 +130,22 @@ class TrialDriver(MachineDriver):
             )
         )
 
-    def _drive_waveform(self, excite: Excite, body: RigidBody) -> ManoeuvreTimes:
+    def _drive_waveform(self, excitation: Excite, body: RigidBody) -> ManoeuvreTimes:
         """Drive with a waveform of the force, then brake."""
-        begin_s, force = self.time_s, excite.force
+        begin_s, force = self.time_s, excitation.force
         assert force is not None
         since_s = np.arange(
-            0.0,
-            excite.duration_s + 2.0 * LIMITS.wave_step_s,
-            LIMITS.wave_step_s,
+            0.0, excitation.duration_s + 2.0 * LIMITS.wave_step_s, LIMITS.wave_step_s
         )
         wave = np.array(
             [
-                self.scenario.limit_force_and_torque_by_valves(float(value), 0.0)[0]
+                self.scenario.limit_force_and_torque_to_valves(float(value), 0.0)[0]
                 for value in force(since_s)
             ]
         )
         stage = DriveStage(begin_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
         self.state[plant.BRAKE] = -body.mass_kg * self.uphill_gravity_m_s2()
-        self.integrate_stage(FREE, stage, excite.duration_s, wave)
+        self.integrate_stage(FREE, stage, excitation.duration_s, wave)
         braking_s = self.time_s
         self.brake_to_stop(stage._replace(begin_s=braking_s))
         return ManoeuvreTimes("excite", begin_s, begin_s, None, braking_s, self.time_s)
@@ -179,14 +177,14 @@ class TrialDriver(MachineDriver):
             )
             if travel.in_motion and self.time_s == begin_s:
                 self.state[[plant.WHEEL, plant.BODY]] = leg.wanted_m_s[0]
-                self.state[plant.DRIVE] = self._cruise_force(stage, full_N)
+                self.state[plant.DRIVE] = self._cruise_force_newtons(stage, full_N)
             duration_s = (leg.wanted_m_s.size - 1) * LIMITS.wave_step_s
             self.integrate_stage(
                 FREE,
                 stage,
                 duration_s,
                 way * leg.wanted_m_s,
-                steps=self._count_pedal_steps(duration_s),
+                step_count=self._count_pedal_steps(duration_s),
             )
             if not self._moved:
                 raise ScenarioError(
@@ -216,8 +214,8 @@ class TrialDriver(MachineDriver):
             stage = DriveStage(self.time_s, self.mass_kg, drive_N=drive_N, facing=self.facing)
             self.integrate_stage(FREE, stage, LIMITS.step_s)
 
-    def _choose_start_direction(self, start: Start) -> float:
-        sign = 1.0 if start.direction == "forward" else -1.0
+    def _choose_start_direction(self, manoeuvre: Start) -> float:
+        sign = 1.0 if manoeuvre.direction == "forward" else -1.0
         turned = self.scenario.starts.directions == "alternating" and self.starts % 2 == 1
         return -sign if turned else sign
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +18,21 @@ from analysis.simulation.plant.integrated_motion import (
     TURNING,
     RowBuffer,
 )
-from analysis.simulation.plant.plant_inputs import DriveStage, make_plant
+from analysis.simulation.plant.plant_inputs import DriveStage, make_plant_of_scenario
 from analysis.simulation.plant.resistance import cold_friction_fraction, rolling_resistance
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
-from analysis.simulation.sensors.random_streams import make_generator
+from analysis.simulation.sensors.random_streams import make_random_generator
 from estimators.arrays import Floats
 from estimators.errors import ScenarioError
+
+
+class DrivenStart(NamedTuple):
+    """Times of a start, and the masses filled in and fallen off."""
+
+    times: ManoeuvreTimes
+    filled_kg: float
+    fallen_kg: float
 
 
 @dataclass(frozen=True)
@@ -65,10 +74,10 @@ class MachineDriver:
         self.starts = 0
         #: 1 or -1: whether the machine looks uphill or downhill where the ground slopes up.
         self.facing = 1.0
-        self._plant = make_plant(scenario)
+        self._plant = make_plant_of_scenario(scenario)
         self._load_index = load_index
         if self._plant.resonance_rad_s:
-            self.state[plant.STRETCH] = self._driveline_stretch_m(
+            self.state[plant.STRETCH] = self._driveline_spring_elongation_m(
                 scenario.machine.mass_kg + load_kg
             )
         if scenario.chassis.squat_hz:
@@ -102,7 +111,7 @@ class MachineDriver:
         begin_s = self.time_s
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
-        self.integrate_stage(REST, stage, duration_s, steps=None if self._swings else 1)
+        self.integrate_stage(REST, stage, duration_s, step_count=None if self._swings else 1)
         return ManoeuvreTimes("rest", begin_s, None, None, None, self.time_s)
 
     def turn_around(self, rate_rad_s: float, mass_kg: float) -> ManoeuvreTimes:
@@ -116,7 +125,7 @@ class MachineDriver:
             else None
         )
         rows = self.integrate_stage(
-            TURNING, stage, duration_s, steps=steps or LIMITS.half_turn_steps
+            TURNING, stage, duration_s, step_count=steps or LIMITS.half_turn_steps
         )
         phase = (rows[:, plant.TIME] - begin_s) / duration_s * 2.0 * math.pi
         turned = (phase - np.sin(phase)) / 2.0
@@ -127,9 +136,7 @@ class MachineDriver:
         self.facing = -self.facing
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
-    def drive_one_start(
-        self, order: StartOrder, body: RigidBody
-    ) -> tuple[ManoeuvreTimes, float, float]:
+    def drive_one_start(self, start_order: StartOrder, body: RigidBody) -> DrivenStart:
         """Drive one start: throttle, cruise, coast if so ordered, brake.
 
         Returns:
@@ -144,28 +151,28 @@ class MachineDriver:
             self.scenario.brakes,
         )
         begin_s, begin_m = self.time_s, self.position_m
-        steady_s = begin_s + order.start_s
-        shut_s = steady_s + order.cruise_s
+        steady_s = begin_s + start_order.start_s
+        shut_s = steady_s + start_order.cruise_s
         full_N = (
-            order.sign
+            start_order.sign
             * campaign.throttle_force_N
-            * campaign.drive_fraction_at_throttle(order.throttle)
+            * campaign.drive_fraction_at_throttle(start_order.throttle)
         )
         opened = DriveStage(
             begin_s,
             body.mass_kg,
             drive_N=full_N,
-            one_way=order.sign,
-            fill_kg_s=order.fill_kg_s,
-            load_kg=order.load_kg,
-            spill_1_s=order.spill_1_s,
+            one_way=start_order.sign,
+            fill_kg_s=start_order.fill_kg_s,
+            load_kg=start_order.load_kg,
+            spill_1_s=start_order.spill_1_s,
             coulomb_N=body.coulomb_x_N,
             release_N=brakes.release_N,
             release_from_s=begin_s,
             release_s=brakes.release_s,
-            digging_N=order.digging_N,
-            digging_from_s=shut_s - order.digging_s,
-            digging_s=order.digging_s,
+            digging_N=start_order.digging_N,
+            digging_from_s=shut_s - start_order.digging_s,
+            digging_s=start_order.digging_s,
             stick_share=starts.stick_share,
             stick_rad_s=2.0 * math.pi * starts.stick_hz,
             turn_rad_s=starts.turn_rad_s,
@@ -173,35 +180,37 @@ class MachineDriver:
             facing=self.facing,
         )
         self.state[plant.DRIVE] = 0.0
-        self.integrate_stage(OPEN, opened, order.start_s)
+        self.integrate_stage(OPEN, opened, start_order.start_s)
         if not self._moved:
             raise ScenarioError(
                 f"start {self.starts} does not move {body.mass_kg:g} kg with "
                 f"{abs(full_N):.0f} N; raise campaign.throttle_force_N or starts.throttle_least"
             )
-        filled_kg = order.fill_kg_s * order.start_s
+        filled_kg = start_order.fill_kg_s * start_order.start_s
 
         def spilled_kg() -> float:
-            return order.load_kg * -math.expm1(-order.spill_1_s * (self.time_s - begin_s))
+            return start_order.load_kg * -math.expm1(
+                -start_order.spill_1_s * (self.time_s - begin_s)
+            )
 
         def stage_from_now(stage: DriveStage) -> DriveStage:
             lost_kg = spilled_kg()
             return stage._replace(
                 begin_s=self.time_s,
                 mass_kg=body.mass_kg + filled_kg - lost_kg,
-                load_kg=order.load_kg - lost_kg,
+                load_kg=start_order.load_kg - lost_kg,
             )
 
         steady = stage_from_now(opened)._replace(one_way=0.0, stick_share=0.0)
-        cruise_s = order.cruise_s
-        if order.distance_m is not None:
+        cruise_s = start_order.cruise_s
+        if start_order.distance_m is not None:
             cruise_s = self._cruise_duration_s(
-                abs(self.position_m - begin_m), order.distance_m, body
+                abs(self.position_m - begin_m), start_order.distance_m, body
             )
         lead_s = min(brakes.gentle_lead_s, cruise_s) if brakes.gentle_m_s2 else 0.0
-        keeping = steady._replace(drive_N=self._cruise_force(steady, full_N))
+        keeping = steady._replace(drive_N=self._cruise_force_newtons(steady, full_N))
         self.integrate_stage(STEADY, keeping, cruise_s - lead_s)
-        filled_kg += order.fill_kg_s * (cruise_s - lead_s)
+        filled_kg += start_order.fill_kg_s * (cruise_s - lead_s)
         braking_s = self.time_s
         braked = stage_from_now(keeping)._replace(
             fill_kg_s=0.0,
@@ -211,14 +220,14 @@ class MachineDriver:
         if lead_s:
             self.integrate_stage(BRAKING, braked, lead_s)
         shut = stage_from_now(braked)._replace(drive_N=0.0)
-        if order.coast_s:
-            self.integrate_stage(FREE, shut, order.coast_s)
+        if start_order.coast_s:
+            self.integrate_stage(FREE, shut, start_order.coast_s)
         if not brakes.gentle_m_s2:
             braking_s = self.time_s
         self.brake_to_stop(stage_from_now(shut))
         self.starts += 1
         times = ManoeuvreTimes("start", begin_s, begin_s, steady_s, braking_s, self.time_s)
-        return times, filled_kg, spilled_kg()
+        return DrivenStart(times, filled_kg, spilled_kg())
 
     def brake_to_stop(self, stage: DriveStage) -> None:
         """Brake until the machine stands.
@@ -235,10 +244,7 @@ class MachineDriver:
         braking_m_s2 = 0.0 if gentle_m_s2 else self.scenario.campaign.braking_m_s2
         brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
         self.integrate_stage(
-            BRAKING,
-            stage._replace(brake_N=brake_N),
-            LIMITS.driver_max_stop_s,
-            stops=True,
+            BRAKING, stage._replace(brake_N=brake_N), LIMITS.driver_max_stop_s, ends_at_rest=True
         )
         if self.state[plant.WHEEL] != 0.0:
             raise ScenarioError(
@@ -248,25 +254,25 @@ class MachineDriver:
 
     def integrate_stage(
         self,
-        kind: int,
+        stage_kind: int,
         stage: DriveStage,
         duration_s: float,
         wave: Floats | None = None,
         *,
-        stops: bool = False,
-        steps: int | None = None,
+        ends_at_rest: bool = False,
+        step_count: int | None = None,
     ) -> Floats:
         """Integrate a stage, and return its recorded rows (n, 16).
 
         Raises:
             ScenarioError: the machine becomes too fast.
         """
-        steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
-        rows = self.kept.provide_free_rows(2 * steps + 4)
+        step_count = step_count or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
+        rows = self.kept.provide_free_rows(2 * step_count + 4)
         self.time_s, kept, self._moved = plant.integrate_plant(
             stage.begin_s + duration_s,
-            steps,
-            stops,
+            step_count,
+            ends_at_rest,
             self.state,
             self._plant,
             stage,
@@ -278,7 +284,7 @@ class MachineDriver:
             raise ScenarioError(
                 f"campaign.throttle_force_N: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
             )
-        self.kept.commit_rows(kept, kind)
+        self.kept.commit_rows(kept, stage_kind)
         return rows[:kept]
 
     def uphill_gravity_m_s2(self) -> float:
@@ -288,14 +294,14 @@ class MachineDriver:
 
     def make_body_with_cold_friction(self, body: RigidBody, time_s: float) -> RigidBody:
         """Body with the remaining cold friction at a time."""
-        viscous, coulomb = self._cold_viscous_and_coulomb_shares(time_s)
+        viscous, coulomb = self._cold_viscous_and_coulomb_fractions(time_s)
         return replace(
             body,
             friction_x_N_s_m=body.friction_x_N_s_m * viscous,
             coulomb_x_N=body.coulomb_x_N * coulomb,
         )
 
-    def _cold_viscous_and_coulomb_shares(self, time_s: float) -> tuple[float, float]:
+    def _cold_viscous_and_coulomb_fractions(self, time_s: float) -> tuple[float, float]:
         """Remaining fractions of cold viscous and Coulomb friction at a time."""
         viscous, coulomb = self._plant.friction_warming, self._plant.coulomb_warming
         warming_s = self._plant.warming_s
@@ -319,7 +325,9 @@ class MachineDriver:
         )
 
     def _make_random_generator(self, stream: str) -> np.random.Generator:
-        return make_generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
+        return make_random_generator(
+            self.scenario.sensors.seed, self._load_index, self.starts, stream
+        )
 
     def _cruise_duration_s(self, driven_m: float, distance_m: float, body: RigidBody) -> float:
         """Cruise duration after which the machine stops at about the wanted distance, in s."""
@@ -332,14 +340,14 @@ class MachineDriver:
 
     def _gentle_stopping_distance_m(self, speed_m_s: float, body: RigidBody) -> float:
         """Stopping distance under gentle brakes and friction, in m."""
-        gripping = body.holding_force_and_torque[0] / body.mass_kg
+        gripping = body.max_holding_force_and_torque[0] / body.mass_kg
         braking_m_s2 = self.scenario.brakes.gentle_m_s2 + gripping
         viscous_1_s = max(body.friction_x_N_s_m / body.mass_kg, 1e-3)
         slowed = braking_m_s2 / viscous_1_s
         stop_m = (speed_m_s - slowed * math.log1p(speed_m_s / slowed)) / viscous_1_s
         return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
 
-    def _driveline_stretch_m(self, mass_kg: float) -> float:
+    def _driveline_spring_elongation_m(self, mass_kg: float) -> float:
         """Stretch of the driveline's spring by the slope at the begin of a log, in m."""
         wheel_kg = self._plant.wheel_share * mass_kg + self._plant.rotating_kg
         body_kg = mass_kg * (1.0 - self._plant.wheel_share)
@@ -347,7 +355,7 @@ class MachineDriver:
         pull_N = body_kg * self.uphill_gravity_m_s2()
         return pull_N / (reduced_kg * self._plant.resonance_rad_s**2)
 
-    def rolling_resistance(
+    def rolling_resistance_newtons(
         self, mass_kg: float, speed_m_s: float = 0.0, turn_rad_s: float = 0.0
     ) -> float:
         """Rolling resistance of a mass at the machine's position, in N."""
@@ -356,14 +364,14 @@ class MachineDriver:
             self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._plant
         )
 
-    def _cruise_force(self, stage: DriveStage, full_force_N: float) -> float:
+    def _cruise_force_newtons(self, stage: DriveStage, full_force_N: float) -> float:
         """Drive force in N that keeps the speed on this slope, limited by the throttle."""
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_force_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
-        viscous, coulomb = self._cold_viscous_and_coulomb_shares(self.time_s)
+        viscous, coulomb = self._cold_viscous_and_coulomb_fractions(self.time_s)
         resistance_N = stage.coulomb_N * coulomb + self._plant.drag_N
         resistance_N += stage.scrub_N_s_rad * turned
-        resistance_N += self.rolling_resistance(stage.mass_kg, speed, turned)
+        resistance_N += self.rolling_resistance_newtons(stage.mass_kg, speed, turned)
         needed_N = (
             self._plant.friction_N_s_m * viscous * speed
             + self._plant.air_N_s2_m2 * abs(speed) * speed

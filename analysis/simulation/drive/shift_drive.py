@@ -18,7 +18,7 @@ from analysis.simulation.motion.timeline import DrivenManoeuvre
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.simulation_limits import LIMITS
-from analysis.simulation.sensors.random_streams import make_generator
+from analysis.simulation.sensors.random_streams import make_random_generator
 
 #: Angles of boom and bucket, positive up: to drive, dig, carry and dump.
 _DRIVE, _DIG, _CARRY, _DUMP = (0.15, -0.3), (0.0, 0.0), (0.25, -0.6), (0.95, 0.8)
@@ -116,7 +116,9 @@ class ShiftDriver(MachineDriver):
         operator = self._make_cycle_random_generator("shift_operator")
         self._rest_between_cycles(operator)
         pours = bool(self._make_cycle_random_generator("shift_pour").random() < shift.pour_cycles)
-        self._drive_legs(1.0, shift.haul_m - LIMITS.pile_reach_m, shift.empty_starts_most, operator)
+        self._drive_to_position_in_starts(
+            1.0, shift.haul_m - LIMITS.pile_reach_m, shift.empty_starts_most, operator
+        )
         dig_s = self.time_s
         self._dig_into_pile(operator)
         load_kg, machine_kg = self._load_kg, self.scenario.machine.mass_kg - self._burnt_kg
@@ -124,14 +126,14 @@ class ShiftDriver(MachineDriver):
         reverse = bool(operator.random() < shift.reverse_share)
         self._drive_start_and_stand(-1.0, shift.back_m, operator)
         if not reverse:
-            self._turn_machine(operator)
-        self._drive_legs(
+            self._turn_machine_around(operator)
+        self._drive_to_position_in_starts(
             -1.0, LIMITS.pile_reach_m, shift.haul_starts_most, operator, is_pouring=pours
         )
-        dump_s = self._dump_load()
+        dump_s = self._dump_load_at_standstill()
         if not reverse:
             self._drive_start_and_stand(1.0, shift.back_m, operator)
-            self._turn_machine(operator)
+            self._turn_machine_around(operator)
         lost = [each for each in self.dumps if each.cycle == number and each.kind != "dump"]
         spilled_kg = sum((each.mass_kg for each in lost if each.kind == "spill"), 0.0)
         poured_kg = sum((each.mass_kg for each in lost if each.kind == "pour"), 0.0)
@@ -154,22 +156,22 @@ class ShiftDriver(MachineDriver):
                 poured_kg=poured_kg,
             )
         )
-        self._take_due_breaks()
+        self._take_breaks_due_after_cycle()
 
     def _make_body_with_load(self) -> RigidBody:
         """Body of the machine with its present fuel and load."""
         body = RigidBody.make_loaded_body(self.scenario, self._load_kg)
         mass_kg = body.mass_kg - self._burnt_kg
-        return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance(mass_kg))
+        return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance_newtons(mass_kg))
 
     def _make_cycle_random_generator(self, stream: str) -> np.random.Generator:
         """Random generator of a stream for the present cycle."""
-        return make_generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
+        return make_random_generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
 
-    def _drive_legs(
+    def _drive_to_position_in_starts(
         self,
         direction: float,
-        until_m: float,
+        target_m: float,
         max_starts: int,
         operator: np.random.Generator,
         *,
@@ -182,7 +184,7 @@ class ShiftDriver(MachineDriver):
         count = max(int(operator.integers(1, max_starts + 1)), 1 + is_pouring)
         parts = operator.uniform(0.7, 1.3, count)
         for number in range(count):
-            left_m = direction * (until_m - self.position_m)
+            left_m = direction * (target_m - self.position_m)
             share = parts[number] / parts[number:].sum()
             if left_m > 2.0:
                 self._drive_start_and_stand(direction, float(left_m * share), operator)
@@ -219,9 +221,13 @@ class ShiftDriver(MachineDriver):
         self._record_manoeuvre(times, body, sign, throttle, begin_kg)
         self._rest_between_cycles(operator)
 
-    def _record_spill(self, kind: str, mass_kg: float, begin_s: float, begin_m: float) -> None:
+    def _record_spill(
+        self, spill_kind: str, mass_kg: float, begin_s: float, begin_m: float
+    ) -> None:
         """Record material that has left the bucket since a time and a place."""
-        lost = Dump(self._cycle, kind, begin_s, self.time_s, begin_m, self.position_m, mass_kg)
+        lost = Dump(
+            self._cycle, spill_kind, begin_s, self.time_s, begin_m, self.position_m, mass_kg
+        )
         self.dumps.append(lost)
 
     def _pour_part_of_load(self) -> None:
@@ -263,12 +269,12 @@ class ShiftDriver(MachineDriver):
         self._record_boom_angles(_CARRY, at_s=self.time_s + LIMITS.lift_s)
         self._rest_between_cycles(operator)
 
-    def _turn_machine(self, operator: np.random.Generator) -> None:
+    def _turn_machine_around(self, operator: np.random.Generator) -> None:
         body, side = self._make_body_with_load(), 1.0 if operator.random() < 0.5 else -1.0
         self._record_manoeuvre(self.turn_around(side * self.shift.turn_rad_s, body.mass_kg), body)
         self._rest_between_cycles(operator)
 
-    def _dump_load(self) -> float:
+    def _dump_load_at_standstill(self) -> float:
         """Stand, dump halfway through the standstill, and return the time of the dump in s."""
         shift, loaded = self.shift, self._make_body_with_load()
         drawn = self._make_cycle_random_generator("shift_carry_back").exponential(
@@ -293,13 +299,13 @@ class ShiftDriver(MachineDriver):
             body,
         )
 
-    def _take_due_breaks(self) -> None:
+    def _take_breaks_due_after_cycle(self) -> None:
         """Idle, take a break and refuel if due after this cycle."""
         shift, idles = (
             self.shift,
-            make_generator(self.scenario.sensors.seed, 0, len(self.cycles), "shift_idle"),
+            make_random_generator(self.scenario.sensors.seed, 0, len(self.cycles), "shift_idle"),
         )
-        self._burn_fuel()
+        self._subtract_fuel_of_cycle()
         if idles.random() < shift.idle_share:
             self._stand_and_record(
                 "idle", max(float(idles.exponential(shift.idle_s)), LIMITS.min_idle_s)
@@ -311,18 +317,18 @@ class ShiftDriver(MachineDriver):
             self._stand_and_record("refuelling", shift.refuel_s)
             self._burnt_kg = 0.0
 
-    def _burn_fuel(self) -> None:
+    def _subtract_fuel_of_cycle(self) -> None:
         """Subtract the fuel burnt in the cycle; breaks burn none."""
         hours = (self.time_s - self._burnt_until_s) / 3600.0
         self._burnt_until_s = self.time_s
         self._burnt_kg = min(self._burnt_kg + hours * self.shift.fuel_kg_h, self.shift.fuel_tank_kg)
 
-    def _stand_and_record(self, kind: str, duration_s: float) -> None:
+    def _stand_and_record(self, standstill_kind: str, duration_s: float) -> None:
         """Stand for a while, and record it; only idling burns fuel."""
         body, begin_s = self._make_body_with_load(), self.time_s
         self._record_manoeuvre(self.stand_still(duration_s, body.mass_kg), body)
-        self.stands.append(Stand(kind, begin_s, self.time_s))
-        if kind != "idle":
+        self.stands.append(Stand(standstill_kind, begin_s, self.time_s))
+        if standstill_kind != "idle":
             self._burnt_until_s = self.time_s
 
     def _record_boom_angles(self, angles: tuple[float, float], at_s: float) -> None:

@@ -23,8 +23,8 @@ from analysis.simulation.plant.integrated_motion import IntegratedLog
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.simulation_limits import LIMITS
-from analysis.simulation.sensors.random_streams import make_generator
-from analysis.simulation.sensors.recorder import list_recorded_topics, phase_s
+from analysis.simulation.sensors.random_streams import make_random_generator
+from analysis.simulation.sensors.recorder import list_recorded_topics, topic_phase_s
 from analysis.simulation.sensors.sensors import measure_topics
 from analysis.simulation.trials.trial_limits import refuse_undrivable_shift
 from estimators.arrays import Floats
@@ -76,7 +76,7 @@ class ShiftSimulation:
     def simulate_logs(self) -> Iterator[SimulatedLog]:
         """Logs in order, once; the same scenario gives the same logs bit for bit."""
         start_ns = convert_to_whole_ns(self.scenario.log.start_unix_s)
-        planned = _plan_log_spans(self.scenario, self.shift)
+        planned = _plan_spans_of_logs(self.scenario, self.shift)
         heading_rad = 0.0
         for index, span in enumerate(planned):
             is_last = index == len(planned) - 1
@@ -151,7 +151,7 @@ class ShiftSimulation:
             trials=pl.DataFrame(),
             manoeuvres=timeline.make_manoeuvre_table(),
             timeline=timeline,
-            phase_s={topic: phase_s(scenario, topic, index) for topic in topics},
+            phase_s={topic: topic_phase_s(scenario, topic, index) for topic in topics},
             torn_share=span.torn_share,
         )
 
@@ -191,9 +191,9 @@ def subtract_cycle_begins(
     )
 
 
-def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
+def _plan_spans_of_logs(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
     """Spans of the logs, and which are torn."""
-    drawn = make_generator(scenario.sensors.seed, 0, 0, "shift_recorder")
+    drawn = make_random_generator(scenario.sensors.seed, 0, 0, "shift_recorder")
     length_s = shift.duration_h * 3600.0 / shift.logs
     spans: list[LogSpan] = []
     begin_s = 0.0
@@ -203,7 +203,7 @@ def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
         )
         spans.append(LogSpan(begin_s, end_s, 0.0))
         begin_s = end_s + float(drawn.uniform(0.0, shift.restart_s))
-    damage = make_generator(scenario.sensors.seed, 0, 0, "shift_damage")
+    damage = make_random_generator(scenario.sensors.seed, 0, 0, "shift_damage")
     for number in damage.choice(shift.logs, shift.damaged_logs, replace=False).tolist():
         share = shift.damage_share * float(damage.uniform(LIMITS.min_damage_fraction, 1.0))
         spans[number] = spans[number]._replace(torn_share=share)

@@ -17,7 +17,7 @@ from analysis.simulation.motion.timeline import (
     make_timeline_of_repeated_trial,
 )
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.recorder import TOPICS, make_sample_times_ns, phase_s
+from analysis.simulation.sensors.recorder import TOPICS, make_sample_times_ns, topic_phase_s
 from analysis.simulation.sensors.sensors import measure_topics
 from analysis.simulation.trials.solve_trial import solve_motion
 from analysis.simulation.trials.switches import find_key_needing_integration
@@ -101,7 +101,7 @@ def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
             trials=timeline.make_trial_table(scenario.terrain.slope_deg),
             manoeuvres=timeline.make_manoeuvre_table(),
             timeline=timeline,
-            phase_s={topic: phase_s(scenario, topic, index) for topic in TOPICS},
+            phase_s={topic: topic_phase_s(scenario, topic, index) for topic in TOPICS},
         )
         start_ns = timeline.end_ns + convert_to_whole_ns(scenario.log.load_change_s)
 
@@ -112,9 +112,9 @@ def _make_timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int
         return make_timeline_of_repeated_trial(
             scenario, load_kg, solve_motion(scenario, load_kg), start_ns
         )
-    from analysis.simulation.drive.log_drive import integrate_log_trials
+    from analysis.simulation.drive.log_drive import drive_trials_of_log
 
-    whole = integrate_log_trials(scenario, load_kg, index)
+    whole = drive_trials_of_log(scenario, load_kg, index)
     return make_continuous_timeline(
         scenario, whole.trial_s, whole.driven, whole.sample_channels, start_ns
     )

@@ -71,7 +71,7 @@ class RigidBody:
         )
 
     @property
-    def holding_force_and_torque(self) -> tuple[float, float]:
+    def max_holding_force_and_torque(self) -> tuple[float, float]:
         """Largest force and torque that friction holds at standstill."""
         return self.coulomb_x_N + self.rolling_x_N, self.coulomb_z_N_m
 
@@ -85,7 +85,7 @@ class RigidBody:
         """Centre of mass in m to the left of the origin."""
         return self.first_moment_y_kg_m / self.mass_kg
 
-    def slope_force_per_kg(self, heading: Values) -> tuple[Values, Values]:
+    def slope_acceleration_along_and_across(self, heading: Values) -> tuple[Values, Values]:
         """Force of the slope per kilogram along the body's x (ahead) and y (left), in m/s².
 
         Args:
@@ -95,43 +95,51 @@ class RigidBody:
             return self.uphill_m_s2 * math.cos(heading), -self.uphill_m_s2 * math.sin(heading)
         return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)
 
-    def net_drive(self, applied: AxisPair, rate: AxisPair, heading: Values) -> AxisPair:
+    def net_drive(
+        self, applied_force_and_torque: AxisPair, rate: AxisPair, heading: Values
+    ) -> AxisPair:
         """Force and torque that remain for acceleration and Coulomb friction.
 
         Args:
-            applied: F and T, drive minus brakes.
+            applied_force_and_torque: F and T, drive minus brakes.
             rate: v and ω.
             heading: heading in rad.
         """
-        gravity_x, gravity_y = self.slope_force_per_kg(heading)
+        gravity_x, gravity_y = self.slope_acceleration_along_and_across(heading)
         v, omega = rate
         return AxisPair(
-            applied.x
+            applied_force_and_torque.x
             - self.friction_x_N_s_m * v
             - self.mass_kg * gravity_x
             + omega * omega * self.first_moment_x_kg_m,
-            applied.z
+            applied_force_and_torque.z
             - self.friction_z_N_m_s * omega
             - self.first_moment_x_kg_m * (omega * v + gravity_y)
             + self.first_moment_y_kg_m * gravity_x,
         )
 
-    def accelerations(self, net: AxisPair, moves: tuple[bool, bool]) -> AxisPair:
-        """dv/dt and ω̇ under `net` force and torque; 0 for an axis that does not move."""
+    def accelerations(
+        self, net_force_and_torque: AxisPair, moving_axes: tuple[bool, bool]
+    ) -> AxisPair:
+        """dv/dt and ω̇ under `net_force_and_torque`; 0 for an axis that does not move."""
         m, mc_y = self.mass_kg, self.first_moment_y_kg_m
-        if not any(moves):
-            return AxisPair(0.0 * net.x, 0.0 * net.z)
-        if not moves[0]:
-            return AxisPair(0.0 * net.x, net.z / self.inertia_z_kg_m2)
-        if not moves[1]:
-            return AxisPair(net.x / m, 0.0 * net.z)
-        turn = (net.z + mc_y * net.x / m) / (self.inertia_z_kg_m2 - mc_y * mc_y / m)
-        return AxisPair((net.x + mc_y * turn) / m, turn)
+        if not any(moving_axes):
+            return AxisPair(0.0 * net_force_and_torque.x, 0.0 * net_force_and_torque.z)
+        if not moving_axes[0]:
+            return AxisPair(
+                0.0 * net_force_and_torque.x, net_force_and_torque.z / self.inertia_z_kg_m2
+            )
+        if not moving_axes[1]:
+            return AxisPair(net_force_and_torque.x / m, 0.0 * net_force_and_torque.z)
+        turn = (net_force_and_torque.z + mc_y * net_force_and_torque.x / m) / (
+            self.inertia_z_kg_m2 - mc_y * mc_y / m
+        )
+        return AxisPair((net_force_and_torque.x + mc_y * turn) / m, turn)
 
     def required_force_and_torque(
-        self, rate: AxisPair, acceleration: AxisPair, heading: Values, friction: AxisPair
+        self, rate: AxisPair, acceleration: AxisPair, heading: Values, friction_signs: AxisPair
     ) -> AxisPair:
-        """Drive F, T of a motion; `friction` has the sign of Coulomb friction on each axis."""
+        """Drive F, T of a motion; `friction_signs` are those of Coulomb friction on each axis."""
         left = self.net_drive(AxisPair(0.0 * rate.x, 0.0 * rate.z), rate, heading)
         dv, turn = acceleration
         mc_y = self.first_moment_y_kg_m
@@ -139,9 +147,9 @@ class RigidBody:
             self.mass_kg * dv
             - mc_y * turn
             - left.x
-            + self.holding_force_and_torque[0] * friction.x,
+            + self.max_holding_force_and_torque[0] * friction_signs.x,
             self.inertia_z_kg_m2 * turn
             - mc_y * dv
             - left.z
-            + self.holding_force_and_torque[1] * friction.z,
+            + self.max_holding_force_and_torque[1] * friction_signs.z,
         )

@@ -132,7 +132,7 @@ class SolvedMotion:
                 name[inside] = _phase_names(state) if phase.name is None else phase.name
                 rows[:, inside] = np.stack(state)
         state = MotionState(*[rows[i] for i in range(len(rows))])
-        gravity_x, gravity_y = self.body.slope_force_per_kg(state.heading_rad)
+        gravity_x, gravity_y = self.body.slope_acceleration_along_and_across(state.heading_rad)
         seen = self.brake_measured_share
         return Channels(
             phase=name,

@@ -63,7 +63,7 @@ class Timeline:
     sample: Callable[[NDArray[np.int64]], Channels]
     hints: Callable[[NDArray[np.int64]], Hints] | None = None
 
-    def number_trials(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    def assign_trial_numbers(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Trial number at each time, (n,); the rest after the last trial has the next number."""
         found = np.searchsorted(self.trial_ns, time_ns, side="right") - 1
         return np.clip(found, 0, self.trial_ns.size - 1)

@@ -76,10 +76,10 @@ class RowBuffer:
             self._counts = [int(ends[stage]) - first, *self._counts[stage + 1 :]]
         return float(turned.sum())
 
-    def commit_rows(self, count: int, kind: int) -> None:
+    def commit_rows(self, count: int, stage_kind: int) -> None:
         """Commit filled rows, all of one kind of stage."""
         self._size += count
-        self._kinds.append(kind)
+        self._kinds.append(stage_kind)
         self._counts.append(count)
 
 
@@ -139,12 +139,12 @@ class IntegratedLog:
             force_rate_x_N_s=rate[FORCE_RATE],
             slope_rad=slope,
             squat_rad=squat,
-            nose_up_rate_rad_s=squat_rate + terrain.slope_change_rad_m(position) * wheel,
+            nose_up_rate_rad_s=squat_rate + terrain.slope_gradient_rad_m(position) * wheel,
             mass_kg=now[plant.MASS],
         )
 
     def _pitch_and_rate_of_fast_springs(
-        self, mass_kg: Floats, acc: Floats, rate: Floats
+        self, mass_kg: Floats, acceleration: Floats, acceleration_rate: Floats
     ) -> tuple[Floats, Floats]:
         """Pitch of springs that follow at once in rad, and its rate in rad/s, (n,) each."""
         chassis = self.scenario.chassis
@@ -152,8 +152,8 @@ class IntegratedLog:
         standing = math.radians(chassis.pitch_deg_kg)
         load_kg = mass_kg - self.scenario.machine.mass_kg
         gain = math.radians(chassis.squat_deg_s2_m) + by_load * load_kg
-        filling = (by_load * acc + standing) * rate[FILLING]
-        return gain * acc + standing * load_kg, gain * rate[JERK] + filling
+        filling = (by_load * acceleration + standing) * acceleration_rate[FILLING]
+        return gain * acceleration + standing * load_kg, gain * acceleration_rate[JERK] + filling
 
     def _inertia_z(self, mass_kg: Floats) -> Floats:
         machine = self.scenario.machine
@@ -167,18 +167,18 @@ class IntegratedLog:
         return self.heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
 
     def _phase_names(
-        self, row: NDArray[np.int64], speed: Floats, acc: Floats, omega: Floats
+        self, row_before: NDArray[np.int64], speed: Floats, acceleration: Floats, yaw_rate: Floats
     ) -> NDArray[np.str_]:
-        stage = self.stage[row]
-        standing = (self.rows[row, plant.STANDS] > 0.0) | (speed == 0.0)
+        stage = self.stage[row_before]
+        standing = (self.rows[row_before, plant.STANDS] > 0.0) | (speed == 0.0)
         return np.select(
             [
-                (stage == TURNING) & (omega != 0.0),
+                (stage == TURNING) & (yaw_rate != 0.0),
                 standing,
                 stage == OPEN,
                 stage == STEADY,
                 stage == BRAKING,
-                speed * acc >= 0.0,
+                speed * acceleration >= 0.0,
             ],
             ["spinning", "standstill", "accelerating", "cruising", "braking", "accelerating"],
             default="braking",
@@ -186,12 +186,12 @@ class IntegratedLog:
 
 
 @compiled_inline
-def _find_row_before(rows: Floats, time_s: float, known: int) -> int:
+def _find_row_before(rows: Floats, time_s: float, first_candidate: int) -> int:
     """Last row at or before a time, between the first and the last row."""
     most = rows.shape[0] - 2
     least = 0
-    if rows[known, plant.TIME] <= time_s:
-        least = known
+    if rows[first_candidate, plant.TIME] <= time_s:
+        least = first_candidate
         for _ in range(_NEAR):
             if least >= most or rows[least + 1, plant.TIME] > time_s:
                 return least
@@ -206,7 +206,7 @@ def _find_row_before(rows: Floats, time_s: float, known: int) -> int:
 
 
 @compiled_inline
-def _rate_of_interpolated_quantity(row: Floats, column: int) -> float:
+def _differentiate_interpolated_column(row: Floats, column: int) -> float:
     """Rate of an interpolated quantity at a row."""
     if column == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
@@ -216,7 +216,7 @@ def _rate_of_interpolated_quantity(row: Floats, column: int) -> float:
 
 
 @compiled_inline
-def rate_at_row(rows: Floats, row_index: int, column: int) -> float:
+def differentiate_column_at_row(rows: Floats, row_index: int, column: int) -> float:
     """Rate of a value at a row from both sides, without discontinuities."""
     total, known = 0.0, 0.0
     for first in (row_index - 1, row_index):
@@ -224,8 +224,8 @@ def rate_at_row(rows: Floats, row_index: int, column: int) -> float:
             span = rows[first + 1, plant.TIME] - rows[first, plant.TIME]
             if span > 0.0:
                 total += (
-                    _rate_of_interpolated_quantity(rows[first + 1], column)
-                    - _rate_of_interpolated_quantity(rows[first], column)
+                    _differentiate_interpolated_column(rows[first + 1], column)
+                    - _differentiate_interpolated_column(rows[first], column)
                 ) / span
                 known += 1.0
     return total / max(known, 1.0)
@@ -233,16 +233,16 @@ def rate_at_row(rows: Floats, row_index: int, column: int) -> float:
 
 @compiled_without_refcounts
 def interpolate_rows_into(
-    rows: Floats, time_s: Floats, now: Floats, slopes: Floats, last: NDArray[np.int64]
+    rows: Floats, time_s: Floats, out: Floats, slopes: Floats, last: NDArray[np.int64]
 ) -> None:
     """Interpolate rows at times; constant before the first and after the last row.
 
     Args:
         rows: (n, 16) at least two rows from `plant`, times ascending.
         time_s: (m,) times, fastest if ascending.
-        now: (16, m) output: values at each time.
+        out: (16, m) output: values at each time.
         slopes: (4, m) output: at each time, rates of yaw rate, acceleration, ground force without
-            brakes, and mass, as numbered for `_rate_of_interpolated_quantity`.
+            brakes, and mass, as numbered for `_differentiate_interpolated_column`.
         last: (m,) output: row before each time.
     """
     known = 0
@@ -255,7 +255,9 @@ def interpolate_rows_into(
         part = min(max(part, 0.0), 1.0)
         for column in range(plant.COLUMNS):
             low = rows[known, column]
-            now[column, number] = low + (rows[known + 1, column] - low) * part
+            out[column, number] = low + (rows[known + 1, column] - low) * part
         for which in range(SLOPES):
-            low = rate_at_row(rows, known, which)
-            slopes[which, number] = low + (rate_at_row(rows, known + 1, which) - low) * part
+            low = differentiate_column_at_row(rows, known, which)
+            slopes[which, number] = (
+                low + (differentiate_column_at_row(rows, known + 1, which) - low) * part
+            )

@@ -58,9 +58,11 @@ def limit_motor_force(commanded_N: float, speed_m_s: float, plant: Plant) -> flo
 
 
 @compiled_inline
-def compute_command(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
+def compute_force_or_speed_command(
+    time_s: float, stage: DriveStage, wave: Floats, wave_step_s: float
+) -> float:
     """Commanded drive force in N or, for a pedal, the target speed in m/s."""
-    since_s = t - stage.begin_s
+    since_s = time_s - stage.begin_s
     if wave.size:
         place = since_s / wave_step_s
         first = min(max(int(place), 0), wave.size - 2)
@@ -93,11 +95,11 @@ def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
 
 
 @compiled_inline
-def compute_total_mass_kg(t: float, stage: DriveStage) -> float:
+def compute_total_mass_kg(time_s: float, stage: DriveStage) -> float:
     """Mass of machine and load in kg at a time in s; some of it may fall in or off."""
-    mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
+    mass = stage.mass_kg + stage.fill_kg_s * (time_s - stage.begin_s)
     if stage.spill_1_s > 0.0:
-        mass += stage.load_kg * math.expm1(-stage.spill_1_s * (t - stage.begin_s))
+        mass += stage.load_kg * math.expm1(-stage.spill_1_s * (time_s - stage.begin_s))
     return mass
 
 
@@ -177,7 +179,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     out[WHEEL] = wheel_acc
     out[BODY] = body_acc
     out[STRETCH] = wheel - body if soft else 0.0
-    asked, braking = compute_command(t, stage, wave, wave_step_s), stage.brake_N
+    asked, braking = compute_force_or_speed_command(t, stage, wave, wave_step_s), stage.brake_N
     if stage.pedal_N_s_m > 0.0:
         asked, braking = compute_pedal_and_brake_force(asked, wheel, stage)
     out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s

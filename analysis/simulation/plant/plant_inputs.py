@@ -89,7 +89,7 @@ class DriveStage(NamedTuple):
     facing: float = 1.0
 
 
-def make_plant(scenario: Scenario) -> Plant:
+def make_plant_of_scenario(scenario: Scenario) -> Plant:
     """Plant of a scenario."""
     drivetrain, chassis, terrain = scenario.drivetrain, scenario.chassis, scenario.terrain
     rolling = scenario.rolling

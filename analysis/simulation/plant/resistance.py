@@ -11,35 +11,39 @@ _AXLES_APART_M: Final = 1.2
 
 
 @compiled_inline
-def cold_friction_fraction(t: float, warming: float, warming_s: float) -> float:
+def cold_friction_fraction(time_s: float, warming: float, warming_s: float) -> float:
     """Remaining fraction of a cold machine's extra friction at a time."""
     if warming == 0.0:
         return 1.0
-    return 1.0 + warming * math.expm1(-t / warming_s)
+    return 1.0 + warming * math.expm1(-time_s / warming_s)
 
 
 @compiled_inline
-def coulomb_friction_force(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
+def coulomb_friction_force(
+    time_s: float, turn_rad_s: float, plant: Plant, stage: DriveStage
+) -> float:
     """Coulomb friction at a time and yaw rate, in N: its limit at rest, its force in motion."""
-    coulomb_N = stage.coulomb_N * cold_friction_fraction(t, plant.coulomb_warming, plant.warming_s)
+    coulomb_N = stage.coulomb_N * cold_friction_fraction(
+        time_s, plant.coulomb_warming, plant.warming_s
+    )
     capacity = coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
     if stage.release_s > 0.0:
-        since_s = t - stage.release_from_s
+        since_s = time_s - stage.release_from_s
         capacity += stage.release_N * math.exp(-since_s / stage.release_s)
     if stage.digging_N > 0.0:
-        grown = (t - stage.digging_from_s) / stage.digging_s
+        grown = (time_s - stage.digging_from_s) / stage.digging_s
         capacity += stage.digging_N * min(1.0, max(0.0, grown))
     return capacity
 
 
 @compiled_inline
 def gentle_brake_force(
-    t: float, grip: float, mass_kg: float, gravity_m_s2: float, plant: Plant, stage: DriveStage
+    time_s: float, grip: float, mass_kg: float, gravity_m_s2: float, plant: Plant, stage: DriveStage
 ) -> float:
     """Force of unmeasured brakes in N, as an operator adapts it to the slope."""
     if stage.gentle_m_s2 == 0.0 or grip == 0.0:
         return 0.0
-    applied = -math.expm1(-(t - stage.gentle_from_s) / plant.lag_s)
+    applied = -math.expm1(-(time_s - stage.gentle_from_s) / plant.lag_s)
     return applied * mass_kg * (stage.gentle_m_s2 + max(0.0, -grip * gravity_m_s2))
 
 

@@ -70,7 +70,7 @@ class SimulatedDrivetrain(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _check_gears(self) -> Self:
+    def _refuse_inconsistent_gears(self) -> Self:
         shifts, rotating_kg = self.gear_up_m_s, self.gear_rotating_kg
         if (shifts or rotating_kg) and len(rotating_kg) != len(shifts) + 1:
             raise ValueError(
@@ -197,7 +197,7 @@ class SimulatedRolling(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _check_ground(self) -> Self:
+    def _refuse_inconsistent_ground(self) -> Self:
         if self.coefficient + self.second_ground_more < 0.0:
             raise ValueError("'second_ground_more' leaves a coefficient below 0")
         return self

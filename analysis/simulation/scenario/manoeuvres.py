@@ -95,7 +95,7 @@ class Excite(_Manoeuvre):
     torque: TorqueWave | None = Field(default=None, description="waveform of the yaw torque")
 
     @model_validator(mode="after")
-    def _check_waveforms(self) -> Self:
+    def _refuse_missing_waveforms(self) -> Self:
         if self.force is None and self.torque is None:
             raise ValueError("an excitation needs 'force', 'torque' or both")
         return self
@@ -137,7 +137,7 @@ class Travel(_Manoeuvre):
     in_motion: bool = Field(default=False, description="the log begins and ends in motion")
 
     @model_validator(mode="after")
-    def _check_ranges(self) -> Self:
+    def _refuse_reversed_ranges(self) -> Self:
         for least, most in (
             ("speed_least_m_s", "speed_most_m_s"),
             ("hold_least_s", "hold_most_s"),

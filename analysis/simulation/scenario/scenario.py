@@ -73,7 +73,7 @@ class SimulatedStarts(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _check_throttle_range(self) -> Self:
+    def _refuse_reversed_throttle_range(self) -> Self:
         if self.throttle_least > self.throttle_most:
             raise ValueError("'throttle_least' is above 'throttle_most'")
         return self
@@ -113,10 +113,10 @@ class SimulatedLoading(BaseModel):
         "is lost stays lost until the load changes",
     )
 
-    def added_load_kg(self, start: int) -> float:
+    def added_load_kg(self, start_index: int) -> float:
         """The change of the load at a start of the log, counted from 0."""
-        late = 0 < self.change_before_start <= start
-        return self.change_kg * float((self.alternating and start % 2 == 1) != late)
+        late = 0 < self.change_before_start <= start_index
+        return self.change_kg * float((self.alternating and start_index % 2 == 1) != late)
 
 
 class SimulatedMachine(BaseModel):
@@ -264,7 +264,7 @@ class SimulatedCampaign(BaseModel):
 
     @field_validator("loads_kg")
     @classmethod
-    def _check_loads_differ(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
+    def _refuse_equal_loads(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
         if any(not 0 <= load <= 1e6 for load in loads):
             raise ValueError("each load must be between 0 and 1e6 kg")
         if len(set(loads)) < len(loads):
@@ -313,7 +313,7 @@ class SimulatedTerrain(BaseModel):
         phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
         return self.slope_rad + math.radians(self.hills_deg) * np.sin(phase)
 
-    def slope_change_rad_m(self, position_m: Floats) -> Floats:
+    def slope_gradient_rad_m(self, position_m: Floats) -> Floats:
         """How much the slope changes along the way, at (n,) places."""
         phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
         return math.radians(self.hills_deg) * self.hills_rad_m * np.cos(phase)
@@ -345,12 +345,12 @@ class Scenario(BaseModel):
         return self.model_copy(update={"sensors": sensors})
 
     @property
-    def full_force_and_torque(self) -> tuple[float, float]:
+    def full_throttle_force_and_torque(self) -> tuple[float, float]:
         """Full throttle: the force of both sides in N, their torque when they oppose in N·m."""
         full_N = self.campaign.throttle_force_N
         return full_N, full_N * self.machine.track_width_m / 2.0
 
-    def limit_force_and_torque_by_valves(
+    def limit_force_and_torque_to_valves(
         self, force_N: float, torque_N_m: float
     ) -> tuple[float, float]:
         """Force and torque that both valves give for those asked, but for their lag."""

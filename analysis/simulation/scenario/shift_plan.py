@@ -154,7 +154,7 @@ class SimulatedShift(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _check_consistency(self) -> Self:
+    def _refuse_inconsistent_shift(self) -> Self:
         if not self.load_least_kg <= self.load_kg <= self.load_most_kg:
             raise ValueError("'load_kg' is not between 'load_least_kg' and 'load_most_kg'")
         if self.carry_back_most_kg >= self.load_least_kg:

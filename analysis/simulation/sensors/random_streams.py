@@ -77,7 +77,7 @@ _STREAMS: Final = (
 )
 
 
-def make_generator(
+def make_random_generator(
     seed: int, load_index: int, trial_or_start: int, stream: str
 ) -> np.random.Generator:
     """Random generator of a stream in one trial, or at one start, of a log.
@@ -109,27 +109,29 @@ class Streams:
     def draw_white_noise(self, stream: str, std: float) -> Floats:
         """White noise (n,) of standard deviation `std`."""
         return std * np.concatenate(
-            [g.standard_normal(n) for g, n in self._make_generators(stream)]
+            [g.standard_normal(n) for g, n in self._make_generators_and_counts(stream)]
         )
 
-    def draw_drift(self, stream: str, std: float, samples: float) -> Floats:
-        """Stationary first-order Gauss-Markov process (n,), with e-folding after `samples`."""
+    def draw_gauss_markov_drift(
+        self, stream: str, std: float, correlation_samples: float
+    ) -> Floats:
+        """Stationary first-order Gauss-Markov process (n,), e-folding in `correlation_samples`."""
         if not std:
             return np.zeros(self.trial.size)
         from scipy.signal import lfilter
 
-        keeps = math.exp(-1.0 / samples)
+        keeps = math.exp(-1.0 / correlation_samples)
         steps = self.draw_white_noise(stream, std)
         steps[1:] *= math.sqrt(1.0 - keeps * keeps)
         return lfilter([1.0], [1.0, -keeps], steps)
 
-    def draw_uniform(self, stream: str) -> Floats:
+    def draw_uniform_0_to_1_per_sample(self, stream: str) -> Floats:
         """Uniform numbers (n,) between 0 and 1."""
-        return np.concatenate([g.random(n) for g, n in self._make_generators(stream)])
+        return np.concatenate([g.random(n) for g, n in self._make_generators_and_counts(stream)])
 
-    def _make_generators(self, stream: str) -> list[tuple[np.random.Generator, int]]:
+    def _make_generators_and_counts(self, stream: str) -> list[tuple[np.random.Generator, int]]:
         trials, samples = np.unique(self.trial, return_counts=True)
         return [
-            (make_generator(self.seed, self.load_index, int(trial), stream), int(count))
+            (make_random_generator(self.seed, self.load_index, int(trial), stream), int(count))
             for trial, count in zip(trials, samples, strict=True)
         ]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.simulation.motion.timeline import Timeline
 from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.random_streams import Streams, make_generator
+from analysis.simulation.sensors.random_streams import Streams, make_random_generator
 from estimators.arrays import Floats
 
 TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
@@ -21,20 +21,20 @@ def list_recorded_topics(scenario: Scenario) -> tuple[TopicName, ...]:
     return TOPICS if scenario.shift is None else (*TOPICS, *scenario.shift.topics)
 
 
-def rate_hz(scenario: Scenario, topic: TopicName) -> float:
+def topic_rate_hz(scenario: Scenario, topic: TopicName) -> float:
     """Rate of a topic in Hz."""
     if topic == "gnss" and scenario.shift is not None:
         return scenario.shift.gnss_rate_hz
     return scenario.sampling.rate_hz(topic, scenario.sensors.rate_hz)
 
 
-def phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
+def topic_phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
     """Time of a topic's first sample after the begin of a log, in s."""
     asked_s = scenario.sampling.phase_s(topic)
     if asked_s >= 0.0:
         return asked_s
-    drawn = make_generator(scenario.sensors.seed, load_index, 0, f"{topic}_phase").random()
-    return float(drawn) / rate_hz(scenario, topic)
+    drawn = make_random_generator(scenario.sensors.seed, load_index, 0, f"{topic}_phase").random()
+    return float(drawn) / topic_rate_hz(scenario, topic)
 
 
 def make_sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[np.int64]:
@@ -64,11 +64,13 @@ def record_topic(
         readings: columns of readings, (n,) each.
     """
     log = scenario.log
-    latency_s = log.latency_s + log.latency_jitter_s * streams.draw_uniform(f"{topic}_latency")
+    latency_s = log.latency_s + log.latency_jitter_s * streams.draw_uniform_0_to_1_per_sample(
+        f"{topic}_latency"
+    )
     log_time_ns = at_ns + np.rint(latency_s * 1e9).astype(np.int64)
-    keeps = ~mark_dropouts(scenario, at_ns, streams, timeline)
+    keeps = ~mark_dropped_samples(scenario, at_ns, streams, timeline)
     if log.dropout_share:
-        keeps &= streams.draw_uniform(f"{topic}_dropout") >= log.dropout_share
+        keeps &= streams.draw_uniform_0_to_1_per_sample(f"{topic}_dropout") >= log.dropout_share
     frame = pl.DataFrame(
         {
             "header_stamp_ns": stamp_samples_ns(scenario, topic, at_ns, streams, timeline.start_ns),
@@ -79,7 +81,7 @@ def record_topic(
     if not log.swapped_share:
         return frame
     late = swap_messages_with_next(
-        log_time_ns, streams.draw_uniform(f"{topic}_swap") < log.swapped_share
+        log_time_ns, streams.draw_uniform_0_to_1_per_sample(f"{topic}_swap") < log.swapped_share
     )
     return frame.with_columns(log_time_ns=late[keeps]).sort("log_time_ns")
 
@@ -95,7 +97,7 @@ def stamp_samples_ns(
     sampling = scenario.sampling
     ahead_ns = (at_ns - start_ns) * (sampling.clock_ppm(topic) * 1e-6)
     if sampling.stamp_jitter_s:
-        part = 2.0 * streams.draw_uniform(f"{topic}_stamp") - 1.0
+        part = 2.0 * streams.draw_uniform_0_to_1_per_sample(f"{topic}_stamp") - 1.0
         ahead_ns = ahead_ns + part * (sampling.stamp_jitter_s * 1e9)
     return at_ns + np.rint(ahead_ns).astype(np.int64)
 
@@ -112,7 +114,7 @@ def swap_messages_with_next(
     return swapped
 
 
-def mark_dropouts(
+def mark_dropped_samples(
     scenario: Scenario, at_ns: NDArray[np.int64], streams: Streams, timeline: Timeline
 ) -> NDArray[np.bool_]:
     """Mark lost samples (n,): dropouts begin at any sample with equal probability."""
@@ -121,8 +123,10 @@ def mark_dropouts(
         return np.zeros(at_ns.shape, np.bool_)
     # the same stretches in all topics, whatever their rates
     grid_ns = make_sample_times_ns(timeline, rate, 0.0)
-    common = Streams(streams.seed, streams.load_index, timeline.number_trials(grid_ns))
-    begins = common.draw_uniform("blackout") < -math.expm1(-1.0 / rate / log.blackout_every_s)
+    common = Streams(streams.seed, streams.load_index, timeline.assign_trial_numbers(grid_ns))
+    begins = common.draw_uniform_0_to_1_per_sample("blackout") < -math.expm1(
+        -1.0 / rate / log.blackout_every_s
+    )
     begins_ns = np.concatenate([[np.int64(-(2**62))], grid_ns[begins]])
     last_ns = begins_ns[np.searchsorted(begins_ns, at_ns, side="right") - 1]
     return at_ns - last_ns < round(log.blackout_s * 1e9)

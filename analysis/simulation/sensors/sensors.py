@@ -21,12 +21,12 @@ from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import (
     list_recorded_topics,
     make_sample_times_ns,
-    phase_s,
-    rate_hz,
     record_topic,
+    topic_phase_s,
+    topic_rate_hz,
 )
 from estimators.arrays import Floats
-from estimators.numerics.play import follow_with_play
+from estimators.numerics.play import apply_play_hysteresis
 
 _SIDES: Final = (("left", -1.0), ("right", 1.0))
 #: Mean radius of the earth (IUGG).
@@ -50,9 +50,9 @@ def measure_topics(
     """
     frames: dict[str, pl.DataFrame] = {}
     for topic in list_recorded_topics(scenario):
-        phase = phase_s(scenario, topic, load_index)
-        at_ns = make_sample_times_ns(timeline, rate_hz(scenario, topic), phase)
-        streams = Streams(scenario.sensors.seed, load_index, timeline.number_trials(at_ns))
+        phase = topic_phase_s(scenario, topic, load_index)
+        at_ns = make_sample_times_ns(timeline, topic_rate_hz(scenario, topic), phase)
+        streams = Streams(scenario.sensors.seed, load_index, timeline.assign_trial_numbers(at_ns))
         readings = _READERS[topic](scenario, timeline, at_ns, streams)
         if scenario.defects.frozen_topic == topic:
             held = find_repeated_sample_indices(scenario, at_ns - timeline.start_ns)
@@ -78,14 +78,14 @@ def _add_sensor_errors(
 def delay_and_filter_signals(
     timeline: Timeline,
     at_ns: NDArray[np.int64],
-    times_s: tuple[float, float],
+    delay_and_lag_s: tuple[float, float],
     motion_signals: Callable[[Channels, Floats], Mapping[str, Floats]],
 ) -> Mapping[str, Floats]:
-    """Signals (n,) of a motion after a delay and a low-pass (`times_s`).
+    """Signals (n,) of a motion after a delay and a low-pass (`delay_and_lag_s`).
 
     `motion_signals` takes the motion and the position in the log, from 0 to 1.
     """
-    delay_s, lag_s = times_s
+    delay_s, lag_s = delay_and_lag_s
     length_ns = timeline.end_ns - timeline.start_ns
 
     def true_signals_at(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
@@ -108,7 +108,7 @@ def _measure_imu(
         moving = timeline.sample(at_ns).wheel_speed_x_m_s != 0.0
         seconds = (at_ns - timeline.start_ns) * np.float64(1e-9)
         made["specific_force_x_m_s2"] = made["specific_force_x_m_s2"] + np.where(
-            moving, generate_vibration(scenario, seconds, streams), 0.0
+            moving, draw_vibration(scenario, seconds, streams), 0.0
         )
     acc = WhiteNoise(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
     gyro = WhiteNoise(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
@@ -159,13 +159,13 @@ def _compute_true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str,
     }
 
 
-def generate_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
+def draw_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
     """Narrow-band noise (n,): a carrier with two Gauss-Markov amplitudes."""
     defects = scenario.defects
-    samples = rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
+    samples = topic_rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
     turn = 2.0 * math.pi * defects.vibration_hz * seconds
     in_phase, in_quadrature = (
-        streams.draw_drift(f"vibration_{name}", defects.vibration_m_s2, samples)
+        streams.draw_gauss_markov_drift(f"vibration_{name}", defects.vibration_m_s2, samples)
         for name in ("in_phase", "in_quadrature")
     )
     return in_phase * np.cos(turn) + in_quadrature * np.sin(turn)
@@ -188,12 +188,12 @@ def _measure_torque(
     readings: dict[str, Floats] = {}
     for side, _ in _SIDES:
         name = f"torque_{side}_N_m"
-        drift = streams.draw_drift(
+        drift = streams.draw_gauss_markov_drift(
             f"torque_{side}_drift",
             sensors.force_drift_N * lever_m / math.sqrt(2),
-            sensors.force_drift_s * rate_hz(scenario, "torque"),
+            sensors.force_drift_s * topic_rate_hz(scenario, "torque"),
         )
-        follows = follow_with_play(signals[name], play_N_m) if play_N_m else signals[name]
+        follows = apply_play_hysteresis(signals[name], play_N_m) if play_N_m else signals[name]
         reading = _add_sensor_errors(
             follows + drift, streams, name, WhiteNoise(noise, sensors.torque_lsb_N_m)
         )
@@ -202,7 +202,9 @@ def _measure_torque(
     return _swap_sides_if_defective(scenario, "torque_{}_N_m", readings)
 
 
-def compute_true_torques(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
+def compute_true_torques(
+    scenario: Scenario, motion: Channels, log_fraction: Floats
+) -> dict[str, Floats]:
     """Torques (n,) in N·m by (17) and (18) inverted, from force fraction and true radius."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
@@ -211,7 +213,7 @@ def compute_true_torques(scenario: Scenario, motion: Channels, part: Floats) -> 
     load_kg = motion.mass_kg - machine.mass_kg
     lever = (1.0 + machine.wheel_radius_excess) * (1.0 + defects.force_share_1_kg * load_kg)
     lever = lever * (1.0 - defects.force_share_s2_m * motion.acc_x_m_s2)
-    gain = sensors.force_gain * (1.0 + defects.force_gain_drift * part) * lever
+    gain = sensors.force_gain * (1.0 + defects.force_gain_drift * log_fraction) * lever
     return {
         f"torque_{side}_N_m": gain * (force + sign * turning) + sensors.force_bias_N * lever_m / 2
         for side, sign in _SIDES
@@ -317,7 +319,7 @@ def measure_boom(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     """Angles of boom and bucket, positive up, in rad."""
-    hints, noise = _require_hints(timeline, at_ns), _boom_noise_rad(scenario)
+    hints, noise = _require_hints_of_samples(timeline, at_ns), _boom_angle_noise_std_rad(scenario)
     return {
         "boom_rad": hints.boom_rad + streams.draw_white_noise("boom_rad", noise),
         "bucket_rad": hints.bucket_rad + streams.draw_white_noise("bucket_rad", noise),
@@ -336,7 +338,7 @@ def measure_odometry(
         "odometry_yaw", sensors.gyro_noise_rad_s
     )
     return {
-        "position_x_m": _require_hints(timeline, at_ns).position_m,
+        "position_x_m": _require_hints_of_samples(timeline, at_ns).position_m,
         "heading_rad": motion.heading_rad,
         "speed_x_m_s": speed,
         "yaw_rate_rad_s": rate,
@@ -350,7 +352,7 @@ def measure_gnss(
     shift = scenario.shift
     assert shift is not None
     bearing = math.radians(shift.bearing_deg)
-    along = _require_hints(timeline, at_ns).position_m
+    along = _require_hints_of_samples(timeline, at_ns).position_m
     north = along * math.cos(bearing) + streams.draw_white_noise("gnss_north", shift.gnss_noise_m)
     east = along * math.sin(bearing) + streams.draw_white_noise("gnss_east", shift.gnss_noise_m)
     parallel_m = _EARTH_M * math.cos(math.radians(shift.latitude_deg))
@@ -360,12 +362,12 @@ def measure_gnss(
     }
 
 
-def _require_hints(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
+def _require_hints_of_samples(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
     assert timeline.hints is not None
     return timeline.hints(at_ns)
 
 
-def _boom_noise_rad(scenario: Scenario) -> float:
+def _boom_angle_noise_std_rad(scenario: Scenario) -> float:
     assert scenario.shift is not None
     return scenario.shift.boom_noise_rad
 

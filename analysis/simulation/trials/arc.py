@@ -24,8 +24,10 @@ def make_arc_phases_and_times(
     def arc_state(time_s: Floats) -> MotionState:
         up = np.clip((time_s - begin_s) / manoeuvre.ramp_s, 0.0, None)
         down = np.clip((time_s - down_s) / manoeuvre.ramp_s, 0.0, None)
-        level = _interpolate_smooth_step(up) - _interpolate_smooth_step(down)
-        slope = (_smooth_step_rate(up) - _smooth_step_rate(down)) / manoeuvre.ramp_s
+        level = _evaluate_smooth_step(up) - _evaluate_smooth_step(down)
+        slope = (
+            _differentiate_smooth_step(up) - _differentiate_smooth_step(down)
+        ) / manoeuvre.ramp_s
         turned = (
             manoeuvre.yaw_rate_rad_s
             * manoeuvre.ramp_s
@@ -36,7 +38,9 @@ def make_arc_phases_and_times(
         heading = heading_rad + turned
         sign = AxisPair(np.sign(rate.x), np.sign(rate.z))
         total = body.required_force_and_torque(rate, acceleration, heading, sign)
-        drive = AxisPair(_keep_driven_part(total.x, rate.x), _keep_driven_part(total.z, rate.z))
+        drive = AxisPair(
+            _zero_force_against_motion(total.x, rate.x), _zero_force_against_motion(total.z, rate.z)
+        )
         values: list[Values] = [
             rate.x,
             acceleration.x,
@@ -59,17 +63,17 @@ def make_arc_phases_and_times(
     return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
 
 
-def _keep_driven_part(total: Values, rate: Values) -> Values:
+def _zero_force_against_motion(force_or_torque: Values, rate: Values) -> Values:
     """The part of a ramp in which force and rate have one sign."""
-    return np.where(total * rate >= 0.0, total, 0.0)
+    return np.where(force_or_torque * rate >= 0.0, force_or_torque, 0.0)
 
 
-def _interpolate_smooth_step(fraction: Floats) -> Floats:
+def _evaluate_smooth_step(fraction: Floats) -> Floats:
     fraction = np.minimum(fraction, 1.0)
     return fraction**3 * (10.0 + fraction * (6.0 * fraction - 15.0))
 
 
-def _smooth_step_rate(fraction: Floats) -> Floats:
+def _differentiate_smooth_step(fraction: Floats) -> Floats:
     fraction = np.minimum(fraction, 1.0)
     return 30.0 * fraction**2 * (1.0 - fraction) ** 2
 

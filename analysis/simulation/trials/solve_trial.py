@@ -59,7 +59,7 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
     phases = [trial.stand_at_heading(-math.inf, 0.0, heading_rad=0.0)]
     windows: list[ManoeuvreTimes] = []
     for manoeuvre in scenario.campaign.trial:
-        parts, window = trial.solve(manoeuvre, phases[-1].end_s, _end_heading_rad(phases))
+        parts, window = trial.solve_manoeuvre(manoeuvre, phases[-1].end_s, _end_heading_rad(phases))
         phases.extend(parts)
         windows.append(window)
     phases.append(trial.stand_at_heading(phases[-1].end_s, math.inf, _end_heading_rad(phases)))
@@ -76,7 +76,7 @@ class _Trial:
     scenario: Scenario
     body: RigidBody
 
-    def solve(
+    def solve_manoeuvre(
         self, manoeuvre: Manoeuvre, begin_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Consecutive phases of one manoeuvre that begins at standstill with a heading."""
@@ -115,9 +115,9 @@ class _Trial:
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Open the throttle until `steady_s`, keep the speed or yaw rate, brake."""
         campaign = self.scenario.campaign
-        full = self.scenario.full_force_and_torque[axis] * campaign.drive_fraction_at_throttle(
-            manoeuvre.throttle
-        )
+        full = self.scenario.full_throttle_force_and_torque[
+            axis
+        ] * campaign.drive_fraction_at_throttle(manoeuvre.throttle)
         lag_s = campaign.valve_lag_s
         steady_s = begin_s + manoeuvre.start_s
         braking_s = steady_s + manoeuvre.cruise_s
@@ -125,20 +125,29 @@ class _Trial:
         machine = DrivenMotion(self.body, lag_s, (axis == 0, axis == 1))
 
         stalled, state = self._solve_stall_until_breakaway(axis, sign, full, begin_s, heading_rad)
-        asked = Commands(_make_constant_drive(axis, sign * full))
-        opened, state = machine.follow_until(names[0], stalled.end_s, steady_s, state, asked)
+        asked = Commands(_make_constant_drive_command(axis, sign * full))
+        opened, state = machine.follow_commands_until(
+            names[0], stalled.end_s, steady_s, state, asked
+        )
         signs = AxisPair(sign, 0.0) if axis == 0 else AxisPair(0.0, sign)
         rate = AxisPair(float(state[0]), float(state[3]))
         keeping = self.body.required_force_and_torque(rate, _STILL, float(state[6]), signs)[axis]
-        asked = Commands(_make_constant_drive(axis, float(keeping)))
-        kept, state = machine.follow_until(names[1], steady_s, braking_s, state, asked)
-        braked = machine.follow_until_rest(names[2], braking_s, state, self._brake_commands(state))
+        asked = Commands(_make_constant_drive_command(axis, float(keeping)))
+        kept, state = machine.follow_commands_until(names[1], steady_s, braking_s, state, asked)
+        braked = machine.follow_commands_until_rest(
+            names[2], braking_s, state, self._brake_commands(state)
+        )
         phases = [stalled, *opened, *kept, *braked]
         kind = manoeuvre.kind
         return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
 
     def _solve_stall_until_breakaway(
-        self, axis: int, sign: float, full: float, begin_s: float, heading_rad: float
+        self,
+        axis: int,
+        sign: float,
+        full_force_or_torque: float,
+        begin_s: float,
+        heading_rad: float,
     ) -> tuple[MotionPhase, Floats]:
         """Phase in which the throttle opens until the drive overcomes slope and friction.
 
@@ -146,12 +155,14 @@ class _Trial:
         """
         hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
         against = sign * float(hold[axis])
-        coulomb = self.body.holding_force_and_torque[axis]
+        coulomb = self.body.max_holding_force_and_torque[axis]
         lag_s = self.scenario.campaign.valve_lag_s
-        breakaway_s = begin_s - lag_s * math.log1p(-max((coulomb + against) / full, 0.0))
+        breakaway_s = begin_s - lag_s * math.log1p(
+            -max((coulomb + against) / full_force_or_torque, 0.0)
+        )
 
         def opening_drive(time_s: Floats) -> Floats:
-            return full * -np.expm1(-(time_s - begin_s) / lag_s)
+            return full_force_or_torque * -np.expm1(-(time_s - begin_s) / lag_s)
 
         def stalled_state(time_s: Floats) -> MotionState:
             zero, opening = np.zeros_like(time_s), opening_drive(time_s)
@@ -177,7 +188,7 @@ class _Trial:
 
         def waveform_drive(time_s: float) -> tuple[float, float]:
             since = float(time_s - begin_s)
-            return self.scenario.limit_force_and_torque_by_valves(
+            return self.scenario.limit_force_and_torque_to_valves(
                 force(since) if force else 0.0, torque(since) if torque else 0.0
             )
 
@@ -188,8 +199,10 @@ class _Trial:
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
         )
         asked = Commands(waveform_drive, kinks_s=kinks)
-        driven, state = machine.follow_until(None, begin_s, end_s, state, asked)
-        braked = machine.follow_until_rest("braking", end_s, state, self._brake_commands(state))
+        driven, state = machine.follow_commands_until(None, begin_s, end_s, state, asked)
+        braked = machine.follow_commands_until_rest(
+            "braking", end_s, state, self._brake_commands(state)
+        )
         phases = [*driven, *braked]
         return phases, ManoeuvreTimes("excite", begin_s, begin_s, None, end_s, phases[-1].end_s)
 
@@ -198,7 +211,7 @@ class _Trial:
         braking = self.scenario.campaign.braking_m_s2
         spin = braking / (self.scenario.machine.track_width_m / 2.0)
         return Commands(
-            _make_constant_drive(0, 0.0),
+            _make_constant_drive_command(0, 0.0),
             brake=(
                 float(np.sign(state[0])) * (self.body.mass_kg * braking),
                 float(np.sign(state[3])) * (self.body.inertia_z_kg_m2 * spin),
@@ -206,7 +219,7 @@ class _Trial:
         )
 
 
-def _make_constant_drive(axis: int, value: float) -> Callable[[float], tuple[float, float]]:
+def _make_constant_drive_command(axis: int, value: float) -> Callable[[float], tuple[float, float]]:
     pair = (value, 0.0) if axis == 0 else (0.0, value)
 
     def commanded_drive(_time_s: float) -> tuple[float, float]:
@@ -223,7 +236,7 @@ class DrivenMotion:
     valve_lag_s: float
     free: tuple[bool, bool]
 
-    def follow_until(
+    def follow_commands_until(
         self, name: str | None, start_s: float, end_s: float, state: Floats, commands: Commands
     ) -> tuple[list[MotionPhase], Floats]:
         """Follow the commands until `end_s`.
@@ -245,27 +258,29 @@ class DrivenMotion:
         machine = self._find_consistent_stiction(state, self.free)
         for stage_s in [*(k for k in sorted(commands.kinks_s) if start_s < k < end_s), end_s]:
             while start_s < stage_s:
-                phase, state, changed = machine.integrate(name, start_s, stage_s, state, commands)
+                phase, state, changed = machine.integrate_until_grip_changes(
+                    name, start_s, stage_s, state, commands
+                )
                 phases.append(phase)
                 start_s = phase.end_s
                 if changed:
-                    _check_progress(phases)
+                    _refuse_endless_stick_slip(phases)
                     state[[RATES[axis] for axis in changed]] = 0.0
                     loose = [axis for axis in changed if machine.grip[axis] is None]
                     machine = self._find_consistent_stiction(state, self.free, loose)
         return phases, state
 
-    def follow_until_rest(
+    def follow_commands_until_rest(
         self, name: str | None, start_s: float, state: Floats, commands: Commands
     ) -> list[MotionPhase]:
         """Follow the commands from `state` (7,) until both axes stand."""
         phases: list[MotionPhase] = []
         moving = [axis for axis in (0, 1) if self.free[axis] and state[RATES[axis]] != 0.0]
         while moving:
-            machine = self._find_consistent_stiction(state, free=(0 in moving, 1 in moving))
+            machine = self._find_consistent_stiction(state, free_axes=(0 in moving, 1 in moving))
             last_s = start_s + LIMITS.trial_max_stop_s
-            phase, state, stood = machine.integrate(
-                name, start_s, last_s, state, commands, stop=True
+            phase, state, stood = machine.integrate_until_grip_changes(
+                name, start_s, last_s, state, commands, stops_at_rest=True
             )
             phases.append(phase)
             start_s = phase.end_s
@@ -274,26 +289,26 @@ class DrivenMotion:
         return phases
 
     def _find_consistent_stiction(
-        self, state: Floats, free: tuple[bool, bool], loose: Sequence[int] = ()
+        self, state: Floats, free_axes: tuple[bool, bool], released_axes: Sequence[int] = ()
     ) -> Stiction:
-        """Grip of friction in `state`, just after it has released the `loose` axes."""
+        """Grip of friction in `state`, just after it has released the `released_axes` axes."""
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
             rate = float(state[RATES[axis]])
             if (
-                not free[axis]
+                not free_axes[axis]
                 or rate != 0.0
-                or self.body.holding_force_and_torque[axis] <= LIMITS.min_grip
+                or self.body.max_holding_force_and_torque[axis] <= LIMITS.min_grip
             ):
                 choices.append((float(np.sign(rate)),))
             else:
-                choices.append((1.0, -1.0) if axis in loose else (None, 1.0, -1.0))
+                choices.append((1.0, -1.0) if axis in released_axes else (None, 1.0, -1.0))
         grips = product(choices[0], choices[1])
-        machines = [Stiction(self.body, self.valve_lag_s, free, grip) for grip in grips]
+        machines = [Stiction(self.body, self.valve_lag_s, free_axes, grip) for grip in grips]
         return min(machines, key=lambda machine: machine.grip_inconsistency(state))
 
 
-def _check_progress(phases: Sequence[MotionPhase]) -> None:
+def _refuse_endless_stick_slip(phases: Sequence[MotionPhase]) -> None:
     """Raise an error if friction sticks and slips without advancing."""
     recent = phases[-LIMITS.max_changes_at_once :]
     if len(recent) == LIMITS.max_changes_at_once and recent[-1].end_s - recent[0].start_s < 1e-9:

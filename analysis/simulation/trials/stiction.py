@@ -52,16 +52,16 @@ class Stiction:
         body, grip = self.body, self.grip
         net_x, net_z = body.net_drive(applied, AxisPair(v, omega), heading)
         return AxisPair(
-            net_x - body.holding_force_and_torque[0] * (grip[0] or 0.0),
-            net_z - body.holding_force_and_torque[1] * (grip[1] or 0.0),
+            net_x - body.max_holding_force_and_torque[0] * (grip[0] or 0.0),
+            net_z - body.max_holding_force_and_torque[1] * (grip[1] or 0.0),
         )
 
-    def accelerations(self, net: AxisPair) -> AxisPair:
+    def accelerations(self, net_force_and_torque: AxisPair) -> AxisPair:
         """dv/dt and ω̇ of the axes that are free and not held."""
-        return self.body.accelerations(net, self._moves_freely)
+        return self.body.accelerations(net_force_and_torque, self._are_axes_free)
 
     @property
-    def _moves_freely(self) -> tuple[bool, bool]:
+    def _are_axes_free(self) -> tuple[bool, bool]:
         x, z = (self.free[axis] and self.grip[axis] is not None for axis in (0, 1))
         return x, z
 
@@ -87,12 +87,12 @@ class Stiction:
         for axis in (0, 1):
             sign = self.grip[axis]
             if sign is None:
-                wrong += max(abs(pull[axis]) - self.body.holding_force_and_torque[axis], 0.0)
+                wrong += max(abs(pull[axis]) - self.body.max_holding_force_and_torque[axis], 0.0)
             elif state[RATES[axis]] == 0.0:
                 wrong += max(-sign * float(acceleration[axis]) * inertia[axis], 0.0)
         return wrong
 
-    def integrate(
+    def integrate_until_grip_changes(
         self,
         name: str | None,
         start_s: float,
@@ -100,13 +100,13 @@ class Stiction:
         state: Floats,
         commands: Commands,
         *,
-        stop: bool = False,
+        stops_at_rest: bool = False,
     ) -> tuple[MotionPhase, Floats, list[int]]:
         """Integrate from `state` (7,) to `end_s` or the first change of grip.
 
         Returns:
             The phase, the last state, and the axes (0, 1) on which friction releases or the motion
-            ends (with Coulomb friction, or if `stop`).
+            ends (with Coulomb friction, or if `stops_at_rest`).
         """
         from scipy.integrate import solve_ivp
 
@@ -122,7 +122,7 @@ class Stiction:
             axis
             for axis in (0, 1)
             if self.free[axis]
-            and (stop or self.body.holding_force_and_torque[axis] > LIMITS.min_grip)
+            and (stops_at_rest or self.body.max_holding_force_and_torque[axis] > LIMITS.min_grip)
         ]
         solution = solve_ivp(
             self._make_state_rates(state, commands),
@@ -152,7 +152,7 @@ class Stiction:
         still: list[float] = state.tolist()
         lag_s, (brake_x, brake_z) = self.valve_lag_s, commands.brake
         free_x, free_z = self.free
-        moves = self._moves_freely
+        moves = self._are_axes_free
         net_of, accelerations, drive = (
             self.net_force_and_torque,
             self.body.accelerations,
@@ -176,10 +176,12 @@ class Stiction:
         return state_rates
 
     def _make_state_function(
-        self, full: Callable[[Floats], Floats], solved: Callable[[Floats], Floats]
+        self, full_state: Callable[[Floats], Floats], solution: Callable[[Floats], Floats]
     ) -> Callable[[Floats], MotionState]:
         def states_at(time_s: Floats) -> MotionState:
-            v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full(solved(time_s))
+            v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full_state(
+                solution(time_s)
+            )
             acceleration = self.accelerations(self.net_force_and_torque(whole))
             kept = self.body.required_force_and_torque(
                 AxisPair(v, omega), acceleration, heading, AxisPair(0.0, 0.0)
@@ -209,6 +211,6 @@ class _GripChange:
         if machine.grip[axis] is None:
             return (
                 abs(machine.holding_force_required(state)[axis])
-                - machine.body.holding_force_and_torque[axis]
+                - machine.body.max_holding_force_and_torque[axis]
             )
         return float(state[RATES[axis]])

@@ -13,7 +13,7 @@ from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.simulation_limits import LIMITS
-from analysis.simulation.sensors.recorder import list_recorded_topics, rate_hz
+from analysis.simulation.sensors.recorder import list_recorded_topics, topic_rate_hz
 from analysis.simulation.trials.arc import make_arc_phases_and_times
 from analysis.simulation.trials.switches import refuse_settings_without_plant_support
 from estimators.errors import ScenarioError
@@ -36,7 +36,7 @@ def refuse_undrivable_scenario(scenario: Scenario, loads_kg: Sequence[float]) ->
     refuse_settings_without_plant_support(scenario)
     if (
         scenario.log.latency_jitter_s
-        * max(rate_hz(scenario, topic) for topic in list_recorded_topics(scenario))
+        * max(topic_rate_hz(scenario, topic) for topic in list_recorded_topics(scenario))
         >= 1
     ):
         raise ScenarioError(
@@ -66,7 +66,7 @@ def refuse_undrivable_scenario(scenario: Scenario, loads_kg: Sequence[float]) ->
     )
     for number, manoeuvre in enumerate(trial):
         key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
-        limits.check(manoeuvre, key)
+        limits.refuse_undrivable_manoeuvre(manoeuvre, key)
 
 
 def _list_loads_after_changes_kg(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
@@ -103,18 +103,18 @@ class _TrialLimits:
     #: Whether the trial turns, so that the slope may come from anywhere.
     turns: bool
 
-    def check(self, manoeuvre: Manoeuvre, key: str) -> None:
+    def refuse_undrivable_manoeuvre(self, manoeuvre: Manoeuvre, scenario_key: str) -> None:
         match manoeuvre:
             case Start():
-                self._check_start(manoeuvre, key)
+                self._refuse_undrivable_start(manoeuvre, scenario_key)
             case Spin():
-                self._check_spin(manoeuvre, key)
+                self._refuse_undrivable_spin(manoeuvre, scenario_key)
             case Excite():
-                self._check_excite(manoeuvre, key)
+                self._refuse_undrivable_excitation(manoeuvre, scenario_key)
             case Arc():
-                self._check_arc(manoeuvre, key)
+                self._refuse_undrivable_arc(manoeuvre, scenario_key)
             case Travel():
-                self._check_travel(manoeuvre, key)
+                self._refuse_undrivable_travel(manoeuvre, scenario_key)
             case _:
                 pass
 
@@ -132,7 +132,7 @@ class _TrialLimits:
         uphill = self.heaviest.uphill_m_s2
         return -abs(uphill) if self.turns else sign * uphill
 
-    def _check_start(self, start: Start, scenario_key: str) -> None:
+    def _refuse_undrivable_start(self, start: Start, scenario_key: str) -> None:
         campaign = self.scenario.campaign
         sign = 1.0 if start.direction == "forward" else -1.0
         along = sign * self.heaviest.uphill_m_s2
@@ -161,15 +161,15 @@ class _TrialLimits:
                 f"{scenario_key or 'campaign.throttle_force_N'}: drives the machine beyond "
                 f"{LIMITS.top_speed_m_s:g} m/s in {scenario_key or 'campaign'}.start_s"
             )
-        self._refuse_too_weak_brakes(downhill)
+        self._refuse_brakes_weaker_than_slope(downhill)
 
-    def _check_spin(self, spin: Spin, scenario_key: str) -> None:
+    def _refuse_undrivable_spin(self, spin: Spin, scenario_key: str) -> None:
         campaign = self.scenario.campaign
-        full_N_m = self.scenario.full_force_and_torque[1] * campaign.drive_fraction_at_throttle(
-            spin.throttle
-        )
+        full_N_m = self.scenario.full_throttle_force_and_torque[
+            1
+        ] * campaign.drive_fraction_at_throttle(spin.throttle)
         reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
-        resistance_N_m = self.heaviest.coulomb_z_N_m + self._largest_slope_torque()
+        resistance_N_m = self.heaviest.coulomb_z_N_m + self._largest_slope_torque_newton_metres()
         if reached_N_m <= resistance_N_m:
             raise ScenarioError(
                 f"{scenario_key}: reaches {reached_N_m:.0f} N·m in start_s, "
@@ -181,27 +181,27 @@ class _TrialLimits:
             raise ScenarioError(
                 f"{scenario_key}: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s in start_s"
             )
-        self._refuse_too_weak_brakes(0.0)
+        self._refuse_brakes_weaker_than_slope(0.0)
 
-    def _check_excite(self, excite: Excite, scenario_key: str) -> None:
-        light, force, torque = self.lightest, excite.force, excite.torque
+    def _refuse_undrivable_excitation(self, excitation: Excite, scenario_key: str) -> None:
+        light, force, torque = self.lightest, excitation.force, excitation.torque
         highest_N = max(map(abs, force.range)) if force else 0.0
         highest_N_m = max(map(abs, torque.range)) if torque else 0.0
-        self._check_full_throttle(highest_N, highest_N_m, scenario_key)
+        self._refuse_beyond_full_throttle(highest_N, highest_N_m, scenario_key)
         push_N = highest_N + light.mass_kg * abs(light.uphill_m_s2)
-        slow = max(light.friction_x_N_s_m, light.mass_kg / excite.duration_s)
+        slow = max(light.friction_x_N_s_m, light.mass_kg / excitation.duration_s)
         if force and push_N > LIMITS.top_speed_m_s * slow:
             raise ScenarioError(
                 f"{scenario_key}.force: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
             )
-        slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excite.duration_s)
+        slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excitation.duration_s)
         if highest_N_m > LIMITS.top_yaw_rate_rad_s * slow:
             raise ScenarioError(
                 f"{scenario_key}.torque: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s"
             )
-        self._refuse_too_weak_brakes(-abs(light.uphill_m_s2))
+        self._refuse_brakes_weaker_than_slope(-abs(light.uphill_m_s2))
 
-    def _check_travel(self, travel: Travel, scenario_key: str) -> None:
+    def _refuse_undrivable_travel(self, travel: Travel, scenario_key: str) -> None:
         campaign = self.scenario.campaign
         if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
             raise ScenarioError(
@@ -210,28 +210,32 @@ class _TrialLimits:
                 "remove the other [[campaign.trial]] entries and set campaign.runs = 1 and "
                 "campaign.rest_s = 0"
             )
-        self._refuse_too_weak_brakes(-abs(self.lightest.uphill_m_s2))
+        self._refuse_brakes_weaker_than_slope(-abs(self.lightest.uphill_m_s2))
 
-    def _check_arc(self, arc: Arc, scenario_key: str) -> None:
+    def _refuse_undrivable_arc(self, arc: Arc, scenario_key: str) -> None:
         time_s = np.linspace(0.0, arc.ramp_s * 2.0 + arc.duration_s, 200)
         for body in (self.lightest, self.heaviest):
             state = make_arc_phases_and_times(body, arc, 0.0, 0.0)[0][0].state(time_s)
             sides = np.maximum(abs(state.drive_x) / 2, abs(state.brake_x) / 2)
             torque = np.maximum(abs(state.drive_z), abs(state.brake_z))
             worst = int(np.argmax(sides + torque / self.scenario.machine.track_width_m))
-            self._check_full_throttle(2.0 * float(sides[worst]), float(torque[worst]), scenario_key)
+            self._refuse_beyond_full_throttle(
+                2.0 * float(sides[worst]), float(torque[worst]), scenario_key
+            )
 
-    def _check_full_throttle(self, force_N: float, torque_N_m: float, key: str) -> None:
+    def _refuse_beyond_full_throttle(
+        self, force_N: float, torque_N_m: float, scenario_key: str
+    ) -> None:
         """Raise an error if a side exceeds full throttle with its part of force and torque."""
         side_N = force_N / 2.0 + torque_N_m / self.scenario.machine.track_width_m
         full_N = self.scenario.campaign.throttle_force_N / 2.0
         if side_N > full_N * (1.0 + 1e-9):
             raise ScenarioError(
-                f"{key}: asks for {side_N:.0f} N on one side, more than full throttle gives, "
-                f"{full_N:.0f} N; ask for less, or raise campaign.throttle_force_N"
+                f"{scenario_key}: asks for {side_N:.0f} N on one side, more than full throttle "
+                f"gives, {full_N:.0f} N; ask for less, or raise campaign.throttle_force_N"
             )
 
-    def _refuse_too_weak_brakes(self, downhill_acceleration_m_s2: float) -> None:
+    def _refuse_brakes_weaker_than_slope(self, downhill_acceleration_m_s2: float) -> None:
         braking = self.scenario.campaign.braking_m_s2
         if braking + downhill_acceleration_m_s2 < LIMITS.min_braking_m_s2:
             raise ScenarioError(
@@ -239,12 +243,12 @@ class _TrialLimits:
                 f"give at least {LIMITS.min_braking_m_s2 - downhill_acceleration_m_s2:.2f}"
             )
         spin_N_m = (braking - LIMITS.min_braking_m_s2) * 2.0 / self.scenario.machine.track_width_m
-        if self.lightest.inertia_z_kg_m2 * spin_N_m < self._largest_slope_torque():
+        if self.lightest.inertia_z_kg_m2 * spin_N_m < self._largest_slope_torque_newton_metres():
             raise ScenarioError(
                 f"campaign.braking_m_s2: {braking:g} does not stop a spin on this slope"
             )
 
-    def _largest_slope_torque(self) -> float:
+    def _largest_slope_torque_newton_metres(self) -> float:
         """Largest torque of the slope about the origin, in N·m."""
         if not self.turns:
             return 0.0
@@ -278,10 +282,10 @@ def refuse_undrivable_shift(scenario: Scenario, shift: SimulatedShift) -> None:
         + machine.coulomb_z_N_m
         + machine.inertia_z_kg_m2 * rate**2 / 2.0
     )
-    if needed_N_m > scenario.full_force_and_torque[1]:
+    if needed_N_m > scenario.full_throttle_force_and_torque[1]:
         raise ScenarioError(
             f"shift.turn_rad_s: takes up to {needed_N_m:.0f} N·m, more than full throttle gives, "
-            f"{scenario.full_force_and_torque[1]:.0f} N·m; turn slower"
+            f"{scenario.full_throttle_force_and_torque[1]:.0f} N·m; turn slower"
         )
     both = tuple(
         Start(direction=direction, throttle=scenario.starts.throttle_least)

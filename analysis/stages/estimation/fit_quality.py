@@ -1,5 +1,7 @@
 """Numbers for the verdict: how well the ungated samples of an axis fit its model."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from analysis.stages.stage_limits import LIMITS
@@ -7,40 +9,52 @@ from estimators.arrays import Bools, Floats
 from estimators.methods import pooled
 
 
-def has_enough_samples(A: Floats, moving: Bools) -> bool:
+class UngatedFit(NamedTuple):
+    """A fit over every moving sample: first parameter, its standard deviation and R²."""
+
+    value: float
+    std: float
+    r_squared: float
+
+
+def has_enough_moving_samples(A: Floats, moving: Bools) -> bool:
     """Whether enough samples move for a decision."""
     return bool(moving.sum() >= LIMITS.samples_per_parameter * A.shape[1])
 
 
-def fit_ungated(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, float]:
+def fit_ungated(A: Floats, f: Floats, is_moving: Bools) -> UngatedFit:
     """First parameter, its standard deviation and R² of a fit over every moving sample."""
-    if not has_enough_samples(A, moving):
-        return float("nan"), float("nan"), float("nan")
-    traced = pooled.trace(A, f, np.where(moving, 0, -1))
-    residual = f[moving] - A[moving] @ traced.theta[0]
-    total = float(((f[moving] - f[moving].mean()) ** 2).sum())
+    if not has_enough_moving_samples(A, is_moving):
+        return UngatedFit(float("nan"), float("nan"), float("nan"))
+    traced = pooled.trace(A, f, np.where(is_moving, 0, -1))
+    residual = f[is_moving] - A[is_moving] @ traced.theta[0]
+    total = float(((f[is_moving] - f[is_moving].mean()) ** 2).sum())
     r_squared = 1.0 - float(residual @ residual) / total if total > 0 else float("nan")
-    return float(traced.theta[0, 0]), float(traced.std[0, 0]), r_squared
+    return UngatedFit(float(traced.theta[0, 0]), float(traced.std[0, 0]), r_squared)
 
 
-def partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
+def partial_correlation(A: Floats, f: Floats, is_moving: Bools) -> float:
     """Correlation of a and F after regressing both on the other columns and a constant."""
-    if not has_enough_samples(A, moving):
+    if not has_enough_moving_samples(A, is_moving):
         return float("nan")
-    others = np.column_stack([A[moving, 1:], np.ones(int(moving.sum()))])
-    both = np.column_stack([A[moving, 0], f[moving]])
+    others = np.column_stack([A[is_moving, 1:], np.ones(int(is_moving.sum()))])
+    both = np.column_stack([A[is_moving, 0], f[is_moving]])
     rest = both - others @ np.linalg.lstsq(others, both, rcond=None)[0]
     norms = np.sqrt((rest**2).sum(axis=0))
     return float(rest[:, 0] @ rest[:, 1] / norms.prod()) if norms.all() else float("nan")
 
 
-def force_fraction_along_motion(speed: Floats, f: Floats, samples: Bools) -> float:
+def force_fraction_along_motion(speed: Floats, f: Floats, chosen_samples: Bools) -> float:
     """Fraction of the samples whose force acts along the motion."""
-    return float((speed[samples] * f[samples] >= 0).mean()) if samples.any() else float("nan")
+    return (
+        float((speed[chosen_samples] * f[chosen_samples] >= 0).mean())
+        if chosen_samples.any()
+        else float("nan")
+    )
 
 
 def force_fraction_against_motion(
-    A: Floats, f: Floats, braking: Bools, is_speeding_up: Bools, raw_force: Floats | None = None
+    A: Floats, f: Floats, is_braking: Bools, is_speeding_up: Bools, raw_force: Floats | None = None
 ) -> float:
     """Fraction of the samples braked by the drive whose force opposes the motion.
 
@@ -53,7 +67,7 @@ def force_fraction_against_motion(
     Args:
         A: (n, 2) acceleration and speed of an axis.
         f: (n,) force or torque.
-        braking: (n,) samples that slow down.
+        is_braking: (n,) samples that slow down.
         is_speeding_up: (n,) samples that speed up.
         raw_force: (n,) the same force before it was filtered, whose sign is judged; None judges
             `f`.
@@ -62,16 +76,16 @@ def force_fraction_against_motion(
         The fraction; NaN where the drive does not brake or no sensor sees it.
     """
     judged = f if raw_force is None else raw_force
-    if not has_enough_samples(A, is_speeding_up):
-        return 1.0 - force_fraction_along_motion(A[:, 1], judged, braking)
+    if not has_enough_moving_samples(A, is_speeding_up):
+        return 1.0 - force_fraction_along_motion(A[:, 1], judged, is_braking)
     own = f[is_speeding_up]
     expected = A @ np.linalg.lstsq(A[is_speeding_up], own, rcond=None)[0]
     least = LIMITS.signed_force_fraction * float(np.quantile(np.abs(own), 0.95))
-    braked = braking
+    braked = is_braking
     if float(np.var(own - expected[is_speeding_up])) < LIMITS.explained_variance_fraction * float(
         np.var(own)
     ):
-        braked = braking & (-np.sign(A[:, 1]) * expected > least)
+        braked = is_braking & (-np.sign(A[:, 1]) * expected > least)
     seen = braked & (np.abs(judged) > least)
     if np.count_nonzero(seen) <= LIMITS.signed_braking_fraction * np.count_nonzero(braked):
         return float("nan")

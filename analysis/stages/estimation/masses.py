@@ -10,11 +10,11 @@ from analysis.model.axes import (
     Axis,
     X,
     Z,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     make_parameter_columns,
     make_regressor_and_force,
     read_parameters_and_stds,
-    select_rows_of_axis,
+    select_estimate_rows_of_axis,
 )
 from analysis.model.machine import Machine
 from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
@@ -22,11 +22,14 @@ from analysis.model.schema import build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
 from analysis.model.windows import find_flagged_runs
-from analysis.stages.gating.gate import mark_samples_to_pool
+from analysis.stages.gating.gate import mark_samples_for_pooling
 from analysis.stages.motion.phases import TURNS
-from analysis.stages.noise.column_noise import collect_axis_noise, compute_attenuation_errors
+from analysis.stages.noise.column_noise import (
+    collect_axis_noise,
+    estimate_attenuation_errors_of_windows,
+)
 from estimators.arrays import Floats
-from estimators.methods.ls import average_estimates
+from estimators.methods.ls import average_window_estimates_and_stds
 
 
 def summarise_masses(
@@ -49,12 +52,12 @@ def summarise_masses(
         noise: noise of the columns, if known.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
-    for axis in list_available_axes(excitation):
+    for axis in list_axes_allowed_by_channels(excitation):
         rows: dict[str, pl.DataFrame] = {
-            method: select_rows_of_axis(axis, frame) for method, frame in estimates.items()
+            method: select_estimate_rows_of_axis(axis, frame) for method, frame in estimates.items()
         }
         known = collect_axis_noise(axis, machine.settings, noise)
-        totals = estimate_whole_log_by_method(
+        totals = estimate_log_parameters_and_stds_by_method(
             axis, excitation, gated, rows, machine.settings, known
         )
         columns |= make_parameter_columns(axis, *totals)
@@ -93,7 +96,7 @@ def withhold_masses(
     return build_frame("masses", masses.with_columns(columns).to_dict())
 
 
-def fit_pooled_over_log(
+def fit_pooled_parameters_and_stds(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -103,7 +106,7 @@ def fit_pooled_over_log(
 ) -> tuple[Floats, Floats]:
     """Fit every accepted sample of an axis; parameters and standard deviations, (p,) each."""
     A, f = make_regressor_and_force(axis, excitation, settings)
-    used = mark_samples_to_pool(excitation, gated, settings, axis)
+    used = mark_samples_for_pooling(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
     options = method.options(settings.trace, noise)
@@ -111,7 +114,7 @@ def fit_pooled_over_log(
     return whole.theta[0], whole.std[0]
 
 
-def estimate_whole_log_by_method(
+def estimate_log_parameters_and_stds_by_method(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -130,7 +133,7 @@ def estimate_whole_log_by_method(
         method = METHODS[name]
         match method.summary:
             case LogSummary.POOL:
-                theta[row], std[row] = fit_pooled_over_log(
+                theta[row], std[row] = fit_pooled_parameters_and_stds(
                     axis, excitation, gated, settings, noise, method
                 )
             case LogSummary.LAST:
@@ -139,10 +142,10 @@ def estimate_whole_log_by_method(
             case LogSummary.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
                 windows = read_parameters_and_stds(axis, frame)
-                unseen = compute_attenuation_errors(
+                unseen = estimate_attenuation_errors_of_windows(
                     method, A, f, index, windows[0], settings, noise
                 )
-                theta[row], std[row] = average_estimates(
+                theta[row], std[row] = average_window_estimates_and_stds(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )
     return theta, std
@@ -153,13 +156,13 @@ def list_reasons_for_no_answer(
 ) -> list[str]:
     """Reasons why this log has no answer, a sentence each."""
     found = (
-        describe_missing_acceptance(excitation, gated, settings),
-        describe_unused_spins(excitation, settings),
+        explain_why_gate_accepted_nothing(excitation, gated, settings),
+        explain_why_spins_are_unused(excitation, settings),
     )
     return [sentence for sentence in found if sentence]
 
 
-def describe_unused_spins(excitation: pl.DataFrame, settings: Settings) -> str | None:
+def explain_why_spins_are_unused(excitation: pl.DataFrame, settings: Settings) -> str | None:
     """Sentence that names the channels missing for spins, if there are spins; else None."""
     spins = (excitation["phase"] == "spinning").fill_null(False).sum()
     missing = [name for name in YAW_COLUMNS if name not in excitation.columns]
@@ -173,7 +176,7 @@ def describe_unused_spins(excitation: pl.DataFrame, settings: Settings) -> str |
     return f"the log has spins, but the inertia needs {wanted}"
 
 
-def describe_missing_acceptance(
+def explain_why_gate_accepted_nothing(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
 ) -> str | None:
     """Sentence that names the obstacle if the gate accepted no window; else None."""
@@ -210,8 +213,8 @@ def describe_missing_acceptance(
     return f"no window was accepted, most often for: {often}{_describe_braking_remedy(often)}"
 
 
-def _describe_braking_remedy(reason: str) -> str:
-    if reason != "braking":
+def _describe_braking_remedy(rejection_reason: str) -> str:
+    if rejection_reason != "braking":
         return ""
     return "; if the force sensor measures the brakes, set settings.gate.exclude_braking = false"
 

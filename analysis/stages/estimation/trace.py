@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.model.axes import (
     Axis,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     make_regressor_and_force,
     make_trace_columns,
 )
@@ -19,11 +19,11 @@ from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import mark_settled_windows
-from analysis.stages.gating.segments import number_pooled_manoeuvres
+from analysis.stages.gating.segments import number_manoeuvres_for_pooling
 from analysis.stages.noise.column_noise import (
     collect_axis_noise,
-    compute_attenuation_errors,
-    compute_stds_by_column_noise,
+    estimate_attenuation_errors_of_windows,
+    estimate_window_stds_by_column_noise,
 )
 from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
@@ -57,7 +57,7 @@ def trace_estimates(
             collect_axis_noise(axis, settings, noise),
             load_begin_rows,
         )
-        for axis in list_available_axes(excitation)
+        for axis in list_axes_allowed_by_channels(excitation)
     }
     t_ns = excitation["t_ns"].to_numpy()
     return {
@@ -88,7 +88,7 @@ def _trace_methods(
             case FeedKind.SETTLED:
                 return window, mark_settled_windows(excitation, gated, settings, axis)
             case FeedKind.SEGMENTS:
-                return (number_pooled_manoeuvres(excitation, gated, settings, axis),)
+                return (number_manoeuvres_for_pooling(excitation, gated, settings, axis),)
 
     traces: dict[str, Trace] = {}
     for name in settings.trace.methods:
@@ -100,14 +100,16 @@ def _trace_methods(
         else:
             traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
         if method.feed is not FeedKind.SEGMENTS:
-            unseen = compute_attenuation_errors(
+            unseen = estimate_attenuation_errors_of_windows(
                 method, A, f, traced.index, traced.theta, settings, noise
             )
             std = traced.std
             if method.feed is FeedKind.WINDOWS:
                 std = np.maximum(
                     std,
-                    compute_stds_by_column_noise(A, f, window, traced.index, traced.theta, noise),
+                    estimate_window_stds_by_column_noise(
+                        A, f, window, traced.index, traced.theta, noise
+                    ),
                 )
             traced = replace(traced, std=np.hypot(std, unseen))
         traces[name] = traced
@@ -118,11 +120,11 @@ def trace_by_load(
     method: Method,
     A: Floats,
     f: Floats,
-    fed: tuple[Any, ...],
+    window_arguments: tuple[Any, ...],
     load_begin_rows: Sequence[int],
 ) -> Trace:
     """Run a recursion over each load separately; no window reaches across a change."""
-    window, accepted, options = fed
+    window, accepted, options = window_arguments
     bounds = [0, *load_begin_rows, f.size]
     parts: list[Trace] = []
     for begin, end in pairwise(bounds):
@@ -136,13 +138,13 @@ def trace_by_load(
     return replace(longest, **joined)
 
 
-def _make_estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
+def _make_estimates_frame(traces: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
     """Frame `estimates` of one method: rows of all axes in order of time."""
     parts = [
         pl.DataFrame({"t_ns": t_ns[rows.index], **make_trace_columns(axis, rows)}).with_columns(
-            **({"axis": pl.lit(axis.letter, pl.String)} if len(traced) > 1 else {})
+            **({"axis": pl.lit(axis.letter, pl.String)} if len(traces) > 1 else {})
         )
-        for axis, rows in traced.items()
+        for axis, rows in traces.items()
     ]
     frame = pl.concat(parts, how="diagonal").sort("t_ns", maintain_order=True)
     return build_frame("estimates", frame.to_dict())

@@ -19,8 +19,8 @@ from analysis.model.axes import X, make_regressor_and_force
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import refuse_windows_with_rows
-from analysis.stages.motion.phases import count_speed_rate_rows
+from analysis.stages.gating.gate import reject_windows_with_rows
+from analysis.stages.motion.phases import count_rows_of_speed_rate_span
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
@@ -39,7 +39,7 @@ def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFr
     Returns:
         `digging`: a row per digging start.
     """
-    met = _find_resistance_changes(excitation, machine) if machine.machine.digs else []
+    met = _find_starts_with_changed_resistance(excitation, machine) if machine.machine.digs else []
     found = [each.row for each in select_pile_contacts(met)]
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
@@ -64,7 +64,9 @@ class _PileContact:
     stops: bool
 
 
-def _find_resistance_changes(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
+def _find_starts_with_changed_resistance(
+    excitation: pl.DataFrame, machine: Machine
+) -> list[_PileContact]:
     """Starts whose resistance significantly changes by the size of a pile's, in order of time."""
     A, force = make_regressor_and_force(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
@@ -135,13 +137,13 @@ def select_pile_contacts(candidates: list[_PileContact]) -> list[_PileContact]:
     return piles if against < LIMITS.pile_contradiction_fraction * len(piles) else []
 
 
-def find_first_row_after(rows: Ints, row: int) -> float:
-    """First of the rows after `row`; infinite if there is none."""
-    place = int(np.searchsorted(rows, row, "right"))
+def find_first_row_after(rows: Ints, after_row: int) -> float:
+    """First of the rows after `after_row`; infinite if there is none."""
+    place = int(np.searchsorted(rows, after_row, "right"))
     return float(rows[place]) if place < rows.size else np.inf
 
 
-def refuse_windows_that_dig(
+def reject_windows_with_digging(
     gated: pl.DataFrame, excitation: pl.DataFrame, digs: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """The gate, with windows that contain a digging sample rejected.
@@ -156,9 +158,9 @@ def refuse_windows_that_dig(
         return gated
     # the phase sees a start late, and its end
     dug = mark_digging_samples(
-        excitation["t_ns"].to_numpy(), digs, count_speed_rate_rows(machine.settings)
+        excitation["t_ns"].to_numpy(), digs, count_rows_of_speed_rate_span(machine.settings)
     )
-    return refuse_windows_with_rows(gated, dug, "digging", machine.settings)
+    return reject_windows_with_rows(gated, dug, "digging", machine.settings)
 
 
 def add_digs_column(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
@@ -177,9 +179,9 @@ def mark_digging_samples(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Boo
     return dug
 
 
-def find_robust_maximum_force(values: Floats) -> float:
+def find_robust_maximum_force(force: Floats) -> float:
     """Largest value without outliers."""
-    return float(np.quantile(np.abs(values), LIMITS.reached_quantile))
+    return float(np.quantile(np.abs(force), LIMITS.reached_quantile))
 
 
 def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
@@ -194,7 +196,12 @@ def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> 
 
 
 def estimate_resistance_growth_and_std(
-    motion: Floats, force: Floats, progress: Floats, mean_kg: float, widths: Floats, noise_N: float
+    motion: Floats,
+    force: Floats,
+    progress_1: Floats,
+    mean_kg: float,
+    prior_stds: Floats,
+    noise_N: float,
 ) -> tuple[float, float]:
     """Growth of the resistance over a start, and its standard deviation, in N.
 
@@ -203,16 +210,16 @@ def estimate_resistance_growth_and_std(
     Args:
         motion: (samples, 2) acceleration and speed.
         force: (samples,) force.
-        progress: (samples,) from 0 at the begin of the start to 1 at its end.
+        progress_1: (samples,) from 0 at the begin of the start to 1 at its end.
         mean_kg: prior mean of the mass.
-        widths: (3,) prior standard deviations of mass, viscous friction and constant.
+        prior_stds: (3,) prior standard deviations of mass, viscous friction and constant.
         noise_N: standard deviation of the force residual.
     """
     weight = 1.0 / (noise_N**2 * LIMITS.digging_misfit_samples)
-    known = np.append(widths**-2.0, 0.0)
+    known = np.append(prior_stds**-2.0, 0.0)
     likeliest, growth, variance = -np.inf, 0.0, np.inf
     for met in LIMITS.pile_contact_fractions:
-        ramp = np.maximum(progress - met, 0.0) / (1.0 - met)
+        ramp = np.maximum(progress_1 - met, 0.0) / (1.0 - met)
         design = np.column_stack([motion, np.ones(force.size), ramp])
         information = weight * design.T @ design + np.diag(known)
         right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])

@@ -3,20 +3,20 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, list_available_axes, make_regressor_and_force
+from analysis.model.axes import Axis, X, list_axes_allowed_by_channels, make_regressor_and_force
 from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flag_windows, mark_samples_in_windows
 from analysis.stages.gating.gate_rules import (
     UNKNOWN,
     Codes,
-    decide_windows,
-    flag_rows_by_reason,
+    decide_window_acceptance,
+    flag_excluding_rows_by_reason,
     mark_braking_rows,
 )
 from analysis.stages.motion.phases import (
-    average_over_speed_rate_span,
-    count_speed_rate_rows,
+    average_acceleration_over_rate_span,
+    count_rows_of_speed_rate_span,
     sign_of_yaw_rate_change,
 )
 from analysis.stages.noise.column_noise import collect_axis_noise
@@ -47,7 +47,7 @@ def gate_windows(
         `gate`: a row per row of `excitation`; columns of the z axis if the channels allow it.
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
-    for axis in list_available_axes(excitation):
+    for axis in list_axes_allowed_by_channels(excitation):
         columns |= _make_gate_columns(axis, excitation, settings, noise)
     return build_frame("gate", columns)
 
@@ -59,7 +59,7 @@ def _make_gate_columns(
     window, letter = settings.gate.window_samples, axis.letter
     A, f = make_regressor_and_force(axis, excitation, settings)
     n = f.size
-    phase = encode_phases(excitation)
+    phase = encode_phases_as_codes(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
     missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
     complete = ~flag_windows(missing, window)
@@ -73,18 +73,23 @@ def _make_gate_columns(
         whole[rows] = part
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
-    slips = find_slipping_samples(
-        column_values(excitation, "speed_rate_x_m_s2"), _forward_acceleration(excitation), settings
+    slips = mark_slipping_samples(
+        column_values(excitation, "speed_rate_x_m_s2"),
+        _forward_acceleration_m_s2(excitation),
+        settings,
     )
     brakes = mark_deceleration(axis, excitation, settings)
-    flags = {"gap": missing, **flag_rows_by_reason(axis, phase, f, brakes, slips, settings.gate)}
+    flags = {
+        "gap": missing,
+        **flag_excluding_rows_by_reason(axis, phase, f, brakes, slips, settings.gate),
+    }
 
     def estimate_window_information(window_ends: Ints) -> Floats:
         return nearest_neighbours.estimate_window_mutual_information(
             A[:, 0].copy(), f, window, window_ends, settings.gate.ksg_neighbours
         )
 
-    decided = decide_windows(
+    decided = decide_window_acceptance(
         axis,
         seen,
         np.arange(n) < first + window - 1,
@@ -108,13 +113,13 @@ def _make_gate_columns(
     }
 
 
-def encode_phases(excitation: pl.DataFrame) -> Codes:
+def encode_phases_as_codes(excitation: pl.DataFrame) -> Codes:
     """Indices of the phases in `PHASES`, (rows,)."""
     codes = excitation["phase"].cast(PHASE).to_physical().cast(pl.UInt8)
     return (codes.fill_null(UNKNOWN) if codes.null_count() else codes).to_numpy()
 
 
-def mark_samples_to_pool(
+def mark_samples_for_pooling(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:
     """Samples to pool, (rows,): inside an accepted window, not standing, not about to brake.
@@ -132,7 +137,7 @@ def mark_samples_to_pool(
     )
 
 
-def refuse_windows_with_rows(
+def reject_windows_with_rows(
     gated: pl.DataFrame, excluded_rows: Bools, rejection_reason: str, settings: Settings
 ) -> pl.DataFrame:
     """The gate, with accepted straight windows that contain one of these rows rejected.
@@ -169,9 +174,9 @@ def mark_settled_windows(
 
 def mark_possible_braking(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
-    return flag_windows(braking[::-1], count_speed_rate_rows(settings) + settings.smooth.samples)[
-        ::-1
-    ]
+    return flag_windows(
+        braking[::-1], count_rows_of_speed_rate_span(settings) + settings.smooth.samples
+    )[::-1]
 
 
 def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
@@ -184,11 +189,11 @@ def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settin
 def mark_deceleration(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     """Whether speed, or yaw rate, decreases at each sample, (rows,), with or without brakes."""
     if axis is X:
-        return mark_braking_rows(encode_phases(excitation))
+        return mark_braking_rows(encode_phases_as_codes(excitation))
     return sign_of_yaw_rate_change(column_values(excitation, "yaw_rate_rad_s"), settings) < 0
 
 
-def _forward_acceleration(excitation: pl.DataFrame) -> Floats:
+def _forward_acceleration_m_s2(excitation: pl.DataFrame) -> Floats:
     pitch = column_values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
     return subtract_gravity(column_values(excitation, "specific_force_x_m_s2"), pitch)
 
@@ -204,7 +209,7 @@ def subtract_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:
     return specific_force - _STANDARD_GRAVITY_M_S2 * np.sin(pitch)
 
 
-def find_slipping_samples(speed_rate: Floats, acceleration: Floats, settings: Settings) -> Bools:
+def mark_slipping_samples(speed_rate: Floats, acceleration: Floats, settings: Settings) -> Bools:
     """Whether the wheels' acceleration differs from the accelerometer's, (rows,).
 
     Without an accelerometer no sample slips.
@@ -217,5 +222,5 @@ def find_slipping_samples(speed_rate: Floats, acceleration: Floats, settings: Se
     limit = settings.gate.slip_acc_m_s2
     if limit is None:
         return np.zeros(speed_rate.size, np.bool_)
-    mean = average_over_speed_rate_span(acceleration, settings)[-speed_rate.size :]
+    mean = average_acceleration_over_rate_span(acceleration, settings)[-speed_rate.size :]
     return np.abs(speed_rate - mean) > limit

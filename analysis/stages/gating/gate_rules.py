@@ -61,7 +61,7 @@ class Decision(NamedTuple):
     chosen: Codes
 
 
-def flag_rows_by_reason(
+def flag_excluding_rows_by_reason(
     axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
 ) -> dict[str, Bools]:
     """Flags of rows that exclude a window, by reason in order of precedence.
@@ -105,12 +105,12 @@ def mark_braking_rows(phase: Codes) -> Bools:
     return phase == _BRAKING
 
 
-def decide_windows(
+def decide_window_acceptance(
     axis: Axis,
     statistics: WindowStatistics,
     is_warming_up: Bools,
-    holds: Mapping[str, Bools],
-    nearest: Callable[[Ints], Floats],
+    holds_row_by_reason: Mapping[str, Bools],
+    estimate_information: Callable[[Ints], Floats],
     settings: GateSettings,
 ) -> Decision:
     """Decide about windows.
@@ -119,15 +119,19 @@ def decide_windows(
         axis: straight motion or spins.
         statistics: statistics of each window, NaN for a window with a missing sample.
         is_warming_up: (windows,) whether the log has had no whole window yet.
-        holds: whether each window holds a row flagged `gap` or as in `row_flags`, in that order.
-        nearest: computes the mutual information of some windows by nearest neighbours, in nat.
+        holds_row_by_reason: whether each window holds a row flagged `gap` or as in `row_flags`, in
+            that order.
+        estimate_information: computes the mutual information of some windows by nearest neighbours,
+            in nat.
         settings: the index and its threshold.
     """
     rho, spread, predicted_std, condition, _, noise_share = statistics
     index = correlation_to_information_index(rho)
     refusals = {
         "warming_up": is_warming_up,
-        **{why: ~held if why == "standstill" else held for why, held in holds.items()},
+        **{
+            why: ~held if why == "standstill" else held for why, held in holds_row_by_reason.items()
+        },
         "no_variance": np.isnan(rho),
         # (10) takes rho squared: either sign informs it
         "negative_dependence": (rho < 0) & (settings.index != "gaussian"),
@@ -146,7 +150,7 @@ def decide_windows(
             left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
             ksg = np.full(rho.size, np.nan)
             if left.size:
-                ksg[left] = nearest(left)
+                ksg[left] = estimate_information(left)
             poor = ~(ksg >= settings.threshold_nat)
     refusals["low_information"] = poor
     refusals["noise_limited"] = noise_share > settings.noise_share_max

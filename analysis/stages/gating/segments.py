@@ -7,14 +7,14 @@ from analysis.model.axes import (
     Axis,
     X,
     Z,
-    list_available_axes,
+    list_axes_allowed_by_channels,
     make_regressor_and_force,
     make_trace_columns,
 )
 from analysis.model.methods import METHODS
 from analysis.model.schema import PHASE, REASON, build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import mark_samples_to_pool
+from analysis.stages.gating.gate import mark_samples_for_pooling
 from analysis.stages.motion.phases import TURNS
 from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Ints
@@ -40,11 +40,11 @@ def number_manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 
 
-def number_pooled_manoeuvres(
+def number_manoeuvres_for_pooling(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Ints:
     """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
-    used = mark_samples_to_pool(excitation, gated, settings, axis)
+    used = mark_samples_for_pooling(excitation, gated, settings, axis)
     return np.where(used, number_manoeuvres(excitation, settings), -1)
 
 
@@ -62,15 +62,15 @@ def pool_by_manoeuvre(
         settings: window, what is refused.
         noise: noise of the columns, if known.
     """
-    turns = TURNS if Z not in list_available_axes(excitation) else ("arc", "turning")
+    turns = TURNS if Z not in list_axes_allowed_by_channels(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.gate.exclude_braking:
         refused_for["braking"] = "braking"
     segment_id = number_manoeuvres(excitation, settings)
     used = np.zeros(segment_id.size, np.bool_)
     parts: list[pl.DataFrame] = []
-    for axis in list_available_axes(excitation):
-        pooled_ids = number_pooled_manoeuvres(excitation, gated, settings, axis)
+    for axis in list_axes_allowed_by_channels(excitation):
+        pooled_ids = number_manoeuvres_for_pooling(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = make_regressor_and_force(axis, excitation, settings)
         method = METHODS["pooled"]
@@ -98,7 +98,7 @@ def pool_by_manoeuvre(
         .with_columns(
             # a spin is judged on the yaw axis where there is one
             pl.when(spinning).then(gated["reason_z"].cast(pl.String)).otherwise("reason")
-            if Z in list_available_axes(excitation)
+            if Z in list_axes_allowed_by_channels(excitation)
             else "reason"
         )
         .filter(pl.col("segment_id") >= 0)

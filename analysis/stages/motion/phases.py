@@ -28,33 +28,35 @@ def compute_trailing_speed_rate(speed: Floats, settings: Settings) -> Floats:
 
     NaN where a sample of that span is missing: rows beside a hole may be hours apart.
     """
-    span = min(count_speed_rate_rows(settings), speed.size)
+    span = min(count_rows_of_speed_rate_span(settings), speed.size)
     rate = np.full(speed.size, np.nan)
     rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.align.rate_hz / span
     rate[np.isnan(compute_trailing_mean(speed, span + 1))] = np.nan
     return rate
 
 
-def average_over_speed_rate_span(acceleration: Floats, settings: Settings) -> Floats:
+def average_acceleration_over_rate_span(acceleration: Floats, settings: Settings) -> Floats:
     """Acceleration (rows,) averaged over the span of the speed rate, to have its delay."""
-    return compute_trailing_mean(acceleration, count_speed_rate_rows(settings))
+    return compute_trailing_mean(acceleration, count_rows_of_speed_rate_span(settings))
 
 
-def count_speed_rate_rows(settings: Settings) -> int:
+def count_rows_of_speed_rate_span(settings: Settings) -> int:
     """Rows that the speed rate looks back."""
     return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
 
 
 def sign_of_speed_change(
-    speed: Floats, rate: Floats, steady_rate: float, settings: Settings
+    speed: Floats, speed_rate: Floats, steady_rate: float, settings: Settings
 ) -> Floats:
     """Sign of the change of v², (rows,): 1 growing, -1 falling, 0 steady; v may be a yaw rate.
 
     v·dv/dt over the span is the change of v²/2; the sign of v alone would be noise at a stop. Rates
     up to `steady_rate` count as steady.
     """
-    changing = np.abs(rate) > steady_rate
-    return np.where(changing, np.sign(_mean_speed_over_span(speed, rate, settings) * rate), 0.0)
+    changing = np.abs(speed_rate) > steady_rate
+    return np.where(
+        changing, np.sign(_mean_speed_over_span(speed, speed_rate, settings) * speed_rate), 0.0
+    )
 
 
 def sign_of_yaw_rate_change(yaw_rate: Floats, settings: Settings) -> Floats:
@@ -92,7 +94,7 @@ def mark_stopping_samples(
     return found
 
 
-def mark_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings) -> Bools:
+def mark_speed_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings) -> Bools:
     """Samples within a fall of the speed that its noise does not explain, (n,).
 
     Over a short span noise alone makes a cruise fall as fast as braking. Leaving out such rows cuts
@@ -106,7 +108,7 @@ def mark_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings)
     steady_m_s2, rate_hz = settings.phases.steady_acc_m_s2, settings.align.rate_hz
     span_s = min(LIMITS.fall_min_std * np.sqrt(2.0) * noise_m_s / steady_m_s2, LIMITS.stop_span_s)
     span = math.ceil(span_s * rate_hz)
-    if span <= count_speed_rate_rows(settings) or span >= speed.size:
+    if span <= count_rows_of_speed_rate_span(settings) or span >= speed.size:
         return np.ones(speed.size, np.bool_)
     size = np.abs(speed)
     falls = np.ones(speed.size, np.bool_)
@@ -115,12 +117,14 @@ def mark_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings)
     return flag_windows(falls[::-1], span + 1)[::-1]
 
 
-def _mean_speed_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
-    return speed - rate * count_speed_rate_rows(settings) / settings.align.rate_hz / 2.0
+def _mean_speed_over_span(speed: Floats, speed_rate: Floats, settings: Settings) -> Floats:
+    return (
+        speed - speed_rate * count_rows_of_speed_rate_span(settings) / settings.align.rate_hz / 2.0
+    )
 
 
 def classify_motion_phases(
-    smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings
+    smoothed: pl.DataFrame, speed: Floats, speed_rate: Floats, settings: Settings
 ) -> pl.Series:
     """Classify the phase of every row; null if the speed or its rate is unknown.
 
@@ -130,7 +134,7 @@ def classify_motion_phases(
     Args:
         smoothed: `aligned` after the moving mean.
         speed: (rows,) longitudinal speed in m/s.
-        rate: (rows,) its rate in m/s².
+        speed_rate: (rows,) its rate in m/s².
         settings: settings with the thresholds.
 
     Returns:
@@ -138,22 +142,24 @@ def classify_motion_phases(
     """
     yaw_rate = np.nan_to_num(column_values(smoothed, "yaw_rate_rad_s"))
     # a derivative of the gyroscope is too noisy by itself to tell a steady arc
-    yaw_acc = average_over_speed_rate_span(column_values(smoothed, "yaw_acc_rad_s2"), settings)
+    yaw_acc = average_acceleration_over_rate_span(
+        column_values(smoothed, "yaw_acc_rad_s2"), settings
+    )
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = compute_trailing_speed_rate(yaw_rate, settings)
-    mean_speed = _mean_speed_over_span(speed, rate, settings)
+    mean_speed = _mean_speed_over_span(speed, speed_rate, settings)
     turning = np.abs(yaw_rate) > settings.phases.turning_rate_rad_s
     slow = np.abs(speed) < settings.phases.standstill_speed_m_s
-    steady = np.abs(rate) <= settings.phases.steady_acc_m_s2
+    steady = np.abs(speed_rate) <= settings.phases.steady_acc_m_s2
     steady_turn = steady & (np.abs(yaw_acc) <= settings.phases.steady_yaw_acc_rad_s2)
     conditions = {
-        None: np.isnan(speed) | np.isnan(rate),
+        None: np.isnan(speed) | np.isnan(speed_rate),
         "spinning": turning & slow,
         "arc": turning & steady_turn,
         "turning": turning,
         "standstill": slow & steady,
         "cruising": steady,
-        "accelerating": mean_speed * rate > 0,
+        "accelerating": mean_speed * speed_rate > 0,
     }
     return label_by_first_condition(conditions, "braking", PHASE).alias("phase")
 
@@ -183,10 +189,10 @@ def label_by_first_condition(
         labels: enum of the series.
     """
     # numbers, since rows of text are slow to make
-    choices = _label_series((*conditions, default_label), labels)
+    choices = _make_label_series((*conditions, default_label), labels)
     return choices[find_first_true_condition(list(conditions.values()))]
 
 
 @cache
-def _label_series(names: tuple[str | None, ...], labels: pl.Enum) -> pl.Series:
+def _make_label_series(names: tuple[str | None, ...], labels: pl.Enum) -> pl.Series:
     return pl.Series(names, dtype=labels)

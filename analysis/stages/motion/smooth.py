@@ -32,10 +32,10 @@ def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
     return build_frame("aligned", {"t_ns": aligned["t_ns"], **columns, "gap": aligned["gap"]})
 
 
-def compute_trailing_mean(x: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+def compute_trailing_mean(signal: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
     """Mean (rows,) of each sample and the `samples` - 1 before it; NaN if any of them is."""
     # each output is its own sum: a running sum would carry a NaN, and rounding, to the end
-    total = np.convolve(x, np.ones(samples))[: x.size] if x.size else x
+    total = np.convolve(signal, np.ones(samples))[: signal.size] if signal.size else signal
     mean = total / samples
     mean[: samples - 1] = np.nan
     return mean

@@ -25,28 +25,28 @@ from analysis.stages.motion.forces import (
 )
 from analysis.stages.noise.grid_noise import (
     ColumnResponse,
-    find_columns_hidden_by_grid,
+    flag_columns_hidden_by_grid,
     list_column_responses,
-    simulate_grid_noise_covariances,
+    simulate_noise_covariances_on_grid,
 )
 from analysis.stages.noise.noise_bounds import RESIDUALS, SPREAD, clip_covariances
 from analysis.stages.noise.noise_limits import LIMITS
 from analysis.stages.noise.noise_spectra import (
     LAGS,
     average_over_neighbouring_frequencies,
-    block_frequencies,
-    block_power,
-    choose_block_ends,
-    choose_noise_band,
+    choose_overlapping_block_ends,
+    choose_relative_noise_band,
     compute_cross_spectra,
     convert_spectra_to_covariances,
-    cut_detrended_pieces,
+    cut_into_detrended_pieces,
     estimate_lag_covariances,
-    find_reading_step,
+    find_resolution_of_column,
     find_true_runs,
+    list_block_frequencies,
+    list_spectrum_frequencies,
+    mean_block_spectrum,
     quantisation_covariances,
-    spectrum_frequencies,
-    trim_stretch_to_settled,
+    trim_stretch_to_settled_rows,
 )
 from analysis.stages.signals.mounting import Series
 from estimators.arrays import Bools, Floats, Ints
@@ -86,19 +86,19 @@ class NoiseSamples:
     @property
     def lowest_noise_frequency(self) -> float:
         """Lowest frequency at which everything is noise, over the rate."""
-        return choose_noise_band(self.rate_hz)[0]
+        return choose_relative_noise_band(self.rate_hz)[0]
 
     @property
     def noise_band_upper_frequency(self) -> float:
         """Top of the band above it, whose level extends to lower frequencies, over the rate."""
-        return choose_noise_band(self.rate_hz)[1]
+        return choose_relative_noise_band(self.rate_hz)[1]
 
 
 def estimate_channel_noise(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
     machine: Machine,
-    read: Mapping[str, Series] | None = None,
+    channels: Mapping[str, Series] | None = None,
 ) -> pl.DataFrame:
     """Estimate the noise of each axis' columns, on the grid before the moving mean.
 
@@ -106,7 +106,7 @@ def estimate_channel_noise(
         aligned: the grid.
         excitation: frame with the phases.
         machine: machine file with the columns' sources; its noise settings override the log.
-        read: raw readings by channel, for noise that the grid hides; None if the grid shows all.
+        channels: raw readings by channel, for noise hidden by the grid; None if none is.
 
     Returns:
         `noise`: a row per pair of columns and lag.
@@ -129,15 +129,15 @@ def estimate_channel_noise(
         )
         made = list_column_responses(tuple(axis), machine)
         found, sources = estimate_covariances_and_sources(samples, made)
-        if read is not None:
-            replace_hidden_noise(found, sources, tuple(axis), machine, read)
+        if channels is not None:
+            replace_noise_hidden_by_grid(found, sources, tuple(axis), machine, channels)
         clip_covariances(found, sources, x, samples.moving, [each.derivative_of for each in made])
         override_noise_by_settings(found, sources, axis, machine.settings.noise)
         tables.append(_make_noise_frame(tuple(axis), found, sources))
     return build_frame("noise", pl.concat(tables).to_dict())
 
 
-def write_noise_source_notes(noise: pl.DataFrame) -> list[str]:
+def list_noise_source_notes(noise: pl.DataFrame) -> list[str]:
     """Notes on columns whose noise the grid hides, with the source used instead.
 
     Args:
@@ -152,10 +152,10 @@ def write_noise_source_notes(noise: pl.DataFrame) -> list[str]:
     return said
 
 
-def replace_hidden_noise(
+def replace_noise_hidden_by_grid(
     covariances: Floats,
     sources: list[str],
-    names: tuple[str, ...],
+    column_names: tuple[str, ...],
     machine: Machine,
     channels: Mapping[str, Series],
 ) -> None:
@@ -163,8 +163,8 @@ def replace_hidden_noise(
     beyond = [source == "differences" for source in sources]
     unseen = (
         np.array(
-            find_columns_hidden_by_grid(
-                [list_channels_of_column(name, machine) for name in names], machine, channels
+            flag_columns_hidden_by_grid(
+                [list_channels_of_column(name, machine) for name in column_names], machine, channels
             )
         )
         & beyond
@@ -174,10 +174,10 @@ def replace_hidden_noise(
 
     def grid_columns(aligned: pl.DataFrame) -> Floats:
         columns = compute_equation_columns(aligned, machine)
-        x = np.column_stack([columns[name] for name in names])
+        x = np.column_stack([columns[name] for name in column_names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = simulate_grid_noise_covariances(channels, machine, grid_columns)
+    told = simulate_noise_covariances_on_grid(channels, machine, grid_columns)
     if told is None:
         return
     for column in np.flatnonzero(unseen):
@@ -186,13 +186,13 @@ def replace_hidden_noise(
         sources[column] = "samples"
 
 
-def list_channels_of_column(name: str, machine: Machine) -> tuple[str, ...]:
+def list_channels_of_column(column_name: str, machine: Machine) -> tuple[str, ...]:
     """Channels that a column of the equations is computed from."""
-    if name == "regressor_acc_x_m_s2":
+    if column_name == "regressor_acc_x_m_s2":
         kinematic = machine.settings.forces.acceleration == "kinematic"
         return ("acc_x_m_s2",) if kinematic else ("specific_force_x_m_s2",)
-    if name in machine.channels:
-        return (name,)
+    if column_name in machine.channels:
+        return (column_name,)
     return ("torque_left_N_m", "torque_right_N_m")
 
 
@@ -214,7 +214,7 @@ def compute_equation_columns(aligned: pl.DataFrame, machine: Machine) -> dict[st
 
 
 def _select_standing_and_moving_samples(
-    x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float
+    columns: Floats, stands: Bools, is_moving: Bools, is_known: Bools, rate_hz: float
 ) -> NoiseSamples:
     """Settled standstills and moving samples, for the noise."""
     after, before = (
@@ -223,17 +223,17 @@ def _select_standing_and_moving_samples(
     )
     quiet = [(a + after, b - before) for a, b in find_true_runs(stands) if b - before > a + after]
     quiet = quiet[:: max(len(quiet) // LIMITS.max_standstills, 1)]
-    quiet = [trim_stretch_to_settled(x, begin, end) for begin, end in quiet]
+    quiet = [trim_stretch_to_settled_rows(columns, begin, end) for begin, end in quiet]
     still = np.zeros(stands.size, np.bool_)
     for begin, end in quiet:
         still[begin:end] = True
     return NoiseSamples(
-        x=x,
+        x=columns,
         quiet=quiet,
-        moving=moves,
-        still_blocks=choose_block_ends(still),
-        moving_blocks=choose_block_ends(moves),
-        every_block=choose_block_ends(known),
+        moving=is_moving,
+        still_blocks=choose_overlapping_block_ends(still),
+        moving_blocks=choose_overlapping_block_ends(is_moving),
+        every_block=choose_overlapping_block_ends(is_known),
         rate_hz=rate_hz,
     )
 
@@ -243,11 +243,13 @@ def estimate_covariances_and_sources(
 ) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS), and the source of each column's noise."""
     p = samples.x.shape[1]
-    cut = cut_detrended_pieces(samples.x, samples.quiet)
+    cut = cut_into_detrended_pieces(samples.x, samples.quiet)
     found = estimate_lag_covariances(cut) if cut else np.zeros((p, p, LAGS))
-    live = [bool(cut) and shows_noise_at_standstill(samples, cut, column) for column in range(p)]
+    live = [bool(cut) and has_noise_at_standstill(samples, cut, column) for column in range(p)]
     powers = [
-        block_power(samples.x[:, column], samples.moving_blocks, samples.lowest_noise_frequency)
+        mean_block_spectrum(
+            samples.x[:, column], samples.moving_blocks, samples.lowest_noise_frequency
+        )
         for column in range(p)
     ]
     spectra = compute_cross_spectra(found)
@@ -258,7 +260,7 @@ def estimate_covariances_and_sources(
         if not live[column]:
             power = powers[column]
             if power is None:
-                power = block_power(
+                power = mean_block_spectrum(
                     samples.x[:, column], samples.every_block, samples.lowest_noise_frequency
                 )
             if power is not None:
@@ -268,7 +270,7 @@ def estimate_covariances_and_sources(
                     level, estimate_rounding_variance(samples, column)
                 )
     # what is differentiated, and its derivative, have one noise
-    at = spectrum_frequencies()
+    at = list_spectrum_frequencies()
     for column, how in enumerate(column_responses):
         of = how.derivative_of
         if of >= 0 and not (live[column] and live[of]):
@@ -278,7 +280,7 @@ def estimate_covariances_and_sources(
             spectra[of, column] = shared * turn
             spectra[column, of] = shared * turn.conj()
     for column in range(p):
-        step = find_reading_step(samples.x[:, column], samples.moving)
+        step = find_resolution_of_column(samples.x[:, column], samples.moving)
         coarse = (
             step is not None
             and step**2 / 12.0 > convert_spectra_to_covariances(spectra)[column, column, 0]
@@ -308,7 +310,7 @@ def estimate_rounding_variance(samples: NoiseSamples, column: int) -> float:
     ) ** 2
 
 
-def shows_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column: int) -> bool:
+def has_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column: int) -> bool:
     """Whether a column shows its noise at standstill, where most pieces have several values."""
     least = estimate_rounding_variance(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in pieces]
@@ -322,27 +324,27 @@ def shows_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], colum
 
 
 def estimate_fast_change_spectrum(
-    power: Floats, column_response: ColumnResponse, samples: NoiseSamples
+    block_power: Floats, column_response: ColumnResponse, samples: NoiseSamples
 ) -> Floats:
     """Spectrum of a column from its fast changes, (frequencies,).
 
-    The frequencies are `spectrum_frequencies`.
+    The frequencies are `list_spectrum_frequencies`.
     """
-    at, wanted = block_frequencies(), spectrum_frequencies()
+    at, wanted = list_block_frequencies(), list_spectrum_frequencies()
     response = column_response.power_response(at)
     fast = samples.lowest_noise_frequency
     band = (at >= fast) & (at <= samples.noise_band_upper_frequency) & (response > 0.0)
-    level = float(np.mean(power[band] / response[band]))
-    seen = np.interp(wanted, at[1:], average_over_neighbouring_frequencies(power, 1)[1:])
+    level = float(np.mean(block_power[band] / response[band]))
+    seen = np.interp(wanted, at[1:], average_over_neighbouring_frequencies(block_power, 1)[1:])
     return np.where(wanted < fast, level * column_response.power_response(wanted), seen)
 
 
 def estimate_noise_growth_in_motion(
     samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None
 ) -> Floats:
-    """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
-    at, wanted = block_frequencies(), spectrum_frequencies()
-    resting = block_power(
+    """Power in motion over that at standstill, at least 1, at `list_spectrum_frequencies`."""
+    at, wanted = list_block_frequencies(), list_spectrum_frequencies()
+    resting = mean_block_spectrum(
         samples.x[:, column], samples.still_blocks, samples.lowest_noise_frequency
     )
     if moving is None or resting is None:
@@ -380,15 +382,15 @@ def override_noise_by_settings(
 
 
 def _make_noise_frame(
-    names: tuple[str, ...], covariances: Floats, sources: list[str]
+    column_names: tuple[str, ...], covariances: Floats, sources: list[str]
 ) -> pl.DataFrame:
-    p = len(names)
+    p = len(column_names)
     rank = np.array([NOISE_SOURCES.index(source) for source in sources])
     first, second, lag = (axis.ravel() for axis in np.indices((p, p, LAGS)))
     return pl.DataFrame(
         {
-            "first": np.array(names)[first],
-            "second": np.array(names)[second],
+            "first": np.array(column_names)[first],
+            "second": np.array(column_names)[second],
             "lag": lag,
             "covariance": covariances.ravel(),
             # a pair is from the log where both are

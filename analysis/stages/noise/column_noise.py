@@ -13,8 +13,8 @@ from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings, Settings
 from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Floats, Ints
-from estimators.methods.attenuation import compute_window_attenuations
-from estimators.methods.ls import residual_noise_variance, solve_windows
+from estimators.methods.attenuation import compute_attenuation_corrections_of_windows
+from estimators.methods.ls import compute_residual_noise_variance, solve_windows
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.methods.tls import TlsOptions
 from estimators.numerics.small_systems import factor_packed_ldl, invert
@@ -65,12 +65,12 @@ class ColumnNoise:
         """(p, p) covariance of trailing means of `samples`."""
         lag = np.arange(self.covariances.shape[2])
         pairs = np.maximum(samples - lag, 0) / samples**2
-        return find_nearest_semidefinite(self._sum_lags(pairs))
+        return find_nearest_semidefinite_matrix(self._sum_lags(pairs))
 
     def power_at_zero_frequency(self) -> Floats:
         """(p, p) power at 0 Hz: variance per sample of long sums."""
         lags = self.covariances.shape[2]
-        return find_nearest_semidefinite(self._sum_lags(1.0 - np.arange(lags) / lags))
+        return find_nearest_semidefinite_matrix(self._sum_lags(1.0 - np.arange(lags) / lags))
 
     def _sum_lags(self, weights: Floats) -> Floats:
         """Sum of the covariances at positive and negative lags, weighted by `weights` (lags,)."""
@@ -79,7 +79,7 @@ class ColumnNoise:
         return self.covariances[:, :, 0] * weights[0] + later + later.T
 
 
-def find_nearest_semidefinite(covariance: Floats) -> Floats:
+def find_nearest_semidefinite_matrix(covariance: Floats) -> Floats:
     """Nearest positive semidefinite matrix, since sums of estimated lags may be negative."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -100,7 +100,7 @@ def collect_axis_noise(
         noise: frame `noise` of the log; without it the settings must give all columns.
     """
     known = ColumnNoise.select_axis_noise(axis, noise, settings.noise)
-    usual = _noise_ratios_with_settings(axis, settings.noise)
+    usual = _make_noise_ratios_by_settings(axis, settings.noise)
     if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
         return AxisNoise(usual, None, None)
     mean, lasting = known.covariance(settings.smooth.samples), known.power_at_zero_frequency()
@@ -117,7 +117,7 @@ def collect_axis_noise(
     return AxisNoise(ratios, mean, lasting)
 
 
-def _noise_ratios_with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
+def _make_noise_ratios_by_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
     """Default noise ratios, overridden by the settings."""
     usual = _USUAL[axis.letter]
     given = [getattr(settings, name) for name in NOISE_COLUMNS[axis.letter].values()]
@@ -126,13 +126,13 @@ def _noise_ratios_with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptio
     return TlsOptions((*of_A, *usual.noise_A[2:]), of_f)
 
 
-def compute_stds_after_moving_mean(
+def compute_column_stds_after_moving_mean(
     settings: Settings, noise: pl.DataFrame | None = None
 ) -> dict[str, float]:
     """Noise of each column after the moving mean, by name; the default if unknown."""
     stds: dict[str, float] = {}
     for axis in (X, Z):
-        usual = _noise_ratios_with_settings(axis, settings.noise)
+        usual = _make_noise_ratios_by_settings(axis, settings.noise)
         each = (*usual.noise_A[:2], usual.noise_f)
         for name, std in zip(NOISE_COLUMNS[axis.letter], each, strict=True):
             stds[name] = std / float(np.sqrt(settings.smooth.samples))
@@ -144,7 +144,7 @@ def compute_stds_after_moving_mean(
     return stds
 
 
-def compute_attenuation_errors(
+def estimate_attenuation_errors_of_windows(
     method: Method,
     A: Floats,
     f: Floats,
@@ -169,13 +169,13 @@ def compute_attenuation_errors(
     """
     if noise.mean is None:
         return np.zeros_like(theta)
-    drawn = compute_window_attenuations(
+    drawn = compute_attenuation_corrections_of_windows(
         A, f, settings.gate.window_samples, index, theta, noise.mean
     )
     return METHOD_LIMITS.uncertain_correction_fraction * drawn if method.takes_noise_off else drawn
 
 
-def compute_stds_by_column_noise(
+def estimate_window_stds_by_column_noise(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: AxisNoise
 ) -> Floats:
     """Standard deviations of windows by column noise alone, (rows, p); 0 if unknown.
@@ -190,6 +190,7 @@ def compute_stds_by_column_noise(
     each = np.ascontiguousarray(theta.T)
     # slow columns add up what lasts; no sample has less than its own
     variance = np.maximum(
-        residual_noise_variance(each, noise.mean), residual_noise_variance(each, noise.lasting)
+        compute_residual_noise_variance(each, noise.mean),
+        compute_residual_noise_variance(each, noise.lasting),
     )
     return np.sqrt(np.array([bread[i, i] for i in range(p)]) * variance).T

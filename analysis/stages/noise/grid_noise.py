@@ -20,11 +20,11 @@ from analysis.model.machine import Machine
 from analysis.stages.noise.noise_limits import LIMITS
 from analysis.stages.noise.noise_spectra import (
     LAGS,
-    block_frequencies,
-    block_power,
-    choose_block_ends,
-    choose_noise_band,
-    find_reading_step,
+    choose_overlapping_block_ends,
+    choose_relative_noise_band,
+    find_resolution_of_column,
+    list_block_frequencies,
+    mean_block_spectrum,
 )
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.align import align
@@ -68,7 +68,7 @@ class ColumnResponse:
         )
         power = (slope * self.rate_hz) ** (2 * self.derivatives)
         if self.filtered:
-            power = power * filters.low_pass_power_gain(
+            power = power * filters.compute_low_pass_power_gain(
                 relative_frequency / self.cutoff, causal=self.causal
             )
         return power
@@ -82,7 +82,7 @@ class ColumnResponse:
         return self.rate_hz * 1j * np.sin(2.0 * np.pi * relative_frequency)
 
 
-def find_columns_hidden_by_grid(
+def flag_columns_hidden_by_grid(
     columns: list[tuple[str, ...]], machine: Machine, channels: Mapping[str, mounting.Series]
 ) -> list[bool]:
     """Whether the grid hides the noise of each column.
@@ -95,7 +95,8 @@ def find_columns_hidden_by_grid(
     rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
     causal = machine.settings.filter.causal
     own_hz = {
-        name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in channels.items()
+        name: 1e9 / rates.mean_period_without_gaps_ns(t, 1e9 / PAPER_HZ)
+        for name, (t, _) in channels.items()
     }
     derived = any(channel.is_derivative for channel in machine.channels.values())
 
@@ -110,7 +111,7 @@ def find_columns_hidden_by_grid(
         mine = source_rates_hz(names)
         beside = source_rates_hz(
             next(
-                (each for each in rates.list_channels_of_equations(machine) if each & {*names}),
+                (each for each in rates.list_channel_sets_of_equations(machine) if each & {*names}),
                 frozenset(names),
             )
         )
@@ -123,15 +124,15 @@ def find_columns_hidden_by_grid(
         )
         slow = min(beside) * SIGNAL_LIMITS.other_rate_ratio < (PAPER_HZ if derived else rate_hz)
         filtered = derived and cutoff_hz < SIGNAL_LIMITS.cutoff_max_rate_fraction * min(mine)
-        top_hz = choose_noise_band(rate_hz)[1] * rate_hz
-        left = filters.low_pass_power_gain(np.array(top_hz / cutoff_hz), causal=causal)
+        top_hz = choose_relative_noise_band(rate_hz)[1] * rate_hz
+        left = filters.compute_low_pass_power_gain(np.array(top_hz / cutoff_hz), causal=causal)
         stopped = filtered and float(left) < LIMITS.hidden_power_fraction
         other = derived and abs(min(mine) / rate_hz - 1.0) > LIMITS.same_rate_1
         found.append(mixed or slow or stopped or other)
     return found
 
 
-def simulate_grid_noise_covariances(
+def simulate_noise_covariances_on_grid(
     channels: Mapping[str, mounting.Series],
     machine: Machine,
     columns: Callable[[pl.DataFrame], Floats],
@@ -148,13 +149,13 @@ def simulate_grid_noise_covariances(
     """
     settings = machine.settings.align
     std = {
-        name: estimate_white_noise_std(t, x, filters.longest_step_ns(t, settings))
+        name: estimate_white_noise_std(t, x, filters.gap_threshold_ns(t, settings))
         for name, (t, x) in channels.items()
         if name not in UNFILTERED
     }
-    longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in channels.values())
+    longest_ns = max(filters.gap_threshold_ns(t, settings) for t, _ in channels.values())
     part = repeat_stamps(
-        select_row_stamps(channels, settings.rate_hz), settings.rate_hz, longest_ns
+        select_stamps_of_simulated_rows(channels, settings.rate_hz), settings.rate_hz, longest_ns
     )
     rng = np.random.default_rng(LIMITS.simulation_seed)
     noise = {
@@ -164,11 +165,13 @@ def simulate_grid_noise_covariances(
         x = columns(align(derive(noise, machine)[0], machine)[0])
     except DataError:
         return None
-    sums, pairs = sum_lagged_products(x)
+    sums, pairs = sum_lagged_products_and_counts(x)
     return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
-def select_row_stamps(channels: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
+def select_stamps_of_simulated_rows(
+    channels: Mapping[str, mounting.Series], rate_hz: float
+) -> dict[str, Ints]:
     """Stamps of each channel, up to the simulated rows after the last one has begun."""
     begin = max(int(t[0]) for t, _ in channels.values())
     end = begin + math.ceil(LIMITS.simulated_rows / rate_hz * 1e9)
@@ -190,7 +193,7 @@ def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float)
     return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
 
 
-def sum_lagged_products(x: Floats) -> tuple[Floats, Floats]:
+def sum_lagged_products_and_counts(x: Floats) -> tuple[Floats, Floats]:
     """Sum lagged products of columns, without their means.
 
     Args:
@@ -211,25 +214,25 @@ def sum_lagged_products(x: Floats) -> tuple[Floats, Floats]:
     return sums, np.round(np.fft.irfft(np.abs(seen) ** 2, n)[:LAGS])
 
 
-def estimate_white_noise_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
+def estimate_white_noise_std(t_ns: Ints, readings: Floats, longest_ns: float) -> float:
     """Standard deviation of a channel's white noise, from its fast changes.
 
     Args:
         t_ns: (n,) stamps.
-        x: (n,) samples.
+        readings: (n,) samples.
         longest_ns: steps longer than this are gaps.
     """
     whole = np.ones(t_ns.size, np.bool_)
     whole[1:] = np.diff(t_ns) <= longest_ns
-    fast, top = choose_noise_band(1e9 / filters.median_period_ns(t_ns))
-    power = block_power(x, choose_block_ends(whole), fast)
+    fast, top = choose_relative_noise_band(1e9 / filters.median_period_ns(t_ns))
+    power = mean_block_spectrum(readings, choose_overlapping_block_ends(whole), fast)
     if power is None:
-        second = np.diff(x, 2)[whole[1:-1] & whole[2:]]
+        second = np.diff(readings, 2)[whole[1:-1] & whole[2:]]
         variance = float((second**2).mean()) / _SECOND_DIFFERENCES if second.size else 0.0
     else:
-        at = block_frequencies()
+        at = list_block_frequencies()
         variance = float(power[0][(at >= fast) & (at <= top)].mean())
-    step = find_reading_step(x, whole)
+    step = find_resolution_of_column(readings, whole)
     return float(np.sqrt(max(variance, 0.0 if step is None else step**2 / 12.0)))
 
 

@@ -1,6 +1,6 @@
 """Robust covariances and spectra of noise, from stretches of samples."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,14 @@ from estimators.arrays import Bools, Floats, Ints
 LAGS: Final = 64
 
 
-def choose_noise_band(rate_hz: float) -> tuple[float, float]:
+class BlockSpectrum(NamedTuple):
+    """Mean power (frequencies,) at `list_block_frequencies`, and number of blocks."""
+
+    power: Floats
+    block_count: int
+
+
+def choose_relative_noise_band(rate_hz: float) -> tuple[float, float]:
     """Lowest frequency that is all noise, and top of the band above it, over the rate."""
     # faster noise leaks into the lowest frequencies of a block
     fast = min(
@@ -29,20 +36,20 @@ def find_true_runs(flags: Bools) -> list[tuple[int, int]]:
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
-def trim_stretch_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
+def trim_stretch_to_settled_rows(columns: Floats, begin: int, end: int) -> tuple[int, int]:
     """Trim a stretch at both ends to where the short means of all columns are level.
 
     In a slow start the speed still counts as standstill for up to a second.
 
     Args:
-        x: (rows, columns), finite from `begin` to `end`.
+        columns: (rows, columns), finite from `begin` to `end`.
         begin: first row.
         end: end row.
     """
     for _ in range(LIMITS.trim_rounds):
         if end - begin < LIMITS.piece_min_samples:
             break
-        sums = np.cumsum(x[begin:end] - x[begin], axis=0)
+        sums = np.cumsum(columns[begin:end] - columns[begin], axis=0)
         means = (
             sums[LIMITS.short_mean_samples :] - sums[: -LIMITS.short_mean_samples]
         ) / LIMITS.short_mean_samples
@@ -62,11 +69,13 @@ def trim_stretch_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
     return begin, max(end, begin)
 
 
-def cut_detrended_pieces(x: Floats, quiet_stretches: list[tuple[int, int]]) -> list[Floats]:
+def cut_into_detrended_pieces(
+    columns: Floats, quiet_stretches: list[tuple[int, int]]
+) -> list[Floats]:
     """Cut stretches into pieces (n, columns) without their linear trends; many are sampled.
 
     Args:
-        x: (rows, columns), finite in the stretches.
+        columns: (rows, columns), finite in the stretches.
         quiet_stretches: stretches that contain only noise.
     """
     cut: list[Floats] = []
@@ -77,7 +86,7 @@ def cut_detrended_pieces(x: Floats, quiet_stretches: list[tuple[int, int]]) -> l
     ]
     pieces_in_all = sum(-(-(end - begin) // LIMITS.piece_max_samples) for begin, end in long)
     for begin, end in long[:: max(pieces_in_all // LIMITS.max_pieces, 1)]:
-        parts = np.array_split(x[begin:end], -(-(end - begin) // LIMITS.piece_max_samples))
+        parts = np.array_split(columns[begin:end], -(-(end - begin) // LIMITS.piece_max_samples))
         cut.extend(detrend_piece(part) for part in parts)
     return cut[:: max(len(cut) // LIMITS.max_pieces, 1)]
 
@@ -113,11 +122,11 @@ def estimate_lag_covariances(pieces: list[Floats]) -> Floats:
     sums = np.fft.irfft(cross, LIMITS.piece_max_samples + LAGS)[:, :, :LAGS]
     pairs = np.maximum(lengths[:, None] - np.arange(LAGS), 0).sum(axis=0)
     found = sums / np.maximum(pairs, 1)
-    lost = estimate_density_at_zero(found) * (2.0 * len(pieces) / lengths.sum())
+    lost = estimate_density_at_zero_frequency(found) * (2.0 * len(pieces) / lengths.sum())
     return np.where(pairs > 0, found + lost[:, :, None], 0.0)
 
 
-def estimate_density_at_zero(covariances: Floats) -> Floats:
+def estimate_density_at_zero_frequency(covariances: Floats) -> Floats:
     """Sum of the covariances over all lags, tapered, (columns, columns), no variance negative."""
     taper = 1.0 - np.arange(1, LIMITS.correlated_lags) / LIMITS.correlated_lags
     later = covariances[:, :, 1 : LIMITS.correlated_lags] @ taper
@@ -127,7 +136,7 @@ def estimate_density_at_zero(covariances: Floats) -> Floats:
     return np.clip(total, -limit, limit)
 
 
-def choose_block_ends(flags: Bools) -> Ints:
+def choose_overlapping_block_ends(flags: Bools) -> Ints:
     """Last rows (blocks,) of half-overlapping blocks inside runs of True; many are sampled."""
     rows = np.arange(flags.size)
     # the last row before the run
@@ -138,8 +147,8 @@ def choose_block_ends(flags: Bools) -> Ints:
     return ends[:: max(ends.size // LIMITS.max_blocks, 1)]
 
 
-def block_power(x: Floats, ends: Ints, min_frequency: float) -> tuple[Floats, int] | None:
-    """Power of noise at `block_frequencies`, and number of blocks; None if there are too few.
+def mean_block_spectrum(x: Floats, block_ends: Ints, min_frequency: float) -> BlockSpectrum | None:
+    """Power of noise at `list_block_frequencies`, and number of blocks; None if there are too few.
 
     It is of second differences, so that smooth signals do not leak, divided by their response, so
     that unit white noise has 1 everywhere (0 Hz is undefined). Blocks with much more fast power
@@ -147,21 +156,21 @@ def block_power(x: Floats, ends: Ints, min_frequency: float) -> tuple[Floats, in
 
     Args:
         x: (rows,), finite in the blocks.
-        ends: `choose_block_ends`.
+        block_ends: `choose_overlapping_block_ends`.
         min_frequency: lowest frequency over the rate at which blocks are judged.
     """
-    if ends.size < LIMITS.min_blocks:
+    if block_ends.size < LIMITS.min_blocks:
         return None
     taper = np.hanning(LIMITS.block_samples + 2)[1:-1]
     blocks = np.diff(
         np.lib.stride_tricks.sliding_window_view(x, LIMITS.block_samples + 2)[
-            ends - LIMITS.block_samples - 1
+            block_ends - LIMITS.block_samples - 1
         ],
         2,
     )
     power = np.abs(np.fft.rfft(blocks * taper)) ** 2 / (taper**2).sum()
     usual = np.median(power, axis=0)
-    at = block_frequencies()
+    at = list_block_frequencies()
     told = (at >= min_frequency) & (usual > LIMITS.stop_band_fraction * usual.max())
     if told.any():
         ratio = (power[:, told] / usual[told]).mean(axis=1)
@@ -174,17 +183,17 @@ def block_power(x: Floats, ends: Ints, min_frequency: float) -> tuple[Floats, in
     mean = power.mean(axis=0)
     mean[1:] /= (2.0 * np.sin(np.pi * at[1:])) ** 4
     mean[0] = np.nan
-    return mean, len(power)
+    return BlockSpectrum(mean, len(power))
 
 
-def block_frequencies() -> Floats:
-    """Frequencies of `block_power`, over the rate."""
+def list_block_frequencies() -> Floats:
+    """Frequencies of `mean_block_spectrum`, over the rate."""
     return np.arange(LIMITS.block_samples // 2 + 1) / LIMITS.block_samples
 
 
-def average_over_neighbouring_frequencies(power: Floats, reach: int) -> Floats:
-    """Mean (frequencies,) of each one and up to `reach` neighbours on either side."""
-    kernel = np.ones(2 * reach + 1)
+def average_over_neighbouring_frequencies(power: Floats, neighbours: int) -> Floats:
+    """Mean (frequencies,) of each one and up to `neighbours` neighbours on either side."""
+    kernel = np.ones(2 * neighbours + 1)
     known = np.isfinite(power)
     total = np.convolve(np.where(known, power, 0.0), kernel, "same")
     return total / np.maximum(np.convolve(known.astype(float), kernel, "same"), 1.0)
@@ -204,24 +213,28 @@ def convert_spectra_to_covariances(spectra: NDArray[np.complex128]) -> Floats:
     return np.fft.irfft(spectra, 2 * LAGS)[:, :, :LAGS]
 
 
-def spectrum_frequencies() -> Floats:
+def list_spectrum_frequencies() -> Floats:
     """Frequencies of `compute_cross_spectra`, over the rate."""
     return np.arange(LAGS + 1) / (2 * LAGS)
 
 
-def find_reading_step(x: Floats, chosen_rows: Bools) -> float | None:
+def find_resolution_of_column(column: Floats, chosen_rows: Bools) -> float | None:
     """Step that a column's readings are multiples of; None if it is not visible.
 
     Interpolated readings are not multiples, and of all values only multiples of the step recur
     often. If two rates are in step some others recur as well, but not twice in a row.
     """
     held = chosen_rows.copy()
-    held[1:] &= x[1:] == x[:-1]
-    step = find_quantisation_step(x[held], int(chosen_rows.sum()))
-    return find_quantisation_step(x[chosen_rows], int(chosen_rows.sum())) if step is None else step
+    held[1:] &= column[1:] == column[:-1]
+    step = find_step_of_repeated_readings(column[held], int(chosen_rows.sum()))
+    return (
+        find_step_of_repeated_readings(column[chosen_rows], int(chosen_rows.sum()))
+        if step is None
+        else step
+    )
 
 
-def find_quantisation_step(readings: Floats, total_readings: int) -> float | None:
+def find_step_of_repeated_readings(readings: Floats, total_readings: int) -> float | None:
     """Step that frequently repeated readings are multiples of."""
     every = max(readings.size // LIMITS.quantisation_samples, 1)
     readings, total_readings = readings[::every], total_readings // every
@@ -235,7 +248,7 @@ def find_quantisation_step(readings: Floats, total_readings: int) -> float | Non
     return step if (np.abs(whole - np.round(whole)) < LIMITS.multiple_tolerance_1).all() else None
 
 
-def quantisation_covariances(x: Floats, flags: Bools, step: float) -> Floats:
+def quantisation_covariances(column: Floats, flags: Bools, step: float) -> Floats:
     """Covariances (LAGS,) of the rounding error for a step while x changes.
 
     On a ramp the error is a sawtooth of variance step²/12, and at a lag in which x changes by φ
@@ -244,7 +257,7 @@ def quantisation_covariances(x: Floats, flags: Bools, step: float) -> Floats:
     span = LIMITS.slope_samples
     rows = np.flatnonzero(flags[span:] & flags[:-span])
     rows = rows[:: max(rows.size // LIMITS.quantisation_samples, 1)]
-    slopes = np.abs(x[rows + span] - x[rows]) / span
+    slopes = np.abs(column[rows + span] - column[rows]) / span
     if slopes.size == 0:
         slopes = np.zeros(1)
     phase = np.mod(np.arange(LAGS)[:, None] * slopes / step, 1.0)

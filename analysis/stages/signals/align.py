@@ -65,7 +65,7 @@ class Origin(NamedTuple):
     late_ns: int
 
 
-def find_grid_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origin:
+def find_origin_of_causal_grid(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origin:
     """Origin of a grid, from the first seconds of the channels in a causal replay.
 
     Raises:
@@ -78,7 +78,7 @@ def find_grid_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> 
     )
 
 
-def align_on_grid(
+def align_known_rows_on_causal_grid(
     channels: Mapping[str, pl.DataFrame],
     machine: Machine,
     origin: Origin,
@@ -120,7 +120,7 @@ def _make_channel_and_regressor_series(
     """All channels, and the same with the regressors' at the stamps of their slowest."""
     align = machine.settings.align
     raw = {name: rates.make_channel_series(name, frame, align) for name, frame in channels.items()}
-    return raw, _reduce_channels(raw, machine)
+    return raw, _average_fast_channels_to_slowest(raw, machine)
 
 
 def select_required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
@@ -141,38 +141,42 @@ def align_channels_at_instants(
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
-        instants, stale = chosen.sample_instants(name) if chosen else (grid, np.False_)
+        instants, stale = (
+            chosen.newest_known_instants_and_staleness(name) if chosen else (grid, np.False_)
+        )
         x = each.interpolate_values(instants)
         if each is not raw[name]:
             # between two stamps of the slowest channel, a faster one may have a gap
             stale = stale | np.isnan(raw[name].interpolate_values(instants))
-        columns[name] = np.where(stale, np.nan, rates.rewrap_angle(name, x))
+        columns[name] = np.where(stale, np.nan, rates.wrap_angle_of_channel(name, x))
         if name not in HINTS:
             gap |= np.isnan(columns[name])
-    columns = mounting.transfer_to_origin(columns, machine.machine.imu)
+    columns = mounting.transfer_acceleration_to_origin(columns, machine.machine.imu)
     return build_frame("aligned", {"t_ns": grid - origin.start_ns, **columns, "gap": gap})
 
 
-def write_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
+def list_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Notes on what `align` does to these channels."""
     raw = {
         n: rates.make_channel_series(n, frame, machine.settings.align)
         for n, frame in channels.items()
     }
-    said = [str(each) for each in rates.find_rate_limited_regressors(raw, machine)]
+    said = [str(each) for each in rates.list_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:
-        late_s = choose_grid_latency_ns(_reduce_channels(raw, machine), machine) / 1e9
+        late_s = (
+            choose_grid_latency_ns(_average_fast_channels_to_slowest(raw, machine), machine) / 1e9
+        )
         said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
     return said
 
 
-def _reduce_channels(
+def _average_fast_channels_to_slowest(
     raw: Mapping[str, ChannelSeries], machine: Machine
 ) -> dict[str, ChannelSeries]:
     """Average fast channels to the slowest one of their equation."""
     series = dict(raw)
-    for each in rates.find_rate_limited_regressors(raw, machine):
-        series |= rates.reduce_to_slowest_channel(raw, each)
+    for each in rates.list_rate_limited_regressors(raw, machine):
+        series |= rates.resample_to_slowest_channel(raw, each)
     return series
 
 
@@ -196,7 +200,7 @@ def choose_grid_latency_ns(series: Mapping[str, ChannelSeries], machine: Machine
     given = machine.settings.align.latency_s
     if given is not None:
         return round(given * 1e9)
-    names = frozenset[str]().union(*rates.list_channels_of_equations(machine)) & set(series)
+    names = frozenset[str]().union(*rates.list_channel_sets_of_equations(machine)) & set(series)
     return round(
         max(filters.median_period_ns(series[n].t_ns) + series[n].typical_lag_ns for n in names)
     )
@@ -213,7 +217,7 @@ class KnownInstants:
         self, series: Mapping[str, ChannelSeries], grid: Ints, late_ns: int, machine: Machine
     ) -> None:
         self.series, self.grid, self.late_ns = series, grid, late_ns
-        self.names = frozenset[str]().union(*rates.list_channels_of_equations(machine)) & set(
+        self.names = frozenset[str]().union(*rates.list_channel_sets_of_equations(machine)) & set(
             series
         )
         self.newest = {
@@ -223,7 +227,7 @@ class KnownInstants:
         for name in self.names:
             self.shared = np.minimum(self.shared, self.newest[name])
 
-    def sample_instants(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
+    def newest_known_instants_and_staleness(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
         """Instants (rows,) of a channel, and whether its newest sample is too old."""
         each = self.series[name]
         newest = self.newest[name]
@@ -234,8 +238,8 @@ class KnownInstants:
 
 def make_grid_without_holes(
     required_channels: Mapping[str, ChannelSeries],
-    start: int,
-    end: int,
+    start_ns: int,
+    end_ns: int,
     step_ns: float,
     first: int = 0,
 ) -> Ints:
@@ -252,22 +256,23 @@ def make_grid_without_holes(
     pieces: list[tuple[int, int]] = []
     for opened, closed in sorted(holes):
         # a row behind the last sample, and the last one before the next
-        left = int((opened - start) // step_ns) + 1
-        right = int((closed - start) // step_ns) - 1
+        left = int((opened - start_ns) // step_ns) + 1
+        right = int((closed - start_ns) // step_ns) - 1
         if right <= max(left, first):
             continue
         if left >= first:
             pieces.append((first, left + 1))
         first = max(first, right)
     # the slack keeps a last row that rounding would put just after the end
-    pieces.append((first, int((end - start) / step_ns + 1e-9) + 1))
+    pieces.append((first, int((end_ns - start_ns) / step_ns + 1e-9) + 1))
     count = sum(stop - begin for begin, stop in pieces)
     if count > LIMITS.grid_max_rows:
         raise DataError(
-            f"{(end - start) / 1e9:,.0f} s at {1e9 / step_ns:g} Hz are {count:,} rows, more than "
-            f"{LIMITS.grid_max_rows:,}: check the unit of the time, or lower settings.align.rate_hz"
+            f"{(end_ns - start_ns) / 1e9:,.0f} s at {1e9 / step_ns:g} Hz are {count:,} rows, more "
+            f"than {LIMITS.grid_max_rows:,}: check the unit of the time, or lower "
+            "settings.align.rate_hz"
         )
     rows = np.concatenate([np.arange(*piece) for piece in pieces])
     if step_ns.is_integer():
-        return start + rows * int(step_ns)
-    return start + np.round(rows * step_ns).astype(np.int64)
+        return start_ns + rows * int(step_ns)
+    return start_ns + np.round(rows * step_ns).astype(np.int64)

@@ -27,14 +27,16 @@ _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
 _SHIFT: Final = np.uint64(29)
 
 
-def find_copied_rows(raw: Mapping[str, pl.DataFrame]) -> dict[str, list[Copy]]:
+def find_copied_rows_by_topic(raw: Mapping[str, pl.DataFrame]) -> dict[str, list[Copy]]:
     """Find the rows of each topic that repeat earlier ones; topics without any are absent.
 
     Args:
         raw: frames by topic, with log times.
     """
     found = {
-        topic: list_copied_stretches(frame["log_time_ns"].to_numpy(), select_noisy_columns(frame))
+        topic: find_copied_stretches(
+            frame["log_time_ns"].to_numpy(), select_readings_with_noise(frame)
+        )
         for topic, frame in raw.items()
     }
     return {topic: copies for topic, copies in found.items() if copies}
@@ -53,26 +55,26 @@ def drop_copied_rows(
     return found
 
 
-def write_copied_row_notes(copied: Mapping[str, list[Copy]]) -> list[str]:
+def list_copied_row_notes(copies_by_topic: Mapping[str, list[Copy]]) -> list[str]:
     """Notes on topics with rows that are left out."""
     return [
         f"{topic}: {sum(end - begin + 1 for begin, end, _ in copies):,} rows repeat earlier ones "
         "to the last digit and are left out, as rows that were not recorded"
-        for topic, copies in copied.items()
+        for topic, copies in copies_by_topic.items()
     ]
 
 
-def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[Copy]:
+def find_copied_stretches(stamps_ns: Ints, columns: list[Floats]) -> list[Copy]:
     """Stretches whose rows equal earlier ones.
 
     Args:
-        t: (n,) stamps in ns.
+        stamps_ns: (n,) stamps in ns.
         columns: (n,) noisy readings of each channel.
 
     Returns:
         First and last row of each copy, and the first row of its original.
     """
-    if not columns or t.size < 2 * LIMITS.copy_min_rows:
+    if not columns or stamps_ns.size < 2 * LIMITS.copy_min_rows:
         return []
     rows = hash_rows(columns)
     found: list[Copy] = []
@@ -81,7 +83,10 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[Copy]:
         long = ends - begins + 1 >= LIMITS.copy_min_rows
         for begin, end in zip(begins[long].tolist(), ends[long].tolist(), strict=True):
             first, last = begin + distance, end + distance
-            if t[last] - t[first] < LIMITS.copy_min_s * NS_PER_S or t[first] <= t[end]:
+            if (
+                stamps_ns[last] - stamps_ns[first] < LIMITS.copy_min_s * NS_PER_S
+                or stamps_ns[first] <= stamps_ns[end]
+            ):
                 continue
             readings = max(np.unique(x[first : last + 1]).size for x in columns)
             apart = all(last < b or first > e for b, e, _ in found)
@@ -90,26 +95,26 @@ def list_copied_stretches(t: Ints, columns: list[Floats]) -> list[Copy]:
     return sorted(found)
 
 
-def select_noisy_columns(frame: pl.DataFrame) -> list[Floats]:
+def select_readings_with_noise(frame: pl.DataFrame) -> list[Floats]:
     """Readings of the channels with noise, which no two stretches share."""
     found: list[Floats] = []
     for name in frame.columns:
         if name in _STAMPS or not frame.schema[name].is_numeric():
             continue
         x = frame[name].cast(pl.Float64).fill_null(np.nan).to_numpy()
-        if _is_noisy(x):
+        if _do_readings_turn_back_like_noise(x):
             found.append(x)
     return found
 
 
-def _is_noisy(x: Floats) -> bool:
+def _do_readings_turn_back_like_noise(readings: Floats) -> bool:
     """Whether readings turn back as often as noise does."""
-    if x.size > LIMITS.noise_blocks * LIMITS.noise_block_rows:
-        blocks = x[: x.size // LIMITS.noise_block_rows * LIMITS.noise_block_rows].reshape(
-            -1, LIMITS.noise_block_rows
-        )
-        x = blocks[:: -(-len(blocks) // LIMITS.noise_blocks)].ravel()
-    step = np.sign(np.diff(x))
+    if readings.size > LIMITS.noise_blocks * LIMITS.noise_block_rows:
+        blocks = readings[
+            : readings.size // LIMITS.noise_block_rows * LIMITS.noise_block_rows
+        ].reshape(-1, LIMITS.noise_block_rows)
+        readings = blocks[:: -(-len(blocks) // LIMITS.noise_blocks)].ravel()
+    step = np.sign(np.diff(readings))
     turns = step[1:] * step[:-1]
     return bool(
         (turns < 0.0).sum()
@@ -129,11 +134,11 @@ def hash_rows(columns: list[Floats]) -> Hashes:
     return rows
 
 
-def _find_copy_distances(rows: Hashes) -> list[int]:
+def _find_copy_distances(row_hashes: Hashes) -> list[int]:
     """Distances in rows between windows with equal hashes, the most frequent first."""
-    differs = np.concatenate([[0], np.cumsum(rows[1:] != rows[:-1])])
-    count = rows.size - LIMITS.copy_window_rows + 1
-    begins = np.flatnonzero(rows[:count] % np.uint64(LIMITS.copy_window_spacing_rows) == 0)
+    differs = np.concatenate([[0], np.cumsum(row_hashes[1:] != row_hashes[:-1])])
+    count = row_hashes.size - LIMITS.copy_window_rows + 1
+    begins = np.flatnonzero(row_hashes[:count] % np.uint64(LIMITS.copy_window_spacing_rows) == 0)
     begins = begins[
         differs[begins + LIMITS.copy_window_rows - 1] - differs[begins]
         >= LIMITS.copy_window_min_changes
@@ -141,7 +146,7 @@ def _find_copy_distances(rows: Hashes) -> list[int]:
     windows = np.zeros(begins.size, np.uint64)
     for k in range(LIMITS.copy_window_rows):
         windows *= _ODD
-        windows += rows[begins + k]
+        windows += row_hashes[begins + k]
     order = np.argsort(windows, kind="stable")
     same = windows[order[1:]] == windows[order[:-1]]
     distances = begins[order[1:][same]] - begins[order[:-1][same]]

@@ -20,11 +20,7 @@ from analysis.expressions.values import evaluate_and_count_near_zero
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
-from analysis.model.physical_units import (
-    gain_and_offset_to_si,
-    split_unit_from_name,
-    unit_registry,
-)
+from analysis.model.physical_units import gain_and_offset_to_si, split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings, Settings
 from analysis.stages.signals import filters, mounting
@@ -37,7 +33,7 @@ UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
 
 
 def derive(
-    select_measured_channels: Mapping[str, mounting.Series], machine: Machine
+    measured: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[dict[str, pl.DataFrame], list[str]]:
     """Compute every channel of the machine file from the measured ones.
 
@@ -47,7 +43,7 @@ def derive(
     before derivatives.
 
     Args:
-        select_measured_channels: channels from `read_measured_channels`.
+        measured: channels from `read_measured_channels`.
         machine: machine file with channels and settings.
 
     Returns:
@@ -57,27 +53,23 @@ def derive(
     settings = machine.settings
     notes: list[str] = []
     filtering = any(channel.is_derivative for channel in machine.channels.values())
-    picked = (
-        _low_pass_channel(select_measured_channels, settings, notes)
-        if filtering
-        else dict(select_measured_channels)
-    )
+    picked = _low_pass_fast_channels(measured, settings, notes) if filtering else dict(measured)
 
-    series = mounting.rotate_to_machine_axes(picked, machine.machine.imu, settings.align)
+    series = mounting.rotate_imu_to_machine_axes(picked, machine.machine.imu, settings.align)
     for name in machine.order_channels_by_derivation():
         channel = machine.channels[name]
         if channel.differentiated_channel:
             t, x = series[channel.differentiated_channel]
-            longest_ns = filters.longest_step_ns(t, settings.align)
-            t, x = filters.differentiate(t, x, longest_ns, causal=settings.filter.causal)
+            longest_ns = filters.gap_threshold_ns(t, settings.align)
+            t, x = filters.differentiate_signal(t, x, longest_ns, causal=settings.filter.causal)
         elif channel.averaged_channels:
             first, second = channel.averaged_channels
             t, x = average_two_channels(series[first], series[second], settings.align)
         elif channel.expression is not None:
-            t, x = _evaluate_arithmetic(name, series, machine, notes)
+            t, x = _compute_arithmetic_channel(name, series, machine, notes)
         else:
             continue
-        series[name] = _fill_gaps(name, t, x * channel.scale + channel.offset)
+        series[name] = _fill_unresolved_samples(name, t, x * channel.scale + channel.offset)
     # what arithmetic alone needed
     series = {name: each for name, each in series.items() if name in _SI}
     t, speed = series["speed_x_m_s"]
@@ -88,8 +80,8 @@ def derive(
         name: [pl.Series("unix_ns", t), pl.Series(name, x)] for name, (t, x) in series.items()
     }
     if settings.filter.causal:
-        for name, known_ns in find_known_times(
-            select_measured_channels, picked, series, machine
+        for name, known_ns in find_known_times_of_samples_ns(
+            measured, picked, series, machine
         ).items():
             columns[name].append(pl.Series("known_ns", known_ns))
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
@@ -134,7 +126,7 @@ def find_unit_in_name(name: str) -> str:
     return unit or ""
 
 
-def _evaluate_arithmetic(
+def _compute_arithmetic_channel(
     name: str, series: Mapping[str, mounting.Series], machine: Machine, notes: list[str]
 ) -> mounting.Series:
     """Compute a channel from others at the stamps of the slowest, with interpolation.
@@ -145,13 +137,15 @@ def _evaluate_arithmetic(
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
     for each in iter_differentiated_channels(tree):
         t, x = series[each]
-        longest_ns = filters.longest_step_ns(t, settings.align)
-        own[f"{SLOPE} {each}"] = filters.differentiate(
+        longest_ns = filters.gap_threshold_ns(t, settings.align)
+        own[f"{SLOPE} {each}"] = filters.differentiate_signal(
             t, x, longest_ns, causal=settings.filter.causal
         )
     at = max((t for t, _ in own.values()), key=lambda t: (filters.median_period_ns(t), -t.size))
     values = {
-        each: filters.interpolate_in_stretches(t, x, at, filters.longest_step_ns(t, settings.align))
+        each: filters.interpolate_in_stretches(
+            t, x, at, filters.gap_threshold_ns(t, settings.align)
+        )
         if not np.array_equal(t, at)
         else x
         for each, (t, x) in own.items()
@@ -170,12 +164,12 @@ def _evaluate_arithmetic(
 
 
 def read_measured_channels(
-    placed: Mapping[str, pl.DataFrame], machine: Machine
+    stamped_topics: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, mounting.Series], list[Loss]]:
     """Read every channel of a topic: SI units, finite values, one sample per stamp.
 
     Args:
-        placed: frames by topic with unix_ns and fields; optional topics may be missing.
+        stamped_topics: frames by topic with unix_ns and fields; optional topics may be missing.
         machine: machine file with channels.
 
     Returns:
@@ -185,14 +179,14 @@ def read_measured_channels(
     read: dict[str, mounting.Series] = {}
     for name, channel in machine.channels.items():
         topic = channel.topic or "table"
-        if channel.direct_source_channels or (name in HINTS and topic not in placed):
+        if channel.direct_source_channels or (name in HINTS and topic not in stamped_topics):
             continue
         if channel.angle_and_quaternion_field:
             read[name] = compute_angle_from_orientation(
-                name, channel, placed[topic], machine, losses
+                name, channel, stamped_topics[topic], machine, losses
             )
         else:
-            read[name] = pick_field_of_channel(name, channel, placed[topic], losses)
+            read[name] = read_field_of_channel(name, channel, stamped_topics[topic], losses)
     return share_equal_stamp_arrays(read), losses
 
 
@@ -204,8 +198,8 @@ def share_equal_stamp_arrays(channels: Mapping[str, mounting.Series]) -> dict[st
     return out
 
 
-def _low_pass_channel(
-    read: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
+def _low_pass_fast_channels(
+    measured: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
 ) -> dict[str, mounting.Series]:
     """Apply the low-pass to every channel whose rate allows it.
 
@@ -213,7 +207,9 @@ def _low_pass_channel(
     """
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
     rates_hz = {
-        n: 1e9 / filters.median_period_ns(t) for n, (t, _) in read.items() if n not in UNFILTERED
+        n: 1e9 / filters.median_period_ns(t)
+        for n, (t, _) in measured.items()
+        if n not in UNFILTERED
     }
     slow = {
         name: hz
@@ -226,23 +222,19 @@ def _low_pass_channel(
     ]
     if causal and slow:
         notes.append("nor to any other channel: a causal filter on some of them delays those")
-        return dict(read)
-    out = dict(read)
+        return dict(measured)
+    out = dict(measured)
     for name in (each for each in rates_hz if each not in slow):
-        t, x = read[name]
-        longest_ns = filters.longest_step_ns(t, settings.align)
-        out[name] = _fill_gaps(
+        t, x = measured[name]
+        longest_ns = filters.gap_threshold_ns(t, settings.align)
+        out[name] = _fill_unresolved_samples(
             name, *filters.apply_low_pass(t, x, cutoff_hz, longest_ns, causal=causal)
         )
     return out
 
 
 def compute_angle_from_orientation(
-    name: str,
-    channel: Channel,
-    frame: pl.DataFrame,
-    machine: Machine,
-    losses: list[Loss],
+    name: str, channel: Channel, frame: pl.DataFrame, machine: Machine, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
     """Stamps and angle of the machine in rad, (n,) each, from its IMU's orientation."""
     assert channel.angle_and_quaternion_field is not None
@@ -252,7 +244,7 @@ def compute_angle_from_orientation(
     return select_usable_readings(name, channel, quaternion, frame, x, losses)
 
 
-def pick_field_of_channel(
+def read_field_of_channel(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
     """Stamps and values of a channel's field in SI units, (n,) each."""
@@ -281,20 +273,20 @@ def select_usable_readings(
     channel: Channel,
     field: str,
     frame: pl.DataFrame,
-    x: filters.Floats,
+    readings: filters.Floats,
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
     """Times of measurement and valid readings, (n,) each; the last one of each stamp."""
     where = f"{field} of {channel.topic or 'the table'}"
     t = frame["unix_ns"].to_numpy()
     delay_ns = round(channel.delay_s * 1e9)
-    if t.size > 1 and (np.abs(x) <= LIMITS.largest_si).all() and (np.diff(t) > 0).all():
+    if t.size > 1 and (np.abs(readings) <= LIMITS.largest_si).all() and (np.diff(t) > 0).all():
         # nothing to leave out: what a follower has at nearly every look
-        return t - delay_ns, set_unresolved_to_zero(x)
-    finite = np.isfinite(x)
+        return t - delay_ns, set_unresolved_to_zero(readings)
+    finite = np.isfinite(readings)
     if not finite.any():
-        raise DataError(f"{name}: {where} holds no number in {x.size} samples")
-    told = finite & (np.abs(x) <= LIMITS.largest_si)
+        raise DataError(f"{name}: {where} holds no number in {readings.size} samples")
+    told = finite & (np.abs(readings) <= LIMITS.largest_si)
     limit = f"beyond {LIMITS.largest_si:g} {find_unit_in_name(name)}, which cannot be a reading"
     if not told.any():
         raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
@@ -307,7 +299,8 @@ def select_usable_readings(
                 Loss(
                     source=name,
                     topic=channel.topic or "",
-                    what=f"{count} of {x.size} samples of {field} are {why}; they were excluded",
+                    what=f"{count} of {finite.size} samples of {field} are {why}; they were "
+                    "excluded",
                 )
             )
     last = np.append(np.diff(t[told]) > 0, True)
@@ -320,13 +313,13 @@ def select_usable_readings(
                 "next; the last of each was kept",
             )
         )
-    t, x = t[told][last], x[told][last]
+    t, readings = t[told][last], readings[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - delay_ns, set_unresolved_to_zero(x)
+    return t - delay_ns, set_unresolved_to_zero(readings)
 
 
-def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
+def _fill_unresolved_samples(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
     """A derived channel with unresolved samples filled; an error if it is empty."""
     if t.size == 0:
         raise DataError(
@@ -349,11 +342,11 @@ def average_two_channels(
     """
     if filters.median_period_ns(b[0]) > LIMITS.other_rate_ratio * filters.median_period_ns(a[0]):
         a, b = b, a
-    t, other = filters.interpolate_linearly(*b, a[0], filters.longest_step_ns(b[0], settings))
+    t, other = filters.interpolate_linearly(*b, a[0], filters.gap_threshold_ns(b[0], settings))
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 
-def find_known_times(
+def find_known_times_of_samples_ns(
     channels: Mapping[str, mounting.Series],
     picked_channels: Mapping[str, mounting.Series],
     series: Mapping[str, mounting.Series],

@@ -23,7 +23,7 @@ def median_period_ns(t_ns: Ints) -> float:
     return float(usual if is_median else np.median(steps))
 
 
-def longest_step_ns(t_ns: Ints, settings: AlignSettings) -> float:
+def gap_threshold_ns(t_ns: Ints, settings: AlignSettings) -> float:
     """Longest step in ns that is not a gap: `gap_periods` of the topic's or grid's period.
 
     Log times come in bursts, so the topic's own period would make every pause a gap.
@@ -38,7 +38,7 @@ def find_slices_between_gaps(t_ns: Ints, longest_ns: float) -> list[slice]:
 
 
 def apply_low_pass(
-    t_ns: Ints, x: Floats, cutoff_hz: float, longest_ns: float, *, causal: bool
+    t_ns: Ints, signal: Floats, cutoff_hz: float, longest_ns: float, *, causal: bool
 ) -> tuple[Ints, Floats]:
     """Butterworth low-pass of fourth order, forwards and backwards unless `causal`.
 
@@ -47,7 +47,7 @@ def apply_low_pass(
 
     Args:
         t_ns: (n,) ascending stamps.
-        x: (n,) samples.
+        signal: (n,) samples.
         cutoff_hz: half-power frequency of one pass, below half the rate.
         longest_ns: longest step within a stretch.
         causal: whether to filter forwards only.
@@ -64,7 +64,7 @@ def apply_low_pass(
     times: list[Ints] = []
     outputs: list[Floats] = []
     for part in find_slices_between_gaps(t_ns, longest_ns):
-        t, y = _resample_uniformly(t_ns[part], x[part], period)
+        t, y = _resample_uniformly(t_ns[part], signal[part], period)
         if t.size <= settle:
             continue
         if causal:
@@ -75,11 +75,11 @@ def apply_low_pass(
         times.append(t)
         outputs.append(filtered)
     if not times:
-        return t_ns[:0], x[:0]
+        return t_ns[:0], signal[:0]
     return np.concatenate(times), np.concatenate(outputs)
 
 
-def low_pass_power_gain(relative_frequency: Floats, *, causal: bool) -> Floats:
+def compute_low_pass_power_gain(relative_frequency: Floats, *, causal: bool) -> Floats:
     """Fraction of power that the low-pass passes, at frequencies over its cutoff.
 
     It holds well below half the rate.
@@ -88,7 +88,9 @@ def low_pass_power_gain(relative_frequency: Floats, *, causal: bool) -> Floats:
     return one_pass if causal else one_pass**2
 
 
-def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:
+def differentiate_signal(
+    t_ns: Ints, signal: Floats, longest_ns: float, *, causal: bool
+) -> tuple[Ints, Floats]:
     """Slopes between the neighbours of each sample, within stretches, as those of the sample.
 
     They have no delay where stamps are even or scatter, and one of up to half an interval beside a
@@ -103,7 +105,7 @@ def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> 
     times: list[Ints] = []
     rates: list[Floats] = []
     for part in find_slices_between_gaps(t_ns, longest_ns):
-        t, y = t_ns[part], x[part]
+        t, y = t_ns[part], signal[part]
         if t.size < 3:
             continue
         times.append(t[1:-1] if causal else t)
@@ -113,12 +115,12 @@ def differentiate(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> 
             slopes = np.concatenate([[first], slopes, [last]])
         rates.append(slopes)
     if not times:
-        return t_ns[:0], x[:0]
+        return t_ns[:0], signal[:0]
     return np.concatenate(times), np.concatenate(rates)
 
 
 def interpolate_linearly(
-    t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float
+    t_ns: Ints, signal: Floats, at_ns: Ints, longest_ns: float
 ) -> tuple[Ints, Floats]:
     """Interpolate linearly at ascending instants, except across steps longer than `longest_ns`.
 
@@ -126,8 +128,8 @@ def interpolate_linearly(
         Instants that have a value, and the values.
     """
     if np.array_equal(t_ns, at_ns):
-        return at_ns, x
-    values = interpolate_in_stretches(t_ns, x, at_ns, longest_ns)
+        return at_ns, signal
+    values = interpolate_in_stretches(t_ns, signal, at_ns, longest_ns)
     found = ~np.isnan(values)
     return at_ns[found], values[found]
 
@@ -143,16 +145,16 @@ def compute_interpolation_ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> I
     return known_ns[np.minimum(np.searchsorted(t_ns, at_ns), t_ns.size - 1)]
 
 
-def _resample_uniformly(t_ns: Ints, x: Floats, period: float) -> tuple[Ints, Floats]:
+def _resample_uniformly(t_ns: Ints, signal: Floats, period_ns: float) -> tuple[Ints, Floats]:
     if (
         t_ns.size < 2
-        or np.abs(np.diff(t_ns) - period).max() <= LIMITS.uniform_step_fraction * period
+        or np.abs(np.diff(t_ns) - period_ns).max() <= LIMITS.uniform_step_fraction * period_ns
     ):
-        return t_ns, x
-    count = int((t_ns[-1] - t_ns[0]) // period) + 1
-    t = t_ns[0] + np.round(np.arange(count) * period).astype(np.int64)
+        return t_ns, signal
+    count = int((t_ns[-1] - t_ns[0]) // period_ns) + 1
+    t = t_ns[0] + np.round(np.arange(count) * period_ns).astype(np.int64)
     # relative to the first stamp: float64 holds 2**53 ns, not the nanoseconds since 1970
-    return t, np.interp((t - t_ns[0]).astype(float), (t_ns - t_ns[0]).astype(float), x)
+    return t, np.interp((t - t_ns[0]).astype(float), (t_ns - t_ns[0]).astype(float), signal)
 
 
 def count_lost_readings(t_ns: Ints, is_reading: Bools) -> int:

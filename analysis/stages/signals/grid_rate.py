@@ -21,7 +21,7 @@ _WINDOW_S: Final[float] = GateSettings.model_fields["window_samples"].default / 
 _MEAN_S: Final[float] = SmoothSettings.model_fields["samples"].default / PAPER_HZ
 
 
-def set_rate_from_log(
+def choose_grid_rate_by_log(
     channels: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[Machine, list[str]]:
     """Set the grid rate, window and moving mean that the machine file leaves open.
@@ -45,7 +45,7 @@ def set_rate_from_log(
         chosen["gate.window_samples"] = count_rows_in_duration(_WINDOW_S, rate_hz, readings)
     if "samples" not in settings.smooth.model_fields_set:
         chosen["smooth.samples"] = count_rows_in_duration(_MEAN_S, rate_hz)
-    differs = any(settings.value(name) != value for name, value in chosen.items())
+    differs = any(settings.value_of_setting(name) != value for name, value in chosen.items())
     settings = settings.with_changes(chosen)
     said = f"{slowest} comes at {own_hz:.4g} Hz, so without a setting " + ", ".join(
         {
@@ -70,12 +70,14 @@ def find_slowest_channel_and_rate_hz(
     """Name and rate in Hz of the slowest channel of the regressor."""
     names = {
         source
-        for regressor in rates.list_channels_of_equations(machine)
+        for regressor in rates.list_channel_sets_of_equations(machine)
         for name in regressor - {"direction_x_1"}
         for source in rates.find_source_channels(name, machine)
         if source in channels
     }
-    periods = {name: rates.mean_period_ns(channels[name][0], 1e9 / PAPER_HZ) for name in names}
+    periods = {
+        name: rates.mean_period_without_gaps_ns(channels[name][0], 1e9 / PAPER_HZ) for name in names
+    }
     slowest = max(sorted(periods), key=lambda name: periods[name])
     # six digits: a clock is no better, and the grid of an even log falls on its samples
     return slowest, float(f"{1e9 / periods[slowest]:.6g}")

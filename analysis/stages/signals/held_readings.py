@@ -28,11 +28,14 @@ class HeldReadings:
     rows: float
 
     @classmethod
-    def from_readings(cls, x: Floats, rate_hz: float) -> Self | None:
+    def from_readings(cls, readings: Floats, rate_hz: float) -> Self | None:
         """Find how long readings (n,) in rows at a rate are held; None if they are not."""
-        first = find_first_rows_of_runs(x)
-        changes = np.abs(np.diff(x[first]))
-        if changes.size <= LIMITS.held_min_runs or x.size < LIMITS.other_rate_ratio * first.size:
+        first = find_first_rows_of_runs(readings)
+        changes = np.abs(np.diff(readings[first]))
+        if (
+            changes.size <= LIMITS.held_min_runs
+            or readings.size < LIMITS.other_rate_ratio * first.size
+        ):
             return None
         fast = changes > LIMITS.fast_change_steps * float(
             np.quantile(changes, LIMITS.resolution_quantile)
@@ -51,7 +54,7 @@ class HeldReadings:
         is_slow = LIMITS.other_rate_ratio < rows < LIMITS.held_max_s * rate_hz
         return cls(rows) if is_even and is_slow else None
 
-    def find_first_rows_of_readings(self, held_values: Floats) -> Ints:
+    def find_rows_of_new_readings(self, held_values: Floats) -> Ints:
         """Rows (readings,) at which a reading was taken, of held readings (n,).
 
         The first row of each run, and of a long one those at multiples of the mean distance, or a
@@ -80,19 +83,19 @@ def find_held_channels(channels: Mapping[str, mounting.Series]) -> dict[str, Hel
     return {name: held for name, held in found.items() if held is not None}
 
 
-def drop_repeated_rows(
+def drop_rows_with_held_readings(
     channels: Mapping[str, mounting.Series], held_channels: Mapping[str, HeldReadings]
 ) -> dict[str, mounting.Series]:
     """Drop the rows that repeat a held reading, so that a channel comes at its sensor's rate."""
     out = dict(channels)
     for name, each in held_channels.items():
         t, x = channels[name]
-        rows = each.find_first_rows_of_readings(x)
+        rows = each.find_rows_of_new_readings(x)
         out[name] = t[rows], x[rows]
     return out
 
 
-def write_held_reading_notes(
+def list_held_reading_notes(
     channels: Mapping[str, mounting.Series], held_channels: Mapping[str, HeldReadings]
 ) -> list[str]:
     """Notes on channels that are held, as they were read."""

@@ -46,7 +46,7 @@ def compute_pitch_and_roll(quaternion: Floats, imu: ImuMounting) -> dict[str, Fl
     return {"pitch": np.arcsin(np.clip(up_x, -1.0, 1.0)), "roll": np.arctan2(up_y, up_z)}
 
 
-def rotate_to_machine_axes(
+def rotate_imu_to_machine_axes(
     series: Mapping[str, Series], imu: ImuMounting, settings: AlignSettings
 ) -> dict[str, Series]:
     """Rotate the accelerometer and the gyroscope, each at its own rate, before any derivative.
@@ -72,8 +72,10 @@ def rotate_to_machine_axes(
             raise DataError(f"machine.imu is rotated, which needs all three axes; add {missing}")
         t = series[triple[0]][0]
         for name in triple:
-            t = _interpolate_at(series[name], t, settings)[0]
-        seen = np.stack([_interpolate_at(series[name], t, settings)[1] for name in triple])
+            t = _interpolate_series_at_stamps(series[name], t, settings)[0]
+        seen = np.stack(
+            [_interpolate_series_at_stamps(series[name], t, settings)[1] for name in triple]
+        )
         out.update((name, (t, turned)) for name, turned in zip(triple, R @ seen, strict=True))
     return out
 
@@ -88,11 +90,17 @@ def list_axes_rotated_together(
     return ()
 
 
-def _interpolate_at(series: Series, t: Ints, settings: AlignSettings) -> Series:
-    return filters.interpolate_linearly(*series, t, filters.longest_step_ns(series[0], settings))
+def _interpolate_series_at_stamps(
+    series: Series, stamps_ns: Ints, settings: AlignSettings
+) -> Series:
+    return filters.interpolate_linearly(
+        *series, stamps_ns, filters.gap_threshold_ns(series[0], settings)
+    )
 
 
-def transfer_to_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
+def transfer_acceleration_to_origin(
+    columns: Mapping[str, Floats], imu: ImuMounting
+) -> dict[str, Floats]:
     """Transfer the accelerometer from its position to the origin, in machine axes.
 
     The planar effect of the lever arm is subtracted: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z

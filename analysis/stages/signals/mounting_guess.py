@@ -43,17 +43,17 @@ class MountingGuess:
     stood: bool
 
     @property
-    def is_tilt_sure(self) -> bool:
+    def is_tilt_beyond_ground_slope(self) -> bool:
         """Whether the tilt is larger than sloping ground could explain."""
         return self.tilt_deg > LIMITS.max_ground_slope_deg
 
     @property
-    def is_level(self) -> bool:
+    def has_no_rotation(self) -> bool:
         """Whether the sensor's axes may be the machine's."""
         return not (self.roll_deg or self.pitch_deg or self.yaw_deg)
 
 
-def guess_mounting(
+def estimate_imu_mounting(
     t_ns: Ints, specific_force: Floats, speed: tuple[Ints, Floats] | None
 ) -> MountingGuess | None:
     """Estimate the IMU's orientation from its specific force and the wheel speed.
@@ -81,20 +81,22 @@ def guess_mounting(
     roll_deg = 0.0 if upright else float(np.degrees(np.arctan2(y, z)))
     pitch_deg = float(np.degrees(np.arctan2(-x, z if upright else np.hypot(y, z))))
     roll_deg, pitch_deg = (
-        round_angle(angle, LIMITS.tilt_step_deg) for angle in (roll_deg, pitch_deg)
+        round_angle_deg(angle, LIMITS.tilt_step_deg) for angle in (roll_deg, pitch_deg)
     )
     levelled = (
         specific_force
         @ compute_rotation_to_machine_axes(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
     )
     yaw_deg, std_deg = (
-        guess_yaw_and_std_deg(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
+        estimate_imu_yaw_and_std_deg(t_ns, levelled, speed)
+        if speed is not None
+        else (np.nan, np.nan)
     )
     step_deg = next((step for step in LIMITS.yaw_steps_deg if 2 * std_deg <= step), None)
     return MountingGuess(
         roll_deg=roll_deg,
         pitch_deg=pitch_deg,
-        yaw_deg=None if step_deg is None else round_angle(yaw_deg, step_deg),
+        yaw_deg=None if step_deg is None else round_angle_deg(yaw_deg, step_deg),
         tilt_deg=tilt_deg,
         yaw_std_deg=std_deg,
         stood=stood,
@@ -136,7 +138,7 @@ def estimate_gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
     return float(np.degrees(np.arccos(np.clip(mean[2] / np.linalg.norm(mean), -1.0, 1.0))))
 
 
-def round_angle(angle_deg: float, step_deg: float) -> float:
+def round_angle_deg(angle_deg: float, step_deg: float) -> float:
     """Round an angle to a multiple of a step, in (-180°, 180°], without -0."""
     angle = round(angle_deg / step_deg) * step_deg
     return angle + 360.0 if angle <= -180.0 else angle + 0.0
@@ -170,7 +172,7 @@ def mark_long_standstills(t_ns: Ints, is_standing: Bools) -> Bools:
     return kept
 
 
-def guess_yaw_and_std_deg(
+def estimate_imu_yaw_and_std_deg(
     t_ns: Ints, levelled_specific_force: Floats, speed: tuple[Ints, Floats]
 ) -> tuple[float, float]:
     """Yaw and its standard deviation in degrees; NaN if driving does not determine it.

@@ -72,35 +72,35 @@ def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings)
         x = np.unwrap(x, period=_WHOLE_TURN[name])
     known_ns = frame["known_ns"].to_numpy() if "known_ns" in frame.columns else t_ns
     step_ns = 1e9 / settings.rate_hz
-    longest_ns = filters.longest_step_ns(t_ns, settings)
-    period_ns = mean_step_ns(t_ns, longest_ns, step_ns)
+    longest_ns = filters.gap_threshold_ns(t_ns, settings)
+    period_ns = mean_step_up_to_longest_ns(t_ns, longest_ns, step_ns)
     faster = period_ns * LIMITS.other_rate_ratio < step_ns
     return ChannelSeries(t_ns, x, known_ns, longest_ns, period_ns, round(step_ns) if faster else 0)
 
 
-def mean_period_ns(t_ns: Ints, step_ns: float) -> float:
+def mean_period_without_gaps_ns(t_ns: Ints, step_ns: float) -> float:
     """Mean of a channel's steps that are not gaps on a grid of `step_ns`."""
     gap_periods: float = AlignSettings.model_fields["gap_periods"].default
     longest_ns = gap_periods * float(np.fmax(filters.median_period_ns(t_ns), step_ns))
-    return mean_step_ns(t_ns, longest_ns, step_ns)
+    return mean_step_up_to_longest_ns(t_ns, longest_ns, step_ns)
 
 
-def mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
+def mean_step_up_to_longest_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
     """Mean of the steps up to `longest_ns`; `step_ns` if there are none."""
     steps = np.diff(t_ns)
     steps = steps[steps <= longest_ns]
     return float(steps.mean()) if steps.size else step_ns
 
 
-def rewrap_angle(name: str, x: Floats) -> Floats:
+def wrap_angle_of_channel(channel_name: str, angle: Floats) -> Floats:
     """Wrap an angle again that `make_channel_series` has unwrapped."""
-    if name not in _WHOLE_TURN:
-        return x
-    turn = _WHOLE_TURN[name]
-    return np.where(np.abs(x) > turn / 2, x - turn * np.round(x / turn), x)
+    if channel_name not in _WHOLE_TURN:
+        return angle
+    turn = _WHOLE_TURN[channel_name]
+    return np.where(np.abs(angle) > turn / 2, angle - turn * np.round(angle / turn), angle)
 
 
-def list_channels_of_equations(machine: Machine) -> list[frozenset[str]]:
+def list_channel_sets_of_equations(machine: Machine) -> list[frozenset[str]]:
     """Sets of channels that share an equation: straight motion (7), spins (8), or both."""
     channels = set(machine.channels)
     kinematic = machine.settings.forces.acceleration == "kinematic"
@@ -114,11 +114,11 @@ def list_channels_of_equations(machine: Machine) -> list[frozenset[str]]:
     return [straight | spin] if straight & spin else [straight, spin]
 
 
-def find_source_channels(name: str, machine: Machine) -> frozenset[str]:
+def find_source_channels(channel_name: str, machine: Machine) -> frozenset[str]:
     """Measured channels that a channel is derived from, or the channel itself."""
-    channel = machine.channels.get(name)
+    channel = machine.channels.get(channel_name)
     if channel is None or not channel.direct_source_channels:
-        return frozenset({name})
+        return frozenset({channel_name})
     return frozenset[str]().union(
         *(find_source_channels(each, machine) for each in channel.direct_source_channels)
     )
@@ -147,13 +147,13 @@ class ReducedRegressor:
         """Note for the reader of the answer."""
         return (
             f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of "
-            f"{_join_names(self.names)} are resampled at its stamps, averaged over "
+            f"{_join_channel_names(self.names)} are resampled at its stamps, averaged over "
             f"{self.span_ns / 1e9:.3g} s, since a slow channel among faster ones biases the "
             "estimate"
         )
 
 
-def find_rate_limited_regressors(
+def list_rate_limited_regressors(
     series: Mapping[str, ChannelSeries], machine: Machine
 ) -> list[ReducedRegressor]:
     """Regressors in which one channel is slower than another, or a derivative is slow.
@@ -163,7 +163,7 @@ def find_rate_limited_regressors(
     """
     step_ns = 1e9 / machine.settings.align.rate_hz
     found: list[ReducedRegressor] = []
-    for names in list_channels_of_equations(machine):
+    for names in list_channel_sets_of_equations(machine):
         # the sign of the speed comes with the speed
         own = sorted((names & set(series)) - {"direction_x_1"})
         least_ns = step_ns
@@ -188,7 +188,7 @@ def find_rate_limited_regressors(
     return found
 
 
-def reduce_to_slowest_channel(
+def resample_to_slowest_channel(
     series: Mapping[str, ChannelSeries], regressor: ReducedRegressor
 ) -> dict[str, ChannelSeries]:
     """Take all channels of a regressor at the stamps of its slowest channel.
@@ -231,6 +231,6 @@ def average_curved_signal(series: ChannelSeries, instants_ns: Ints, span_ns: int
     return share * line + (1.0 - share) * series.interpolate_values(instants_ns)
 
 
-def _join_names(names: frozenset[str]) -> str:
+def _join_channel_names(names: frozenset[str]) -> str:
     *first, last = sorted(names - {"direction_x_1"})
     return f"{', '.join(first)} and {last}"

@@ -9,12 +9,14 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 
 
-def interpolate_in_stretches(t_ns: Ints, x: Floats, instants_ns: Ints, longest_ns: float) -> Floats:
+def interpolate_in_stretches(
+    t_ns: Ints, signal: Floats, instants_ns: Ints, longest_ns: float
+) -> Floats:
     """Interpolate linearly between samples, except across gaps.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
-        x: (n,) samples.
+        signal: (n,) samples.
         instants_ns: (rows,) instants, ascending.
         longest_ns: longest step that is not a gap.
 
@@ -22,12 +24,12 @@ def interpolate_in_stretches(t_ns: Ints, x: Floats, instants_ns: Ints, longest_n
         (rows,) values, NaN in gaps, before the first sample and after the last.
     """
     out = np.full(instants_ns.size, np.nan)
-    _fill_interpolated_values(t_ns, np.ascontiguousarray(x), instants_ns, int(longest_ns), out)
+    _fill_interpolated_values(t_ns, np.ascontiguousarray(signal), instants_ns, int(longest_ns), out)
     return out
 
 
 def average_about_instants(
-    t_ns: Ints, x: Floats, instants_ns: Ints, width_ns: int, longest_ns: float
+    t_ns: Ints, signal: Floats, instants_ns: Ints, width_ns: int, longest_ns: float
 ) -> Floats:
     """Average the linear interpolation over a width about each instant, exactly integrated.
 
@@ -36,19 +38,21 @@ def average_about_instants(
 
     Args:
         t_ns: (n,) stamps, strictly ascending.
-        x: (n,) samples.
+        signal: (n,) samples.
         instants_ns: (rows,) instants, ascending.
         width_ns: averaging width, half of it on either side.
         longest_ns: longest step that is not a gap.
     """
     out = np.full(instants_ns.size, np.nan)
-    _fill_averages(t_ns, np.ascontiguousarray(x), instants_ns, width_ns // 2, int(longest_ns), out)
+    _fill_averages(
+        t_ns, np.ascontiguousarray(signal), instants_ns, width_ns // 2, int(longest_ns), out
+    )
     return out
 
 
 @compiled_unless_short_log
 def _fill_interpolated_values(
-    t: Ints, x: Floats, instants: Ints, longest_step: int, out: Floats
+    t: Ints, signal: Floats, instants: Ints, longest_step: int, out: Floats
 ) -> None:
     last = t.size - 1
     i = 0
@@ -57,14 +61,14 @@ def _fill_interpolated_values(
             i += 1
         since = instants[k] - t[i]
         if since == 0:
-            out[k] = x[i]
+            out[k] = signal[i]
         elif since > 0 and i < last and t[i + 1] - t[i] <= longest_step:
-            out[k] = x[i] + (x[i + 1] - x[i]) * (since / (t[i + 1] - t[i]))
+            out[k] = signal[i] + (signal[i + 1] - signal[i]) * (since / (t[i + 1] - t[i]))
 
 
 @compiled_unless_short_log
 def _fill_averages(
-    t: Ints, x: Floats, instants: Ints, half_width: int, longest_step: int, out: Floats
+    t: Ints, signal: Floats, instants: Ints, half_width: int, longest_step: int, out: Floats
 ) -> None:
     last = t.size - 1
     i = 0
@@ -84,13 +88,13 @@ def _fill_averages(
             right += 1
         reach = min(half_width, s - t[left], t[right] - s)
         if reach <= 0:
-            out[k] = x[i]
+            out[k] = signal[i]
             continue
         total = 0.0
         for j in range(left, right):
             a, b = max(t[j], s - reach), min(t[j + 1], s + reach)
             if a < b:
-                slope = (x[j + 1] - x[j]) / (t[j + 1] - t[j])
-                middle = x[j] + slope * ((a - t[j]) + 0.5 * (b - a))
+                slope = (signal[j + 1] - signal[j]) / (t[j + 1] - t[j])
+                middle = signal[j] + slope * ((a - t[j]) + 0.5 * (b - a))
                 total += middle * (b - a)
         out[k] = total / (2 * reach)

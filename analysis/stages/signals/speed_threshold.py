@@ -18,10 +18,10 @@ from estimators.arrays import Floats, Ints
 SPEEDS: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s")
 
 
-def estimate_speed_threshold_m_s(speed_m_s: Floats) -> float:
+def estimate_zero_speed_threshold_m_s(readings_m_s: Floats) -> float:
     """Threshold below which a speed (n,) reads 0; 0 if it has none."""
-    moves = speed_m_s != 0.0
-    steps_m_s = np.abs(np.diff(speed_m_s))
+    moves = readings_m_s != 0.0
+    steps_m_s = np.abs(np.diff(readings_m_s))
     at_edges = moves[1:] != moves[:-1]
     inside = moves[1:] & moves[:-1]
     if np.count_nonzero(at_edges) < LIMITS.threshold_min_edges or not inside.any():
@@ -29,7 +29,7 @@ def estimate_speed_threshold_m_s(speed_m_s: Floats) -> float:
     # beside a reading of 0 the step is the reading
     least_m_s = float(np.quantile(steps_m_s[at_edges], LIMITS.threshold_edge_quantile))
     usual_m_s = float(np.quantile(steps_m_s[inside], LIMITS.threshold_step_quantile))
-    below = float(np.mean(np.abs(speed_m_s[moves]) < least_m_s - usual_m_s))
+    below = float(np.mean(np.abs(readings_m_s[moves]) < least_m_s - usual_m_s))
     is_threshold = (
         LIMITS.threshold_min_steps * usual_m_s < least_m_s <= LIMITS.threshold_max_m_s
         and below <= LIMITS.threshold_max_below_fraction
@@ -37,27 +37,27 @@ def estimate_speed_threshold_m_s(speed_m_s: Floats) -> float:
     return least_m_s if is_threshold else 0.0
 
 
-def find_speed_thresholds(channels: Mapping[str, mounting.Series]) -> dict[str, float]:
+def find_zero_speed_thresholds_m_s(channels: Mapping[str, mounting.Series]) -> dict[str, float]:
     """Thresholds in m/s of the speed channels that have one, and whose drives outlast a gap.
 
     Args:
         channels: channels from `read_measured_channels`.
     """
     found = {
-        name: estimate_speed_threshold_m_s(x)
+        name: estimate_zero_speed_threshold_m_s(x)
         for name, (t, x) in channels.items()
         if name in SPEEDS and median_drive_s(t, x) >= LIMITS.threshold_min_drive_s
     }
     return {name: threshold_m_s for name, threshold_m_s in found.items() if threshold_m_s}
 
 
-def median_drive_s(t_ns: Ints, x: Floats) -> float:
+def median_drive_s(t_ns: Ints, speed: Floats) -> float:
     """Median duration of the runs of readings that are not 0, in s; 0 without any."""
-    first, last = find_flagged_runs(x != 0.0)
+    first, last = find_flagged_runs(speed != 0.0)
     return float(np.median(t_ns[last] - t_ns[first])) / NS_PER_S if first.size else 0.0
 
 
-def drop_readings_below_threshold(
+def drop_zero_readings_beside_motion(
     channels: Mapping[str, mounting.Series], thresholds: Mapping[str, float]
 ) -> dict[str, mounting.Series]:
     """Drop the readings of 0 beside motion, so that the step to the threshold is a gap."""
@@ -68,24 +68,24 @@ def drop_readings_below_threshold(
             LIMITS.threshold_gap_s * NS_PER_S,
             LIMITS.threshold_gap_readings * filters.median_period_ns(t),
         )
-        kept = (x != 0.0) | (distance_to_motion_ns(t, x) > beside_ns)
+        kept = (x != 0.0) | (time_to_nearest_motion_ns(t, x) > beside_ns)
         out[name] = t[kept], x[kept]
     return out
 
 
-def distance_to_motion_ns(t_ns: Ints, x: Floats) -> Floats:
+def time_to_nearest_motion_ns(t_ns: Ints, speed: Floats) -> Floats:
     """Time from each reading (n,) to the nearest that is not 0, in ns."""
-    moving_ns = t_ns[x != 0.0]
+    moving_ns = t_ns[speed != 0.0]
     place = np.searchsorted(moving_ns, t_ns)
     before_ns = t_ns - moving_ns[(place - 1).clip(0)]
     after_ns = moving_ns[place.clip(0, moving_ns.size - 1)] - t_ns
     return np.minimum(np.abs(before_ns), np.abs(after_ns)).astype(np.float64)
 
 
-def write_speed_threshold_notes(thresholds: Mapping[str, float]) -> list[str]:
+def list_speed_threshold_notes(thresholds_m_s: Mapping[str, float]) -> list[str]:
     """Notes on speeds with a threshold."""
     return [
         f"{name} reads 0 below {threshold_m_s:.2g} m/s: its readings of 0 beside motion are left "
         "out, since the speed is not known there"
-        for name, threshold_m_s in thresholds.items()
+        for name, threshold_m_s in thresholds_m_s.items()
     ]

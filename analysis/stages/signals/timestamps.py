@@ -43,7 +43,9 @@ def assign_timestamps(
         "table"); and losses of dropped or doubtful samples.
     """
     losses: list[Loss] = []
-    headers = {topic: check_header_stamps(topic, frame, losses) for topic, frame in raw.items()}
+    headers = {
+        topic: are_header_stamps_usable(topic, frame, losses) for topic, frame in raw.items()
+    }
     # how far log time lies after the stamps that would place each topic
     behind_ns = {
         t: compute_median_log_delay_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()
@@ -140,7 +142,7 @@ def measure_relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | 
     return of_header / period_ns, of_log / period_ns
 
 
-def check_header_stamps(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
+def are_header_stamps_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
     """Whether nearly all header stamps are set and none jumps back by a second."""
     stamps = frame["header_stamp_ns"].drop_nulls()
     stamps = stamps.filter(stamps != 0)
@@ -184,7 +186,7 @@ class RelativeDrift(NamedTuple):
     drift_std_ppm: float
 
 
-def measure_clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
+def measure_clock_drifts_by_topic(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     """Measure the drift of each topic's header stamps against log time.
 
     The log is cut into 24 parts; the slope of the line through the parts' low latencies is the
@@ -207,18 +209,18 @@ def measure_clock_drifts(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
         time_s = (log - log.min()) / 1e9
         latency = log - stamped["header_stamp_ns"].to_numpy()
         latency_s = (latency - latency.min()) / 1e9
-        line = fit_minimum_latency_slope(time_s, latency_s)
+        line = fit_minimum_latency_slope_and_std(time_s, latency_s)
         if line is not None:
             slope, std = line
             rows.append((topic, -slope * 1e6, std * 1e6, float(time_s.max())))
     return pl.DataFrame(rows, schema=_SCHEMA, orient="row")
 
 
-def find_largest_relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
+def find_largest_relative_clock_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
     """The two topics whose clocks differ most, in standard deviations.
 
     Args:
-        drifts: frame from `measure_clock_drifts`.
+        drifts: frame from `measure_clock_drifts_by_topic`.
 
     Returns:
         None if fewer than two topics have a drift.
@@ -237,7 +239,9 @@ def find_largest_relative_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
     return max(pairs, key=lambda pair: pair.drift_ppm / pair.drift_std_ppm, default=None)
 
 
-def fit_minimum_latency_slope(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None:
+def fit_minimum_latency_slope_and_std(
+    time_s: Floats, latency_s: Floats
+) -> tuple[float, float] | None:
     """Slope of a line along the lowest latencies, and its standard deviation; None if too few."""
     span_s = float(time_s.max())
     if not span_s > 0:
@@ -277,7 +281,7 @@ def compute_part_middles_and_quantiles(
     return t, np.array([np.quantile(off[each], quantile) for each in part_samples]) + slope * t
 
 
-def estimate_median_slope(t: Floats, y: Floats) -> float:
+def estimate_median_slope(abscissae: Floats, ordinates: Floats) -> float:
     """Median of the slopes between all pairs of points (Theil-Sen)."""
-    i, j = np.triu_indices(t.size, 1)
-    return float(np.median((y[j] - y[i]) / (t[j] - t[i])))
+    i, j = np.triu_indices(abscissae.size, 1)
+    return float(np.median((ordinates[j] - ordinates[i]) / (abscissae[j] - abscissae[i])))

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from estimators.interpreted import is_compiler_loaded
+from estimators.interpreted import is_numba_imported
 from replay.logs.sqlite.database_pages import (
     PageLayout,
     RowFilter,
@@ -60,7 +60,7 @@ class MessageTable:
     def iter_rows_without_messages(self) -> Iterator[TableRows]:
         """Rows without their messages."""
         everything = RowFilter(np.empty(0, np.int64), True, _LEAST_NS, _MOST_NS, False)
-        by_sqlite = self._file.size < _LEAST_BYTES and not is_compiler_loaded()
+        by_sqlite = self._file.size < _LEAST_BYTES and not is_numba_imported()
         if self._layout is not None and by_sqlite:
             faults: list[str] = []
             found = list(self._iter_rows_from_sqlite(LEAST_ID, everything, faults.append))

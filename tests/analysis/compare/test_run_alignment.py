@@ -6,7 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis import Provenance, Run, Settings
-from analysis.compare.run_alignment import pair_manoeuvres, shift_run_to_time_line, subtract_run
+from analysis.compare.run_alignment import (
+    match_manoeuvres_of_runs,
+    shift_run_b_to_time_of_a,
+    subtract_runs_in_common_rows,
+)
 from analysis.model.schema import PHASE
 
 S = 10**9
@@ -40,11 +44,11 @@ START, SPIN = "accelerating", "spinning"
 def test_a_manoeuvre_that_one_log_lacks_pairs_with_nothing() -> None:
     a = manoeuvres((0, 3, START), (10, 18, START), (20, 22, SPIN), (30, 31, START))
     b = manoeuvres((5, 8, START), (20, 22, SPIN), (40, 41.1, START))
-    assert pair_manoeuvres(a, b) == [(0, 0), (2, 1), (3, 2)]
+    assert match_manoeuvres_of_runs(a, b) == [(0, 0), (2, 1), (3, 2)]
 
 
 def test_manoeuvres_of_another_phase_are_no_pair() -> None:
-    assert pair_manoeuvres(manoeuvres((0, 3, START)), manoeuvres((0, 3, SPIN))) == []
+    assert match_manoeuvres_of_runs(manoeuvres((0, 3, START)), manoeuvres((0, 3, SPIN))) == []
 
 
 @given(
@@ -53,12 +57,12 @@ def test_manoeuvres_of_another_phase_are_no_pair() -> None:
 def test_a_log_pairs_with_itself_row_by_row(lengths: list[tuple[float, str]]) -> None:
     rows = [(20.0 * i, 20.0 * i + length, phase) for i, (length, phase) in enumerate(lengths)]
     table = manoeuvres(*rows)
-    assert pair_manoeuvres(table, table) == [(i, i) for i in range(len(rows))]
+    assert match_manoeuvres_of_runs(table, table) == [(i, i) for i in range(len(rows))]
 
 
 def test_a_replay_of_the_same_log_is_placed_by_its_start_of_time() -> None:
     a, b = run(100, aligned=signal(0, [1.0])), run(103, aligned=signal(0, [1.0]))
-    moved = shift_run_to_time_line(a, b, one_log=True)
+    moved = shift_run_b_to_time_of_a(a, b, one_log=True)
     assert moved.frames["aligned"]["t_ns"].to_list() == [3 * S]
     assert moved.provenance.t0_unix_ns == a.provenance.t0_unix_ns
 
@@ -69,7 +73,7 @@ def test_each_manoeuvre_of_another_log_begins_where_its_counterpart_does() -> No
         aligned=signal(0, [float(i) for i in range(40)]),
         segments=manoeuvres((10, 13, START), (32, 35, START)),
     )
-    moved = shift_run_to_time_line(a, b, one_log=False).frames
+    moved = shift_run_b_to_time_of_a(a, b, one_log=False).frames
     assert moved["segments"]["start_t_ns"].to_list() == [5 * S, 20 * S]
     placed = dict(moved["aligned"].drop_nulls().select(pl.col("t_ns") // S, "force_x_N").rows())
     assert (placed[5], placed[8], placed[20], placed[23]) == (10.0, 13.0, 32.0, 35.0)
@@ -81,25 +85,27 @@ def test_each_manoeuvre_of_another_log_begins_where_its_counterpart_does() -> No
 def test_a_line_does_not_cross_from_one_stretch_to_the_next() -> None:
     a = run(segments=manoeuvres((5, 8, START), (60, 63, START)))
     b = run(aligned=signal(0, [1.0] * 40), segments=manoeuvres((10, 13, START), (32, 35, START)))
-    moved = shift_run_to_time_line(a, b, one_log=False).frames["aligned"]
+    moved = shift_run_b_to_time_of_a(a, b, one_log=False).frames["aligned"]
     assert moved["force_x_N"].null_count() == 2
 
 
 def test_without_manoeuvres_both_begin_together() -> None:
     a, b = run(100, aligned=signal(0, [1.0])), run(900, aligned=signal(0, [2.0]))
-    assert shift_run_to_time_line(a, b, one_log=False).frames["aligned"]["t_ns"].to_list() == [0]
+    assert shift_run_b_to_time_of_a(a, b, one_log=False).frames["aligned"]["t_ns"].to_list() == [0]
 
 
 def test_a_difference_is_b_less_a_where_both_have_a_sample() -> None:
     a, b = run(aligned=signal(0, [1.0, 2.0, 3.0])), run(aligned=signal(1, [5.0, 5.0, 5.0]))
-    less = subtract_run(a, b).frames["aligned"]
+    less = subtract_runs_in_common_rows(a, b).frames["aligned"]
     assert less.to_dict(as_series=False) == {"t_ns": [S, 2 * S], "force_x_N": [3.0, 2.0]}
 
 
 def test_of_two_grids_only_common_instants_are_subtracted() -> None:
     fast = pl.DataFrame({"t_ns": [i * S // 2 for i in range(5)], "force_x_N": [1.0] * 5})
     slow = signal(0, [1.5, 1.5, 1.5])
-    less = subtract_run(run(rate_hz=2.0, aligned=fast), run(aligned=slow)).frames["aligned"]
+    less = subtract_runs_in_common_rows(run(rate_hz=2.0, aligned=fast), run(aligned=slow)).frames[
+        "aligned"
+    ]
     assert less["t_ns"].to_list() == [0, S, 2 * S]
 
 
@@ -107,6 +113,6 @@ def test_manoeuvres_are_subtracted_where_the_middle_of_bs_lies_in_as() -> None:
     mass = [pl.Series("mass_kg", [100.0, 110.0])]
     a = run(segments=manoeuvres((0, 4, START), (10, 14, START)).with_columns(mass))
     b = run(segments=manoeuvres((1, 5, START), (15, 19, START)).with_columns(mass))
-    less = subtract_run(a, b).frames["segments"]
+    less = subtract_runs_in_common_rows(a, b).frames["segments"]
     assert less["start_t_ns"].to_list() == [0]
     assert less["mass_kg"].to_list() == pytest.approx([0.0])

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.calibration.line.calibration import CalibrationOptions
-from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from tests.analysis.calibration.campaigns import readings, references
 from tests.analysis.cycles.drawn import drawn_shift
@@ -13,7 +13,7 @@ from tests.analysis.cycles.test_cycles import found
 
 OWN_KG = 200.0
 SCALE_1 = 1.1
-LINE = fit_calibration(readings(), references(), np.eye(6), CalibrationOptions("joint_mass"))
+LINE = fit_calibration_line(readings(), references(), np.eye(6), CalibrationOptions("joint_mass"))
 
 
 def cycles(ticket_u_1: float, told_by: str = "empty machine") -> pl.DataFrame:

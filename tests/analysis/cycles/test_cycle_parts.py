@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDump, BoomDumps
-from analysis.cycles.cycle_parts import CycleParts, add_dump_times, split_cycles_into_parts
+from analysis.cycles.cycle_parts import CycleParts, fill_in_dump_times, split_cycles_into_parts
 from analysis.cycles.load_passes import Passes
 
 NS = 10**9
@@ -22,7 +22,7 @@ def dumped_s(boom_rad: np.ndarray) -> float:
     )
     part = CycleParts(loaded_pass=0, empty_pass_after=1)
     boom = np.pad(boom_rad, 10, mode="edge")
-    add_dump_times(
+    fill_in_dump_times(
         [part],
         found,
         pl.DataFrame({"t_ns": t_ns, "boom_rad": boom}),

@@ -9,11 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.cycles_without_mass import estimate_cycles_lost_in_gaps, find_channel_gaps_ns
-from analysis.cycles.payload_target import judge_payload_target
+from analysis.cycles.cycles_without_mass import (
+    estimate_cycles_lost_in_gaps,
+    find_spans_of_missing_channels_ns,
+)
+from analysis.cycles.payload_target import compare_payloads_with_target
 from analysis.cycles.shift_totals import (
     estimate_min_detectable_load_kg,
-    make_shift_totals,
+    make_shift_totals_frame,
     recompute_shift_totals,
 )
 from analysis.model.schema import FRAMES
@@ -30,7 +33,7 @@ def found(frames: dict[str, pl.DataFrame]) -> pl.DataFrame:
 
 
 def summed(frames: dict[str, pl.DataFrame]) -> dict[str, float]:
-    return make_shift_totals(found(frames), frames["excitation"], frames["aligned"]).row(
+    return make_shift_totals_frame(found(frames), frames["excitation"], frames["aligned"]).row(
         0, named=True
     )
 
@@ -119,7 +122,9 @@ def test_intervals_of_payloads_and_of_the_sum_hold_what_they_say(noise_kg: float
         table = found(frames)
         off = np.abs(table["payload_kg"].to_numpy() - payloads)
         held += (off < 2.0 * table["payload_u_kg"].to_numpy()).tolist()
-        row = make_shift_totals(table, frames["excitation"], frames["aligned"]).row(0, named=True)
+        row = make_shift_totals_frame(table, frames["excitation"], frames["aligned"]).row(
+            0, named=True
+        )
         sums.append((row["payload_kg"] - sum(payloads)) / row["payload_u_kg"])
     assert 0.92 < np.mean(held) < 0.99
     assert 0.8 < np.sqrt(np.mean(np.square(sums))) < 1.25
@@ -141,7 +146,7 @@ def test_common_parts_do_not_average_out_and_random_ones_do() -> None:
 def test_a_rejected_cycle_is_not_in_the_sum() -> None:
     frames = drawn_shift([700.0, 600.0, 800.0])
     table = found(frames)
-    whole = make_shift_totals(table, frames["excitation"], frames["aligned"])
+    whole = make_shift_totals_frame(table, frames["excitation"], frames["aligned"])
     row = recompute_shift_totals(whole, table, [2]).row(0, named=True)
     assert row["payload_kg"] == pytest.approx(1500.0)
     assert (row["cycles_counted"], row["cycles_rejected"]) == (2, 1)
@@ -153,7 +158,7 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
     t_s = aligned["t_ns"].to_numpy() / NS
     for length, expected in ((10.0, 0.0), (427.0, 4.0)):
         gap = pl.Series("gap", (t_s > 500.0) & (t_s < 500.0 + length))
-        gaps = find_channel_gaps_ns(frames["excitation"], aligned.with_columns(gap))
+        gaps = find_spans_of_missing_channels_ns(frames["excitation"], aligned.with_columns(gap))
         lost = estimate_cycles_lost_in_gaps(table, gaps)
         assert lost.cycles == pytest.approx(expected, abs=0.02)
         assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)
@@ -174,7 +179,7 @@ def test_a_tenth_may_be_above_110_percent_none_above_120_and_the_mean_at_the_tar
     payloads: list[float], keeps: bool
 ) -> None:
     table = pl.DataFrame({"payload_kg": payloads, "payload_u_kg": [0.1] * len(payloads)})
-    judged = judge_payload_target(table, 100.0)
+    judged = compare_payloads_with_target(table, 100.0)
     assert judged is not None
     assert judged.keeps is keeps
 

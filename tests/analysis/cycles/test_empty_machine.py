@@ -14,7 +14,7 @@ import pytest
 
 from analysis.model.machine_body import Body
 from analysis.model.run_record import Run
-from analysis.weighing.empty_mass_datum import note_outdated_weighbridge_ticket
+from analysis.weighing.empty_mass_datum import list_outdated_ticket_notes
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from estimators.errors import MachineError
 from replay import load_machine
@@ -155,9 +155,9 @@ def test_a_gap_in_the_rate_burns_the_mean():
     hours = pl.DataFrame({"t_ns": [0, 1, 2, 3], "fuel_rate_L_h": rate}).with_columns(
         pl.col("t_ns") * 3600 * 10**9
     )
-    fuel = FuelOnBoard.from_channel(body, hours)
+    fuel = FuelOnBoard.integrate_fuel_rate(body, hours)
     assert fuel is not None
-    mass_kg, u_kg = fuel.extra_fuel_mass_and_u_kg(
+    mass_kg, u_kg = fuel.fuel_mass_since_ticket_and_u_kg(
         hours["t_ns"].to_numpy()[[0, 2]], np.array([0.5, 0.5])
     )
     assert mass_kg == pytest.approx(0.8325 * (20.0 - 10.0))
@@ -193,7 +193,7 @@ def test_a_ticket_of_another_day_says_how_far_apart_they_are(day: str, said: str
             "timezone": "America/Santiago",
         }
     )
-    notes = note_outdated_weighbridge_ticket(body, begin_ns)
+    notes = list_outdated_ticket_notes(body, begin_ns)
     assert [said in note for note in notes] == [True] if said else not notes
 
 
@@ -206,7 +206,7 @@ def test_a_log_without_a_clock_has_no_day_to_compare():
             "empty_mass_day": "2023-11-14",
         }
     )
-    assert not note_outdated_weighbridge_ticket(body, 5 * 10**9)
+    assert not list_outdated_ticket_notes(body, 5 * 10**9)
 
 
 def test_the_day_of_a_ticket_is_kept_with_the_run():

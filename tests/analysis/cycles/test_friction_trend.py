@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.friction_trend import fit_friction_by_shift_part
+from analysis.cycles.friction_trend import fit_viscous_friction_by_shift_part
 from analysis.model.settings import Settings
 
 SETTINGS = Settings.model_validate({})
@@ -49,7 +49,7 @@ def driven(wear: float, noise_N: float = 40.0) -> dict[str, pl.DataFrame]:
 
 @pytest.mark.parametrize("wear", [0.0, 0.05])
 def test_parts_have_the_friction_of_their_time_within_their_deviations(wear: float) -> None:
-    parts = fit_friction_by_shift_part(**driven(wear), settings=SETTINGS)
+    parts = fit_viscous_friction_by_shift_part(**driven(wear), settings=SETTINGS)
     assert len(parts) == 8
     true = [2800.0 * (1.0 + wear * (p.start_s + p.end_s) / 2.0 / 2400.0) for p in parts]
     off = [(p.friction_N_s_m - b) / p.std_N_s_m for p, b in zip(parts, true, strict=True)]
@@ -61,6 +61,9 @@ def test_parts_have_the_friction_of_their_time_within_their_deviations(wear: flo
 def test_a_shift_without_masses_or_of_few_starts_has_none() -> None:
     frames = driven(0.0)
     few = {**frames, "manoeuvres": frames["manoeuvres"].head(3)}
-    assert fit_friction_by_shift_part(**few, settings=SETTINGS) == ()
+    assert fit_viscous_friction_by_shift_part(**few, settings=SETTINGS) == ()
     withheld = frames["manoeuvres"].with_columns(mass_kg=pl.lit(None, pl.Float64))
-    assert fit_friction_by_shift_part(**{**frames, "manoeuvres": withheld}, settings=SETTINGS) == ()
+    assert (
+        fit_viscous_friction_by_shift_part(**{**frames, "manoeuvres": withheld}, settings=SETTINGS)
+        == ()
+    )

@@ -10,9 +10,9 @@ from polars.testing import assert_frame_equal
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.haul_spillage import arriving_fraction_and_u, subtract_spillage
+from analysis.cycles.haul_spillage import compute_arriving_fraction_and_u, subtract_spillage
 from analysis.cycles.load_passes import Passes
-from analysis.cycles.shift_totals import make_shift_totals
+from analysis.cycles.shift_totals import make_shift_totals_frame
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
 from tests.analysis.cycles.drawn import NS, drawn_shift
@@ -35,7 +35,7 @@ def spilling(share: float | None, u: float | None = None) -> Machine:
 def test_a_load_weighed_under_way_arrives_with_what_has_not_poured_yet(
     share: float, progress: float, u: float
 ) -> None:
-    arriving, _ = arriving_fraction_and_u(np.array([0.0, progress, 1.0]), body(share, u))
+    arriving, _ = compute_arriving_fraction_and_u(np.array([0.0, progress, 1.0]), body(share, u))
     assert arriving[0] == pytest.approx(1.0 - share)
     assert arriving[2] == pytest.approx(1.0)
     load_kg = 1000.0
@@ -48,11 +48,11 @@ def test_its_uncertainty_is_the_slope_by_the_stated_share(share: float, progress
     at = np.array([progress])
     step, u = 1e-6, 0.03
     slope = (
-        arriving_fraction_and_u(at, body(share + step))[0]
-        - arriving_fraction_and_u(at, body(share))[0]
+        compute_arriving_fraction_and_u(at, body(share + step))[0]
+        - compute_arriving_fraction_and_u(at, body(share))[0]
     ) / step
-    by_place = arriving_fraction_and_u(at, body(share, 0.0))[1]
-    whole = arriving_fraction_and_u(at, body(share, u))[1]
+    by_place = compute_arriving_fraction_and_u(at, body(share, 0.0))[1]
+    whole = compute_arriving_fraction_and_u(at, body(share, u))[1]
     assert whole == pytest.approx(np.hypot(slope * u, by_place), rel=1e-4, abs=1e-9)
 
 
@@ -66,11 +66,13 @@ def test_a_load_that_pours_is_paid_as_it_arrives_and_the_total_is_as_uncertain_a
     arriving = poured["arriving_1"].to_numpy()
     assert ((arriving > 0.8) & (arriving < 0.9)).all()
     assert poured["payload_kg"].to_list() == pytest.approx((arriving * LOADS_KG).tolist())
-    summed = make_shift_totals(poured, frames["excitation"], frames["aligned"]).row(0, named=True)
+    summed = make_shift_totals_frame(poured, frames["excitation"], frames["aligned"]).row(
+        0, named=True
+    )
     spilled_u_kg = float((poured["arriving_u_1"].to_numpy() * LOADS_KG).sum())
     assert summed["payload_u_common_kg"] == pytest.approx(spilled_u_kg)
     assert spilled_u_kg > 0.03 * (1 - 0.9) * sum(LOADS_KG)
-    own = make_shift_totals(plain, frames["excitation"], frames["aligned"]).row(0, named=True)
+    own = make_shift_totals_frame(plain, frames["excitation"], frames["aligned"]).row(0, named=True)
     assert summed["payload_u_random_kg"] == pytest.approx(arriving[0] * own["payload_u_random_kg"])
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from analysis.cycles.empty_machine import find_empty_mass_jump
+from analysis.cycles.empty_machine import find_machine_change_by_empty_mass
 
 NS = 10**9
 #: Two logs, of which the second begins after 1000 s.
@@ -31,7 +31,7 @@ def shift(empty_kg: float, other_kg: float) -> pl.DataFrame:
 
 
 def test_a_machine_half_as_heavy_again_is_another_one() -> None:
-    found = find_empty_mass_jump(shift(3600.0, 5000.0), BEGINS_NS)
+    found = find_machine_change_by_empty_mass(shift(3600.0, 5000.0), BEGINS_NS)
     assert found is not None
     assert found.log == 1
     said = found.warning_text("truck2.bag")
@@ -39,23 +39,23 @@ def test_a_machine_half_as_heavy_again_is_another_one() -> None:
 
 
 def test_fuel_and_mud_are_no_other_machine() -> None:
-    assert find_empty_mass_jump(shift(3600.0, 3750.0), BEGINS_NS) is None
+    assert find_machine_change_by_empty_mass(shift(3600.0, 3750.0), BEGINS_NS) is None
 
 
 def test_a_log_that_is_loaded_all_along_says_nothing_of_the_empty_machine() -> None:
     loaded = starts(*[4500.0] * 6, from_s=1000.0)
     hauls = starts(*[3600.0, 4500.0] * 3)
-    assert find_empty_mass_jump(pl.concat([hauls, loaded]), BEGINS_NS) is None
+    assert find_machine_change_by_empty_mass(pl.concat([hauls, loaded]), BEGINS_NS) is None
 
 
 def test_a_jump_within_one_log_is_a_load() -> None:
-    assert find_empty_mass_jump(shift(3600.0, 5000.0), [0]) is None
+    assert find_machine_change_by_empty_mass(shift(3600.0, 5000.0), [0]) is None
 
 
 def test_masses_that_are_hardly_known_do_not_jump() -> None:
     noisy = shift(3600.0, 5000.0).with_columns(mass_std_kg=pl.lit(400.0))
-    assert find_empty_mass_jump(noisy, BEGINS_NS) is None
+    assert find_machine_change_by_empty_mass(noisy, BEGINS_NS) is None
 
 
 def test_a_shift_without_a_mass_has_no_jump() -> None:
-    assert find_empty_mass_jump(starts(), BEGINS_NS) is None
+    assert find_machine_change_by_empty_mass(starts(), BEGINS_NS) is None

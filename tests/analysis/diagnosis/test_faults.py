@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
+from analysis.diagnosis import CHECKS, CheckInputs, judge_log_by_checks
 from analysis.diagnosis.fit_checks import compare_methods_with_joint_fit
 from analysis.diagnosis.measured_channels import RawSignals
 from analysis.stages.estimation.masses import summarise_masses
@@ -325,7 +325,7 @@ class TestSignals:
 def test_frames_alone_are_judged_by_what_they_tell():
     log = clean("one way")
     frames = log.replayed.frames
-    judged = judge_checks(CheckInputs(frames["excitation"], frames["gate"], log.machine))
+    judged = judge_log_by_checks(CheckInputs(frames["excitation"], frames["gate"], log.machine))
     unknown = set(judged.filter(pl.col("passed").is_null())["check"])
     assert {"force_delay_s", "wheel_imu_gain_error", "manoeuvre_scatter"} <= unknown
     assert {"frozen_s", "disagreeing_methods", "raw_opposing_share"} <= unknown

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.diagnosis.measured_channels import find_long_equal_runs
+from analysis.diagnosis.measured_channels import find_unexplained_repeats
 from estimators.arrays import Floats, Ints
 
 _KM_H: float = 1.0 / 3.6
@@ -40,7 +40,7 @@ def test_a_smooth_speed_repeats_itself_at_its_top_and_is_not_frozen(
     rate_hz: float, resolution: float, seed: int
 ) -> None:
     t = _stamps(rate_hz)
-    runs, _ = find_long_equal_runs(t, _round(_speed_km_h(t, seed), resolution))
+    runs, _ = find_unexplained_repeats(t, _round(_speed_km_h(t, seed), resolution))
     assert [run for run in runs if run.value > 0.0] == []
 
 
@@ -54,7 +54,7 @@ def test_a_speed_that_freezes_on_its_way_up_is_found(
     held = round(1.5 * rate_hz)
     begin = int(np.argmax(x[held:-held] - x[: -2 * held])) or 1
     x[begin : begin + held] = x[begin]
-    runs, _ = find_long_equal_runs(t, x)
+    runs, _ = find_unexplained_repeats(t, x)
     assert any(run.begin_ns <= t[begin] and t[begin + held - 1] <= run.end_ns for run in runs)
 
 
@@ -67,7 +67,7 @@ def test_a_noisy_channel_that_freezes_is_found_even_where_it_misses_nothing(
     t = _stamps(50.0)
     x = np.round(100.0 + noise_steps * generator.normal(size=t.size))
     x[1000:1100] = x[1000]
-    runs, _ = find_long_equal_runs(t, x)
+    runs, _ = find_unexplained_repeats(t, x)
     assert any(run.begin_ns <= t[1000] and t[1099] <= run.end_ns for run in runs)
 
 
@@ -79,7 +79,7 @@ def _ramps() -> tuple[Ints, Floats]:
 
 def test_a_speed_that_is_clipped_is_found() -> None:
     t, x = _ramps()
-    runs, _ = find_long_equal_runs(t, np.minimum(x, 4.0))
+    runs, _ = find_unexplained_repeats(t, np.minimum(x, 4.0))
     assert {run.value for run in runs} == {4.0}
 
 
@@ -90,5 +90,5 @@ def test_a_freeze_that_comes_back_through_a_filter_is_found(low_pass_s: float) -
     x[begin:end] = x[begin]
     missed = x[end] - x[begin]
     x[end:] -= missed * np.exp(-np.arange(x.size - end) / 50.0 / low_pass_s)
-    runs, _ = find_long_equal_runs(t, x)
+    runs, _ = find_unexplained_repeats(t, x)
     assert any(run.begin_ns <= t[begin] and t[end - 1] <= run.end_ns for run in runs)

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.diagnosis import CheckInputs, judge_checks
+from analysis.diagnosis import CheckInputs, judge_log_by_checks
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.schema import build_frame
@@ -24,7 +24,7 @@ def good(drive):
 def judge(excitation_of, machine):
     def judged(made, machine=machine()):  # noqa: B008 - frozen, and the plain machine
         excitation = excitation_of(made, machine)
-        return judge_checks(
+        return judge_log_by_checks(
             CheckInputs(excitation, gate_windows(excitation, machine.settings), machine)
         )
 
@@ -152,5 +152,7 @@ def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
             "phase": pl.Series(np.where(rate > 0, "accelerating", "braking")),
         },
     )
-    table = judge_checks(CheckInputs(excitation, gate_windows(excitation, settings), machine()))
+    table = judge_log_by_checks(
+        CheckInputs(excitation, gate_windows(excitation, settings), machine())
+    )
     assert check(table, "acceleration_gain")["value"] == pytest.approx(1.0, abs=0.05)

@@ -10,15 +10,15 @@ from analysis.excitation.error_prediction import (
     MeasuredSignals,
     compute_sensor_noise,
     compute_true_parameters,
-    make_window_system,
+    make_whitened_window_system,
 )
 from analysis.excitation.excitation_design import (
     compute_settling_time_s,
-    count_determined_parameters,
+    count_parameters_determined_by_motion,
     design_excitation,
     find_best_score,
-    replace_manoeuvres,
     score_waveform,
+    with_trial_of_manoeuvres,
 )
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
@@ -52,7 +52,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     filters, noise = Filters(10, made.sensors.rate_hz), compute_sensor_noise(made)
     samples = round(window_s * filters.rate_hz) + filters.margin_samples
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
-    motion = solve_motion(replace_manoeuvres(made, longer), 0.0)
+    motion = solve_motion(with_trial_of_manoeuvres(made, longer), 0.0)
     truth = MeasuredSignals.from_motion(
         motion.sample_channels(score.start_s + np.arange(samples) / filters.rate_hz)
     )
@@ -65,7 +65,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
                 for each, std in zip(truth, noise, strict=True)
             )
         )
-        A, y = make_window_system(drive, filters, raw, noise)
+        A, y = make_whitened_window_system(drive, filters, raw, noise)
         found.append(np.linalg.lstsq(A, y)[0])
     return np.array(found), motion.body
 
@@ -154,8 +154,11 @@ def test_speed_and_yaw_rate_in_step_would_leave_rank_five():
     wave = {"waveform": "triangular", "period_s": 15.0}
     excite = {"kind": "excite", "force": {**wave, "highest_N": 3000.0}}
     excite["torque"] = {**wave, "highest_N_m": 2250.0}
-    motion = solve_motion(replace_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
-    assert count_determined_parameters(motion.sample_channels(np.arange(15.0, 30.0, 0.01))) == 5
+    motion = solve_motion(with_trial_of_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
+    assert (
+        count_parameters_determined_by_motion(motion.sample_channels(np.arange(15.0, 30.0, 0.01)))
+        == 5
+    )
     # the design puts their periods apart instead
     for score in design_excitation(alike, "joint").scores:
         assert score.rank == 6

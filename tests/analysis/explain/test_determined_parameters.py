@@ -6,7 +6,10 @@ import pytest
 
 from analysis import Settings
 from analysis.explain.determined_parameters import DeterminedParameters, find_determined_parameters
-from analysis.explain.worst_manoeuvres import list_gate_stretches, report_worst_manoeuvres
+from analysis.explain.worst_manoeuvres import (
+    list_stretches_of_gate_decisions,
+    report_worst_manoeuvres,
+)
 from analysis.model.schema import REASON
 
 SETTINGS = Settings(noise={"force_N": 1.0, "acc_m_s2": 0.01, "speed_m_s": 0.01})
@@ -73,7 +76,7 @@ def test_the_gate_is_told_in_order_with_the_median_of_what_decided() -> None:
             "reason_x": pl.Series(reasons, dtype=REASON),
         }
     )
-    told = list_gate_stretches(gate, SETTINGS, 0, 6 * S)
+    told = list_stretches_of_gate_decisions(gate, SETTINGS, 0, 6 * S)
     assert [(e.reason, e.value, e.limit) for e in told] == [
         ("low_information", 0.2, "≥ 0.7"),
         ("accepted", 1.5, "≥ 0.7"),

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from analysis.fleet.fleet_limits import LIMITS
 from analysis.fleet.machine_drifts import (
-    compute_average_run_length,
+    compute_cusum_average_run_length,
     find_cusum_limit,
     make_control_chart,
+    remove_lag_1_correlation,
     standardise_innovations,
-    whiten_series,
 )
 
 FINITE = st.floats(-1e3, 1e3)
@@ -25,17 +25,17 @@ def test_the_run_length_is_that_of_the_literature(limit: float, run_length: floa
     """Of both sums together, with the allowance ¼ (Montgomery, Statistical Quality Control)."""
     if limit == 8.01:
         assert LIMITS.cusum_allowance_std == 0.25
-        assert compute_average_run_length(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
+        assert compute_cusum_average_run_length(limit) / 2.0 == pytest.approx(run_length, rel=0.01)
     else:
         # Siegmund's approximation
         b = limit + 1.166
         known = (np.exp(0.5 * b) - 0.5 * b - 1.0) / (2.0 * LIMITS.cusum_allowance_std**2)
-        assert compute_average_run_length(limit) == pytest.approx(known, rel=0.02)
+        assert compute_cusum_average_run_length(limit) == pytest.approx(known, rel=0.02)
 
 
 def test_the_limit_has_the_run_length_that_was_asked_for() -> None:
     for run_length in (100.0, 1000.0, 3000.0):
-        assert compute_average_run_length(find_cusum_limit(run_length)) == pytest.approx(
+        assert compute_cusum_average_run_length(find_cusum_limit(run_length)) == pytest.approx(
             2.0 * run_length, rel=0.01
         )
 
@@ -50,7 +50,7 @@ def test_a_simulated_run_length_is_the_computed_one() -> None:
             total = max(total + draw.normal() - LIMITS.cusum_allowance_std, 0.0)
             n += 1
         lengths.append(n)
-    assert np.mean(lengths) == pytest.approx(compute_average_run_length(limit), rel=0.1)
+    assert np.mean(lengths) == pytest.approx(compute_cusum_average_run_length(limit), rel=0.1)
 
 
 def test_innovations_are_standard_normal_from_the_third_value_on() -> None:
@@ -110,10 +110,10 @@ def test_days_that_are_alike_in_a_row_are_told_from_a_drift() -> None:
     x = np.zeros(4000)
     for n in range(1, x.size):
         x[n] = 0.5 * x[n - 1] + draw.normal()
-    left = whiten_series(x)
+    left = remove_lag_1_correlation(x)
     assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.06
     # a drift alone does not look like it
     drifting = draw.normal(size=400) + np.arange(400) / 30.0
     np.testing.assert_allclose(
-        whiten_series(drifting), drifting, atol=0.15 * np.abs(drifting).max()
+        remove_lag_1_correlation(drifting), drifting, atol=0.15 * np.abs(drifting).max()
     )

@@ -6,15 +6,15 @@ from typing import Any
 import polars as pl
 import pytest
 
-from analysis.fleet.attention import rank_concerns
+from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.calibration_steps import FleetCalibration, find_line_changes
 from analysis.fleet.daily_figures import (
     make_daily_figures,
-    sum_machines,
-    sum_results_by_group,
+    sum_daily_figures_over_machines,
+    sum_tonnes_by_group,
     sum_weekly_tonnes,
 )
-from analysis.fleet.fleet_tables import TABLES, convert_rows_for_table, make_table_schema
+from analysis.fleet.fleet_tables import TABLES, convert_frame_to_table_rows, make_table_schema
 from analysis.fleet.results_comparison import compare_results
 
 OF = {"key": "k", "machine": "m", "day": "2026-01-05", "t0_unix_ns": 1}
@@ -43,7 +43,7 @@ def results(*rows: dict[str, Any]) -> pl.DataFrame:
         "log_sha256": "x",
     }
     frames = [
-        convert_rows_for_table(
+        convert_frame_to_table_rows(
             "results", pl.DataFrame([{**plain, **row}]), {**OF, "key": f"k{n}", **_of(row)}
         )
         for n, row in enumerate(rows)
@@ -58,7 +58,7 @@ def _of(row: dict[str, Any]) -> dict[str, Any]:
 def cycles(*rows: dict[str, Any]) -> pl.LazyFrame:
     schema = make_table_schema("cycles")
     frames = [
-        convert_rows_for_table(
+        convert_frame_to_table_rows(
             "cycles", pl.DataFrame([{"counted": True, **row}]), {**OF, **_of(row)}
         )
         for row in rows
@@ -69,13 +69,14 @@ def cycles(*rows: dict[str, Any]) -> pl.LazyFrame:
 def findings(*rows: dict[str, Any]) -> pl.LazyFrame:
     schema = make_table_schema("findings")
     frames = [
-        convert_rows_for_table("findings", pl.DataFrame([row]), {**OF, **_of(row)}) for row in rows
+        convert_frame_to_table_rows("findings", pl.DataFrame([row]), {**OF, **_of(row)})
+        for row in rows
     ]
     return pl.concat([pl.DataFrame(schema=schema), *frames]).lazy()
 
 
 def test_the_first_cause_of_a_recording_is_a_reason_unless_it_only_tells() -> None:
-    found = rank_concerns(
+    found = rank_recordings_by_concern(
         results({}, {}, {}),
         cycles(),
         findings(
@@ -100,18 +101,18 @@ def test_the_first_cause_of_a_recording_is_a_reason_unless_it_only_tells() -> No
 def test_every_table_begins_with_the_result_that_a_row_is_of() -> None:
     for name in TABLES:
         assert make_table_schema(name).names()[:4] == ["key", "machine", "day", "t0_unix_ns"]
-        assert convert_rows_for_table(name, pl.DataFrame(), OF).is_empty()
+        assert convert_frame_to_table_rows(name, pl.DataFrame(), OF).is_empty()
         assert not any(isinstance(dtype, pl.Enum) for dtype in make_table_schema(name).values())
 
 
 def test_random_parts_add_up_in_squares_and_common_ones_as_they_are() -> None:
-    machines = sum_results_by_group(results({}, {}, {"machine": "n"}), ["machine"])
+    machines = sum_tonnes_by_group(results({}, {}, {"machine": "n"}), ["machine"])
     m, n = machines.iter_rows(named=True)
     assert m["payload_kg"] == 14_000.0
     assert m["payload_u_random_kg"] == pytest.approx(30.0 * 2**0.5)
     assert m["payload_u_common_kg"] == 80.0
     # what is common to one machine's recordings is not common to two machines
-    assert sum_machines(machines)["payload_u_kg"] == pytest.approx(
+    assert sum_daily_figures_over_machines(machines)["payload_u_kg"] == pytest.approx(
         (m["payload_u_kg"] ** 2 + n["payload_u_kg"] ** 2) ** 0.5
     )
 
@@ -144,7 +145,7 @@ def test_what_is_most_wrong_comes_first_with_its_place() -> None:
         {"lost_cycles": 2.04, "longest_gap_at_s": 812.0},
         {"cycles_without_mass": 4},
     )
-    found = rank_concerns(
+    found = rank_recordings_by_concern(
         rows, cycles({"key": "k5", "payload_kg": None, "start_t_ns": 5 * 10**9}), findings()
     )
     assert found.select("key", "at_s").rows() == [
@@ -162,7 +163,7 @@ def test_what_is_most_wrong_comes_first_with_its_place() -> None:
 def test_a_payload_far_from_the_others_of_its_machine_has_its_cycle_as_place() -> None:
     usual = [{"payload_kg": 700.0 + n % 7, "start_t_ns": n, "cycle": n} for n in range(40)]
     odd = {"key": "k1", "payload_kg": 1400.0, "start_t_ns": 77 * 10**9, "cycle": 9}
-    found = rank_concerns(results({}, {}), cycles(*usual, odd), findings())
+    found = rank_recordings_by_concern(results({}, {}), cycles(*usual, odd), findings())
     assert found.rows(named=True)[0]["at_s"] == 77.0
     assert found["why"].to_list() == ["1 payloads far from the others, the farthest 1400 kg"]
 

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
-from analysis.model.answer import answer
+from analysis.diagnosis import CHECKS, CheckInputs, judge_log_by_checks
+from analysis.model.answer import make_answer
 from analysis.model.run_record import Loss, Provenance, Run
 from analysis.stages.estimation.masses import (
-    describe_missing_acceptance,
+    explain_why_gate_accepted_nothing,
     summarise_masses,
     withhold_masses,
 )
@@ -33,7 +33,7 @@ def replayed(drive, excitation_of, machine):
                 "masses": withhold_masses(
                     summarise_masses(excitation, gated, estimates, made), opinion, ()
                 ),
-                "verdict": judge_checks(CheckInputs(excitation, gated, made)),
+                "verdict": judge_log_by_checks(CheckInputs(excitation, gated, made)),
             },
             Provenance(
                 settings=made.settings,
@@ -46,7 +46,7 @@ def replayed(drive, excitation_of, machine):
 
 
 def test_the_answer_is_plain_json_by_method(replayed):
-    given = answer(replayed(WEIGHS)).to_dict()
+    given = make_answer(replayed(WEIGHS)).to_dict()
     assert json.loads(json.dumps(given, allow_nan=False)) == given
     methods = {"ls", "rls", "fgls", "tls", "pooled"}
     for name in ("mass_kg", "mass_std_kg", "payload_kg", "friction_x_N_s_m"):
@@ -63,12 +63,12 @@ def test_the_answer_is_plain_json_by_method(replayed):
 def test_the_accepted_share_counts_samples_not_windows(replayed):
     run = replayed(WEIGHS)
     inside = mark_samples_in_windows(run.frames["gate"]["accepted_x"].to_numpy(), 320)
-    assert answer(run).accepted_share == pytest.approx(inside.mean())
-    assert answer(run).accepted_share > run.frames["gate"]["accepted_x"].mean()
+    assert make_answer(run).accepted_share == pytest.approx(inside.mean())
+    assert make_answer(run).accepted_share > run.frames["gate"]["accepted_x"].mean()
 
 
 def test_a_withheld_mass_is_null_in_the_answer(replayed):
-    given = answer(replayed(CANNOT_WEIGH)).to_dict()
+    given = make_answer(replayed(CANNOT_WEIGH)).to_dict()
     assert set(given["mass_kg"].values()) == {None}
     assert json.dumps(given, allow_nan=False)
 
@@ -122,7 +122,9 @@ def test_a_withheld_mass_is_null_in_the_answer(replayed):
 def test_the_obstacle_is_named(drive, excitation_of, machine, manoeuvres, seconds, changes, why):
     settings = machine().settings
     excitation = excitation_of(drive(manoeuvres, seconds).but(**changes))
-    said = describe_missing_acceptance(excitation, gate_windows(excitation, settings), settings)
+    said = explain_why_gate_accepted_nothing(
+        excitation, gate_windows(excitation, settings), settings
+    )
     if why is None:
         assert said is None
     else:

@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from analysis.model.fingerprint import digest_frame, take_fingerprint
+from analysis.model.fingerprint import digest_frame, make_run_fingerprint
 from analysis.model.run_record import InputFile, Provenance, Run
 from analysis.model.settings import Settings
 
@@ -160,7 +160,7 @@ def test_each_part_of_a_fingerprint_says_what_it_is_of():
 
 def test_the_order_and_the_names_of_frames_count():
     digests = {
-        take_fingerprint(frames, [], {}, {}).results
+        make_run_fingerprint(frames, [], {}, {}).results
         for frames in (
             {"gate": FRAME, "aligned": FRAME[:1]},
             {"aligned": FRAME[:1], "gate": FRAME},
@@ -171,7 +171,7 @@ def test_the_order_and_the_names_of_frames_count():
 
 
 def test_a_machine_file_in_another_order_is_the_same():
-    one = take_fingerprint({}, [], {"machine": {"name": "a", "mass": 1.0}}, {"b": 1, "a": 2})
-    two = take_fingerprint({}, [], {"machine": {"mass": 1.0, "name": "a"}}, {"a": 2, "b": 1})
+    one = make_run_fingerprint({}, [], {"machine": {"name": "a", "mass": 1.0}}, {"b": 1, "a": 2})
+    two = make_run_fingerprint({}, [], {"machine": {"mass": 1.0, "name": "a"}}, {"a": 2, "b": 1})
     assert one == two
     assert str(one).startswith(f"inputs {one.inputs[:12]}  settings {one.settings[:12]}  ")

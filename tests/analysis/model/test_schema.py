@@ -13,7 +13,7 @@ from analysis.model.schema import (
     REASONS,
     build_frame,
     column_values,
-    conform_to_schema,
+    conform_frame_to_schema,
     find_frame_declaration,
 )
 
@@ -130,7 +130,7 @@ def test_a_frame_knows_what_places_it_in_time(frame, column):
 
 
 def test_conform_orders_and_casts():
-    frame = conform_to_schema(
+    frame = conform_frame_to_schema(
         "gate", pl.DataFrame({"accepted_x": [True], "t_ns": pl.Series([1], dtype=pl.Int8)})
     )
     assert list(frame.schema.items()) == [("t_ns", pl.Int64), ("accepted_x", pl.Boolean)]
@@ -140,7 +140,7 @@ def test_conform_refuses_a_column_without_a_declaration():
     with pytest.raises(
         KeyError, match=r"gate: columns without a declaration: \['colour', 'size'\]"
     ):
-        conform_to_schema("gate", pl.DataFrame({"t_ns": [1], "size": [1], "colour": [1]}))
+        conform_frame_to_schema("gate", pl.DataFrame({"t_ns": [1], "size": [1], "colour": [1]}))
 
 
 @pytest.mark.parametrize("make", [np.array, pl.Series], ids=["array", "series"])

@@ -8,7 +8,7 @@ import pytest
 from analysis.model.machine_body import Body
 from analysis.online.answer_progress import (
     AnswerProgress,
-    choose_target_u_kg,
+    choose_target_uncertainty_kg,
     describe_missing_manoeuvres,
 )
 
@@ -16,7 +16,7 @@ from analysis.online.answer_progress import (
 def after(masses: list[float], *, u_kg: float = 6.0, aim_kg: float | None = 3.0) -> AnswerProgress:
     progress = AnswerProgress(aim_kg)
     for mass_kg in masses:
-        progress = progress.add(mass_kg, u_kg, 1.0)
+        progress = progress.add_manoeuvre(mass_kg, u_kg, 1.0)
     return progress
 
 
@@ -51,7 +51,7 @@ def test_starts_that_scatter_more_than_they_say_are_believed() -> None:
 
 def test_another_load_begins_anew() -> None:
     progress = after([3600.0, 3605.0, 3598.0])
-    loaded = progress.add(3900.0, 6.0, 1.0)
+    loaded = progress.add_manoeuvre(3900.0, 6.0, 1.0)
     assert loaded.manoeuvres == 1
     assert loaded.mean_kg == 3900.0
     assert loaded.until_u_kg == 3.0
@@ -67,7 +67,7 @@ def test_what_is_missing_is_shared_out_so_that_both_directions_have_as_many() ->
         ahead.forward + ahead.missing_manoeuvre_count - ahead.missing_reverse_count
         == pytest.approx(ahead.reverse + ahead.missing_reverse_count, abs=1)
     )
-    back = AnswerProgress(3.0).add(3600.0, 6.0, -1.0)
+    back = AnswerProgress(3.0).add_manoeuvre(3600.0, 6.0, -1.0)
     assert back.reverse == 1
     assert back.missing_reverse_count == 1
 
@@ -81,6 +81,6 @@ def test_without_an_aim_nothing_is_missing_that_could_be_told() -> None:
 
 def test_the_aim_is_what_somebody_says_or_a_share_of_the_empty_mass() -> None:
     body = Body(name="loader", empty_mass_kg=3600.0)
-    assert choose_target_u_kg(body, None) == pytest.approx(72.0)
-    assert choose_target_u_kg(body, 5.0) == 5.0
-    assert choose_target_u_kg(Body(name="loader"), None) is None
+    assert choose_target_uncertainty_kg(body, None) == pytest.approx(72.0)
+    assert choose_target_uncertainty_kg(body, 5.0) == 5.0
+    assert choose_target_uncertainty_kg(Body(name="loader"), None) is None

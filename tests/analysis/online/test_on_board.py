@@ -9,13 +9,13 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from analysis.model.axes import X, Z, read_parameters_and_stds, select_rows_of_axis
+from analysis.model.axes import X, Z, read_parameters_and_stds, select_estimate_rows_of_axis
 from analysis.model.methods import METHODS
 from analysis.model.settings import Settings
 from analysis.online import on_board as online
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import number_pooled_manoeuvres
+from analysis.stages.gating.segments import number_manoeuvres_for_pooling
 from analysis.stages.noise.channel_noise import estimate_channel_noise
 from tests.analysis import plane_drives as plane
 from tests.analysis.noisy_logs import noisy_log
@@ -54,7 +54,7 @@ def assert_as_in_replay(excitation, settings, noise=None, axis=X):
             np.testing.assert_array_equal(mine, expected)
     times = excitation["t_ns"].to_numpy()
     for method, rows in found.items():
-        frame = select_rows_of_axis(axis, frames[method])
+        frame = select_estimate_rows_of_axis(axis, frames[method])
         assert [times[at] for at, _ in rows] == frame["t_ns"].to_list(), method
         expected, _ = read_parameters_and_stds(axis, frame)
         theta = np.array([e.theta for _, e in rows]).reshape(expected.shape)
@@ -207,7 +207,9 @@ def test_a_log_without_an_accelerometer_or_any_row(two_starts):
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
     """Braking is seen at once, so the manoeuvre that it ends is over then."""
     settings = Settings(trace={"methods": ("pooled",)})
-    numbers = number_pooled_manoeuvres(two_starts, gate_windows(two_starts, settings), settings)
+    numbers = number_manoeuvres_for_pooling(
+        two_starts, gate_windows(two_starts, settings), settings
+    )
     state, came = online.start(settings), {}
     for k, row in enumerate(two_starts.iter_rows(named=True)):
         step = online.step(state, row)

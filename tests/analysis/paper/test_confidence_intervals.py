@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.paper.confidence_intervals import bootstrap_rms_interval, compute_mean_intervals
+from analysis.paper.confidence_intervals import bootstrap_rms_and_interval, compute_mean_intervals
 
 
 def test_students_interval_of_a_hand_checked_mean() -> None:
@@ -29,10 +29,10 @@ def test_the_bootstrap_interval_holds_the_true_root_mean_square_nearly_always() 
     scale = np.where(np.arange(300) % 2, 1.0, 3.0)
     held = 0
     for _ in range(60):
-        _, low, high = bootstrap_rms_interval(scale * rng.standard_normal(300), rng)
+        _, low, high = bootstrap_rms_and_interval(scale * rng.standard_normal(300), rng)
         held += low <= np.sqrt(5.0) <= high
     assert held >= 50
 
 
 def test_no_error_at_all_has_no_root_mean_square() -> None:
-    assert np.isnan(bootstrap_rms_interval(np.array([np.nan]), np.random.default_rng(0))).all()
+    assert np.isnan(bootstrap_rms_and_interval(np.array([np.nan]), np.random.default_rng(0))).all()

@@ -1,7 +1,7 @@
 """Logs without noise, all topics sampled at the same instants."""
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.drive.log_drive import integrate_log_trials
+from analysis.simulation.drive.log_drive import drive_trials_of_log
 
 NO_NOISE = {
     "force_noise_N": 0.0,
@@ -33,7 +33,7 @@ def log(**sections):
 
 def drive(load_kg=0.0, **sections):
     """The motion of such a log as the integrated plant has it."""
-    return integrate_log_trials(scenario(**sections), load_kg, 0)
+    return drive_trials_of_log(scenario(**sections), load_kg, 0)
 
 
 def total_force(made):

@@ -7,7 +7,7 @@ from analysis.model.axes import X
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.fit_columns import PreviousEstimates, average_columns
 from analysis.weighing.motion_samples import CachedNoise
-from analysis.weighing.wheel_comparison import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.weighed import RICH, weighed
 
 REACH_S = 0.4
@@ -47,8 +47,8 @@ def test_noise_that_is_kept_is_that_of_its_columns(noise):
 
 def test_wheels_that_begin_from_their_own_words_say_them_again(log, noise):
     motion, priors = log.weighing.fit.motion, log.machine.settings.priors
-    first = compare_wheels(motion, noise, priors)
-    again = compare_wheels(motion, noise, priors, first)
+    first = compare_wheels_with_accelerometer(motion, noise, priors)
+    again = compare_wheels_with_accelerometer(motion, noise, priors, first)
     assert first is not None
     assert again is not None
     assert again.is_consistent == first.is_consistent
@@ -61,9 +61,12 @@ def test_wheels_that_begin_from_their_own_words_say_them_again(log, noise):
 
 def test_wheels_of_a_speed_that_is_moved_are_found_from_where_they_were(log, noise):
     motion, priors = log.weighing.fit.motion, log.machine.settings.priors
-    first = compare_wheels(motion, noise, priors)
+    first = compare_wheels_with_accelerometer(motion, noise, priors)
     moved = motion.advance_speed(-0.02)
-    begun, anew = compare_wheels(moved, noise, priors, first), compare_wheels(moved, noise, priors)
+    begun, anew = (
+        compare_wheels_with_accelerometer(moved, noise, priors, first),
+        compare_wheels_with_accelerometer(moved, noise, priors),
+    )
     assert begun is not None
     assert anew is not None
     assert abs(begun.delay_s[0] - anew.delay_s[0]) < 0.1 * anew.delay_s[1]

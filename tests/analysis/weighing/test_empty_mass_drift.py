@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from analysis.cycles.load_passes import find_load_passes
 from analysis.weighing.empty_mass_drift import (
     EmptyMassDrift,
-    are_local_minima,
     estimate_empty_mass_drift,
+    mark_local_mass_minima,
 )
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 from tests.twins import mark_slow_after
@@ -61,12 +61,12 @@ def test_an_error_of_the_gain_late_in_the_log_does_not_cancel_in_the_ratio_to_th
     drift = EmptyMassDrift(-0.04, 0.001, 0.0, (0, 2), nearby_1)
     late = np.array([0.0, 0.0, -1.0, 1.0])
     ratio = late - (late @ masses_kg) / 4000.0 * np.array([0.5, 0.0, 0.5, 0.0])
-    stated, course, _ = drift.mass_responses_kg(masses_kg) @ ratio
+    stated, course, _ = drift.mass_responses_to_gain_kg(masses_kg) @ ratio
     assert stated == pytest.approx(0.0, abs=1e-9)
     assert course == pytest.approx(-0.02 * 980.0, rel=0.05)
     # a load between the two may have either gain
     between = np.array([-0.5, 1.0, -0.5, 0.0])
-    assert abs((drift.mass_responses_kg(masses_kg) @ between)[2]) > 0.02 * 4000.0
+    assert abs((drift.mass_responses_to_gain_kg(masses_kg) @ between)[2]) > 0.02 * 4000.0
 
 
 def test_small_loads_are_told_from_an_empty_machine_whose_mass_drifts() -> None:
@@ -108,10 +108,10 @@ def test_one_load_has_no_empty_machine_to_compare() -> None:
 def test_a_small_load_is_not_empty_where_those_beside_it_are_lighter() -> None:
     empty_kg, small_kg, large_kg = 4200.0, 4700.0, 5800.0
     mass_kg = np.repeat([empty_kg, large_kg, empty_kg, small_kg, empty_kg], [3, 2, 4, 2, 1])
-    assert mass_kg[are_local_minima(mass_kg)].tolist() == [empty_kg] * 8
+    assert mass_kg[mark_local_mass_minima(mass_kg)].tolist() == [empty_kg] * 8
 
 
 @given(st.lists(st.sampled_from([1.0, 2.0, 3.0]), min_size=1, max_size=30))
 def test_the_lightest_load_of_a_log_is_always_lightest_nearby(masses_kg: list[float]) -> None:
     mass_kg = np.array(masses_kg)
-    assert are_local_minima(mass_kg)[mass_kg == mass_kg.min()].all()
+    assert mark_local_mass_minima(mass_kg)[mass_kg == mass_kg.min()].all()

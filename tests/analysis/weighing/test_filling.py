@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.growing_load import LoadFilling, mean_payload_weight_vectors
-from analysis.weighing.mass_budget import uncertainty_by_failed_checks_kg
+from analysis.weighing.growing_load import LoadFilling, list_mean_payload_coefficients
+from analysis.weighing.mass_budget import list_uncertainty_by_failed_checks_kg
 from tests.analysis.weighing.weighed import RICH, weighed
 
 #: A bucket that takes up 25 to 250 kg at every start, driven both ways.
@@ -37,19 +37,19 @@ def test_where_nothing_fills_the_machine_a_growth_is_in_the_uncertainty() -> Non
     digs = weighed(fills).weighing
     shift, one = weighed(fills, "machine.digs=false").weighing, np.ones(1)
     assert shift.filling.significance == 0.0
-    (effect_kg,) = np.abs(np.atleast_1d(shift.filling.widening_effect_kg))
+    (effect_kg,) = np.abs(np.atleast_1d(shift.filling.significant_mass_changes_kg))
     assert effect_kg > 0.0
-    widened = uncertainty_by_failed_checks_kg(shift, one, shift.fit.u_parts_kg(one))
+    widened = list_uncertainty_by_failed_checks_kg(shift, one, shift.fit.u_by_cause_kg(one))
     assert widened["growth"] >= effect_kg * (1.0 - 1e-9)
-    assert not np.any(digs.filling.widening_effect_kg)
+    assert not np.any(digs.filling.significant_mass_changes_kg)
 
 
 def test_a_growth_is_judged_by_the_payload_as_well_whose_uncertainty_is_smaller() -> None:
     """Ten starts without and with a load that all fill: the masses of both have common causes."""
     fills = {"loading": {"fill_kg_s": FILLS_KG_S[0]}, "campaign": {"loads_kg": (0.0, 400.0)}}
     shift = weighed(fills | {"starts": {"directions": "alternating"}}).weighing
-    (weights,) = mean_payload_weight_vectors(shift.fit)
+    (weights,) = list_mean_payload_coefficients(shift.fit)
     assert weights.sum() == pytest.approx(0.0, abs=1e-12)
     payload_kg = float(weights @ shift.fit.masses_kg)
     assert payload_kg == pytest.approx(400.0, abs=60.0)
-    assert shift.fit.sum_u_kg(weights) < shift.fit.u_kg
+    assert shift.fit.weighted_sum_u_kg(weights) < shift.fit.u_kg

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.fit_columns import derive_force_rate
+from analysis.weighing.fit_columns import differentiate_force
 from analysis.weighing.motion_samples import Floats
 
 RATE_HZ = 50.0
@@ -26,7 +26,7 @@ def force() -> Floats:
 
 def rate_in(part: str, force: Floats, *, keep_small: bool) -> Floats:
     """Rate within a part, without the rows at its ends that see another."""
-    rate = derive_force_rate(force, RATE_HZ, NOISE_N, keep_small=keep_small)
+    rate = differentiate_force(force, RATE_HZ, NOISE_N, keep_small=keep_small)
     names = list(PARTS_N)
     begin = sum(PARTS_N[name].size for name in names[: names.index(part)])
     return rate[begin + 12 : begin + PARTS_N[part].size - 12]
@@ -38,11 +38,11 @@ def test_a_throttle_that_closes_slowly_is_no_noise_where_slip_needs_it(force: Fl
 
 
 def test_its_noise_is_a_tenth_of_it_then(force: Floats) -> None:
-    rate = derive_force_rate(force, RATE_HZ, NOISE_N, keep_small=True)
+    rate = differentiate_force(force, RATE_HZ, NOISE_N, keep_small=True)
     noise_N_s = rate_in("stands", force, keep_small=True).std()
     assert 0.0 < noise_N_s < 0.1 * np.sqrt(np.mean(rate**2))
 
 
 def test_a_force_that_is_noise_has_no_rate() -> None:
     noise = np.random.default_rng(7).normal(0.0, NOISE_N, 3000)
-    assert np.mean(derive_force_rate(noise, RATE_HZ, NOISE_N, keep_small=True) != 0.0) < 0.01
+    assert np.mean(differentiate_force(noise, RATE_HZ, NOISE_N, keep_small=True) != 0.0) < 0.01

@@ -9,8 +9,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.weighing.gain_by_direction import heavy_masses_scatter_more, loads_follow_direction
-from analysis.weighing.growing_load import max_loss_kg
+from analysis.weighing.gain_by_direction import (
+    do_heavy_masses_scatter_more,
+    do_loads_only_follow_direction,
+)
+from analysis.weighing.growing_load import compute_max_load_loss_of_manoeuvre_kg
 from analysis.weighing.load_states import LoadStates
 from estimators.arrays import Bools, Floats
 from tests.analysis.weighing.test_haul_patterns import drives
@@ -132,7 +135,7 @@ def test_a_boom_that_moves_or_times_named_empty_tell_loads() -> None:
     still = replace(to_and_fro_hauls.motion, arms=())
     unseen = SimpleNamespace(states=to_and_fro_hauls.states, motion=still)
     named = SimpleNamespace(states=unseen.states, motion=hauls([1.0, -1.0] * 6, empty=True).motion)
-    seen = [loads_follow_direction(fit) for fit in (unseen, to_and_fro_hauls, named)]  # pyright: ignore
+    seen = [do_loads_only_follow_direction(fit) for fit in (unseen, to_and_fro_hauls, named)]  # pyright: ignore
     assert seen == [True, False, False]
 
 
@@ -143,22 +146,26 @@ def test_loads_that_are_hauled_both_ways_are_no_gain() -> None:
     states = replace(both.states, level_kg=level, membership=np.arange(16) // 2)
     motion = replace(both.motion, arms=())
     fit = SimpleNamespace(states=states, motion=motion)
-    assert not loads_follow_direction(fit)  # pyright: ignore
+    assert not do_loads_only_follow_direction(fit)  # pyright: ignore
 
 
 def test_payloads_scatter_where_the_empty_machine_does_not() -> None:
     empty, loads = [-9.0, 4.0, 11.0, -6.0, 2.0, -3.0], [-60.0, 40.0, 75.0, -20.0, -55.0, 30.0]
-    assert heavy_masses_scatter_more(*levels(empty, loads))
+    assert do_heavy_masses_scatter_more(*levels(empty, loads))
     # both directions scatter alike, or the lighter one more: neither is what payloads do
-    assert not heavy_masses_scatter_more(*levels(loads, loads[::-1]))
-    assert not heavy_masses_scatter_more(*levels(loads, empty))
+    assert not do_heavy_masses_scatter_more(*levels(loads, loads[::-1]))
+    assert not do_heavy_masses_scatter_more(*levels(loads, empty))
 
 
 def test_a_machine_loses_no_more_than_it_carries() -> None:
     """Of loads of 0 and 3 t an empty start loses nothing, and a loaded one 3 t at most."""
     states = replace(levels([0.0, 0.0], [0.0])[0], membership=np.array([0, 1, 0]))
     fit = _TwoLoads(states)
-    assert [max_loss_kg(fit, unit) for unit in (0, 1, 2)] == [0.0, 3050.0, 0.0]  # pyright: ignore
+    assert [compute_max_load_loss_of_manoeuvre_kg(fit, unit) for unit in (0, 1, 2)] == [
+        0.0,
+        3050.0,
+        0.0,
+    ]  # pyright: ignore
 
 
 @dataclass(frozen=True)
@@ -172,8 +179,8 @@ class _TwoLoads:
     def masses_kg(self) -> Floats:
         return np.array([12_000.0, 15_000.0])
 
-    def weights_of_state(self, state: int) -> Floats:
+    def coefficients_of_state(self, state: int) -> Floats:
         return np.eye(2)[state]
 
-    def sum_u_kg(self, weights: Floats) -> float:
+    def weighted_sum_u_kg(self, weights: Floats) -> float:
         return 50.0 * float(np.abs(weights).any())

@@ -8,7 +8,7 @@ from analysis.weighing.body_squat import LoadSquat, estimate_load_squat
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.wheel_comparison import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise
 
 PRIORS = Settings.model_validate({}).priors
@@ -64,7 +64,7 @@ def squat_of(motion: MotionSamples, route: Route | None) -> LoadSquat:
     loads = RelativeLoads.from_masses(
         unit, np.where(unit % 2 == 0, LOADED_KG, EMPTY_KG), (0.5, 0.5)
     )
-    wheels = compare_wheels(motion, WhiteNoise(0.004), PRIORS)
+    wheels = compare_wheels_with_accelerometer(motion, WhiteNoise(0.004), PRIORS)
     assert loads is not None
     assert wheels is not None
     relative = np.array([-0.05, 0.05])
@@ -96,7 +96,10 @@ def test_without_the_route_hills_of_a_twentieth_of_a_degree_change_it_by_half() 
 
 def test_the_machine_faces_the_dump_on_its_haul_and_turns_its_back_on_the_way_back() -> None:
     motion, route = hauls(0.0, 0.0, seed=1, cycles=4)
-    place, heading = route.relative_distances_to_dump(motion), route.headings_from_dump(motion)
+    place, heading = (
+        route.compute_relative_distances_to_dump(motion),
+        route.compute_headings_from_dump(motion),
+    )
     between = (place > 0.01) & (place < 0.7)
     faces = np.where(motion.unit % 2 == 0, -1.0, 1.0)
     np.testing.assert_array_equal(heading[between], faces[between])

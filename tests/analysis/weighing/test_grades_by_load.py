@@ -8,7 +8,7 @@ import pytest
 from analysis.model.settings import Settings
 from analysis.weighing.body_squat import LoadSquat, estimate_load_squat
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.wheel_comparison import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise
 from tests.analysis.weighing.test_pitch_squat import starts
 
@@ -23,7 +23,7 @@ def squat_of(hills_m_s2: float, heavy_place: int, seed: int) -> LoadSquat:
     loads = RelativeLoads.from_masses(
         unit, np.where(unit % 2 == heavy_place, 4200.0, 3800.0), (0.5, 0.5)
     )
-    wheels = compare_wheels(blind, WhiteNoise(0.004), PRIORS)
+    wheels = compare_wheels_with_accelerometer(blind, WhiteNoise(0.004), PRIORS)
     assert loads is not None
     assert wheels is not None
     squat = estimate_load_squat(blind, wheels, loads, np.array([-0.05, 0.05]), PRIORS.gain_by_load)
@@ -52,7 +52,7 @@ def test_grades_that_wheels_and_accelerometer_still_disagree_by_are_no_squat(see
     """Grades that change alike at every start read as a few percent of the acceleration."""
     _, motion = starts(0.0, -0.02, seed)
     blind = replace(motion, without_gravity=None, wheel_radius_u_1=0.005)
-    wheels = compare_wheels(blind, WhiteNoise(0.004), PRIORS)
+    wheels = compare_wheels_with_accelerometer(blind, WhiteNoise(0.004), PRIORS)
     assert wheels is not None
     assert not wheels.is_consistent
     assert wheels.squat == (0.0, 0.0)

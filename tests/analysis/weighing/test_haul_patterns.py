@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.weighing.haul_patterns import propose_hauling_partitions
-from analysis.weighing.load_states import units_of_stretches
+from analysis.weighing.load_states import find_manoeuvre_of_stretches
 from analysis.weighing.motion_samples import MotionSamples
 
 RATE_HZ = 10.0
@@ -79,4 +79,4 @@ def test_a_manoeuvre_that_only_cruises_is_none_of_its_own():
     motion = drives([20.0, 20.0, 20.0, 20.0])
     cruises = motion.unit == 2
     motion = replace(motion, speed=np.where(cruises, SPEED_M_S, motion.speed))
-    assert units_of_stretches(motion).tolist() == [0, 1, 1, 3]
+    assert find_manoeuvre_of_stretches(motion).tolist() == [0, 1, 1, 3]

@@ -30,7 +30,7 @@ def test_the_same_place_is_at_the_same_position_on_the_way_and_back():
     route = Route.from_motion(motion, unit, loaded)
     assert route is not None
     assert route.length_m == pytest.approx(1.2 * HAUL_M)
-    position = route.relative_distances_to_dump(motion)
+    position = route.compute_relative_distances_to_dump(motion)
     place_m = np.cumsum(motion.speed) / RATE_HZ
     np.testing.assert_allclose(position, (HAUL_M - place_m) / route.length_m, atol=0.01)
 
@@ -39,16 +39,18 @@ def test_pieces_of_a_log_have_the_positions_of_the_whole():
     motion, unit, loaded = shuttle(6)
     route = Route.from_motion(motion, unit, loaded)
     assert route is not None
-    whole = route.relative_distances_to_dump(motion)
+    whole = route.compute_relative_distances_to_dump(motion)
     part = motion.cut_to_first_stretches(5)
-    np.testing.assert_array_equal(route.relative_distances_to_dump(part), whole[: part.unit.size])
+    np.testing.assert_array_equal(
+        route.compute_relative_distances_to_dump(part), whole[: part.unit.size]
+    )
 
 
 def test_farther_from_any_dump_than_a_haul_the_machine_is_at_the_end_of_the_route():
     motion, unit, loaded = shuttle(3, first_loaded=False)
     route = Route.from_motion(motion, unit, loaded)
     assert route is not None
-    position = route.relative_distances_to_dump(motion)
+    position = route.compute_relative_distances_to_dump(motion)
     # two hauls before the first dump; the last haul has no dump behind it
     assert (position[motion.driven_m < route.dumps_m[0] - route.length_m] == 1.0).all()
     assert (position[motion.driven_m > route.dumps_m[-1] + route.length_m] == 1.0).all()

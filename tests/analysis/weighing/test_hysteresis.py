@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.model.run_record import Run
-from analysis.weighing.force_hysteresis import Play, trace_force_direction
+from analysis.weighing.force_hysteresis import Play, trace_direction_of_force_change
 from benchmarks.own_rate import LARGE_N, MASS_KG, Cell, logged, machine_of
-from estimators.numerics.play import follow_with_play
+from estimators.numerics.play import apply_play_hysteresis
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.twins import mark_slow_after
@@ -76,7 +76,7 @@ signals = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=60).map(np.array)
 @settings(deadline=None)
 @given(signals, st.floats(0.0, 1e6))
 def test_play_is_never_farther_away_than_half_its_width(x, half_width) -> None:
-    follows = follow_with_play(x, half_width)
+    follows = apply_play_hysteresis(x, half_width)
     assert (np.abs(x - follows) <= half_width * (1.0 + 1e-12) + 1e-9).all()
     moves = np.diff(follows) != 0.0
     assert (np.abs(x - follows)[1:][moves] >= half_width * (1.0 - 1e-9) - 1e-9).all()
@@ -84,7 +84,7 @@ def test_play_is_never_farther_away_than_half_its_width(x, half_width) -> None:
 
 def test_a_force_that_goes_on_rising_has_one_direction_until_it_turns_by_twice_the_play() -> None:
     ramp = np.concatenate([np.linspace(0.0, 1000.0, 101), np.linspace(1000.0, 0.0, 101)])
-    rises = trace_force_direction(ramp, Play(half_N=50.0, mean=1, by_force_1_N=0.0))
+    rises = trace_direction_of_force_change(ramp, Play(half_N=50.0, mean=1, by_force_1_N=0.0))
     assert rises[5:101] == pytest.approx(1.0)
     assert rises[-91:] == pytest.approx(-1.0)
     assert rises[106] == pytest.approx(0.0)

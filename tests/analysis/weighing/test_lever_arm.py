@@ -8,9 +8,9 @@ from scipy.signal import StateSpace, lfilter, lsim
 
 from analysis.weighing.lever_arm import (
     BodySwing,
-    estimate_swing,
-    fit_spring_rates,
-    subtract_swing,
+    estimate_body_swing,
+    fit_body_spring_rates,
+    subtract_swing_from_accelerometer,
 )
 from analysis.weighing.motion_samples import Floats, MotionSamples
 
@@ -68,8 +68,8 @@ def starts(
 
 def swing_of(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     """The swing with the springs that the same motion tells."""
-    springs = fit_spring_rates(measured, motion)
-    return None if springs is None else estimate_swing(measured, motion, springs)
+    springs = fit_body_spring_rates(measured, motion)
+    return None if springs is None else estimate_body_swing(measured, motion, springs)
 
 
 @pytest.mark.parametrize("height_m", [0.5, 0.25, -0.4])
@@ -90,7 +90,7 @@ def test_where_the_pitch_takes_gravity_off_only_the_height_is_left() -> None:
     found = swing_of(motion.acceleration - SQUAT_1 * pitch, motion)
     assert found is not None
     assert abs(found.lever_s2 - 0.5 * SQUAT_S2_M) < 2.0 * found.u_s2
-    assert found.add_gravity_swing(SQUAT_1).lever_s2 == pytest.approx(
+    assert found.with_squat_by_gravity(SQUAT_1).lever_s2 == pytest.approx(
         found.lever_s2 - BY_GRAVITY_S2, abs=0.2 * BY_GRAVITY_S2
     )
 
@@ -119,5 +119,5 @@ def test_taken_off_the_accelerometer_reads_what_the_axis_does() -> None:
     assert on_axis.specific_force is not None
     before = above.specific_force - on_axis.specific_force
     # the springs of the swing are driven by the squat's own gravity as well
-    after = subtract_swing(above, swing).specific_force - on_axis.specific_force
+    after = subtract_swing_from_accelerometer(above, swing).specific_force - on_axis.specific_force
     assert np.sqrt(np.mean(after**2)) < 0.1 * np.sqrt(np.mean(before**2))

@@ -12,7 +12,7 @@ from analysis.weighing import joint_fit
 from analysis.weighing.load_states import (
     AlternativePartition,
     LoadStates,
-    classify_all_load_changes,
+    label_load_change_evidence,
 )
 from analysis.weighing.weigh import weigh
 from analysis.weighing.weighing_limits import LIMITS
@@ -196,7 +196,7 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
         found = weigh(hinted, *rest, machine(POOLED))
         assert found is not None
         motion, states = found.fit.motion, found.fit.states
-        assert classify_all_load_changes(motion).tolist() == [HINTED if raised_rad else 1] * 4
+        assert label_load_change_evidence(motion).tolist() == [HINTED if raised_rad else 1] * 4
         assert states is not None
         probable[raised_rad] = states.single_probability
     # so few starts do not settle it: it then says "states or scatter"
@@ -212,7 +212,7 @@ def test_no_load_changes_while_the_machine_is_named_as_empty():
     named = (f"settings.loads.empty_to_s={empty_to_s}", "settings.loads.empty_from_s=0.0")
     found = weigh(aligned, *rest, machine((*POOLED, *named)))
     assert found is not None
-    assert classify_all_load_changes(found.fit.motion).tolist() == [0, NAMED, 1, 1]
+    assert label_load_change_evidence(found.fit.motion).tolist() == [0, NAMED, 1, 1]
 
 
 def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
@@ -225,13 +225,15 @@ def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
         np.arange(4), np.zeros(4, np.int64), nothing, nothing, 0.0, 3.0, 1.0, 0.6, other
     )
     of_one = np.sqrt(0.4 * np.mean(other.differs_kg**2))
-    assert one.alternative_std_kg(np.ones(1)) == pytest.approx(of_one)
+    assert one.alternative_partition_std_kg(np.ones(1)) == pytest.approx(of_one)
     # two states, which one load with a scatter may as well be
     two = replace(
         one, membership=np.array([0, 0, 1, 1]), other=replace(other, differs_kg=40.0 * LEFT)
     )
-    assert two.alternative_std_kg(np.array([-1.0, 1.0])) == pytest.approx(np.sqrt(0.4) * 80.0)
-    assert replace(one, other=None).alternative_std_kg(np.ones(1)) == 0.0
+    assert two.alternative_partition_std_kg(np.array([-1.0, 1.0])) == pytest.approx(
+        np.sqrt(0.4) * 80.0
+    )
+    assert replace(one, other=None).alternative_partition_std_kg(np.ones(1)) == 0.0
 
 
 @pytest.mark.parametrize("seed", [30932002, 30932004])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.model.uncertainty_sources import combine_u, unknown_scale_source_names
+from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
 from analysis.weighing.mass_budget import make_mass_budget
@@ -87,12 +87,12 @@ class TestScale:
         told |= {"wheel_radius_u_m": 0.001, "wheel_radius_by_load_u": 0.01}
         assert the_load(log, **told)["scale_unknown"] == ""
         some = make_mass_budget(log.weighing, with_body(log, force_gain_u=0.0), ONE)
-        assert "force_gain" not in unknown_scale_source_names(some)
+        assert "force_gain" not in list_scale_sources_without_u(some)
 
     def test_a_whole_force_has_no_share_and_no_wheels_that_must_be_known(self, log):
         channels = {"force_x_N": log.machine.channels["torque_left_N_m"], **log.machine.channels}
         machine = with_body(log, force_share=1.0).model_copy(update={"channels": channels})
-        assert unknown_scale_source_names(make_mass_budget(log.weighing, machine, ONE)) == [
+        assert list_scale_sources_without_u(make_mass_budget(log.weighing, machine, ONE)) == [
             "force_gain"
         ]
 

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.model.settings import Settings
 from analysis.weighing.motion_samples import Floats
-from analysis.weighing.wheel_comparison import compare_wheels
+from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.test_pitch_squat import starts
 from tests.analysis.weighing.weighed import RICH, merged, weighed
 
@@ -46,7 +46,9 @@ def test_hills_are_taken_off_the_accelerometer_however_noisy_the_speed(
     _, motion = starts(0.0, 0.15, seed=3)
     noise = WhiteNoise(speed_noise_m_s)
     said = motion.speed + np.random.default_rng(4).normal(0.0, speed_noise_m_s, motion.speed.size)
-    found = compare_wheels(replace(motion, speed=said), noise, Settings.model_validate({}).priors)
+    found = compare_wheels_with_accelerometer(
+        replace(motion, speed=said), noise, Settings.model_validate({}).priors
+    )
     assert found is not None
     assert not found.gain_counts
     assert found.squat == (0.0, 0.0)

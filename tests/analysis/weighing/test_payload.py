@@ -7,7 +7,7 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.nuisances import WeightShare
+from analysis.weighing.nuisances import LoadProportionalShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
 from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
@@ -98,13 +98,13 @@ def test_a_derived_acceleration_has_its_slip_as_a_term_of_the_mass():
 
 class TestWeightShare:
     def test_equal_parts_share_the_force_evenly(self):
-        found = WeightShare.from_parts(300.0, 300.0)
+        found = LoadProportionalShare.from_parts(300.0, 300.0)
         assert found.expected == pytest.approx(0.5)
         # of a known sum, each part deviates by 300 / √2
         assert found.std_N == pytest.approx(300.0 / np.sqrt(2.0))
 
     def test_a_force_that_is_all_weight_leaves_nothing_to_tell(self):
-        found = WeightShare.from_parts(1e-9, 300.0)
+        found = LoadProportionalShare.from_parts(1e-9, 300.0)
         assert found.expected == pytest.approx(1.0)
         assert found.std_N == pytest.approx(0.0, abs=1e-6)
 
@@ -113,13 +113,13 @@ class TestRelativeLoads:
     def test_they_are_relative_to_the_mean_of_the_manoeuvres(self):
         found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
-        np.testing.assert_allclose(found.relative_loads_of_units(np.array([3, 5])), [-0.1, 0.1])
+        np.testing.assert_allclose(found.look_up_relative_loads(np.array([3, 5])), [-0.1, 0.1])
 
     def test_a_manoeuvre_that_is_not_known_goes_with_the_one_before(self):
         found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
         np.testing.assert_allclose(
-            found.relative_loads_of_units(np.array([1, 4, 9])), [-0.1, -0.1, 0.1]
+            found.look_up_relative_loads(np.array([1, 4, 9])), [-0.1, -0.1, 0.1]
         )
 
     def test_masses_that_are_none_have_no_relation(self):
@@ -135,6 +135,6 @@ class TestRelativeLoads:
         assert found is not None
         assert usual is not None
         np.testing.assert_array_equal(
-            found.relative_loads_of_units(unit) / found.rms,
-            usual.relative_loads_of_units(unit) / usual.rms,
+            found.look_up_relative_loads(unit) / found.rms,
+            usual.look_up_relative_loads(unit) / usual.rms,
         )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.weighing.force_by_place import make_position_force_columns, make_position_force_slopes
-from analysis.weighing.record_places import find_record_offsets
+from analysis.weighing.record_places import estimate_record_position_offsets
 
 TURNS = np.linspace(0.0, 40.0 * np.pi, 4000)
 #: Places and accelerations of one record of strokes to and fro.
@@ -27,7 +27,7 @@ def test_a_record_that_began_elsewhere_is_moved_to_where_its_force_is_that_of_th
     true_1 = np.concatenate([PLACE_1, PLACE_1 + off_1])
     force = masses * acceleration + force_at(true_1) + noise
     straight = np.column_stack([acceleration[:, None] * of_record, np.ones(force.size)])
-    found = find_record_offsets(straight, force, np.tile(PLACE_1, 2), of_record)
+    found = estimate_record_position_offsets(straight, force, np.tile(PLACE_1, 2), of_record)
     assert found == pytest.approx([0.0, off_1], abs=2e-3)
 
 

@@ -29,6 +29,7 @@ def moments(direction: float = 1.0, contrast: float = 1.0) -> ColumnInputs:
         PLACES_M,
         np.linspace(1.0, 0.0, SAMPLES),
         40.0,
+        zeros,
         *(0.0,) * 3,
         (0.0, 0.0),
     )

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.joint.changepoints import find_cheapest_partition
+from estimators.joint.changepoints import find_least_cost_partition
 
 
 def cost_of(state, level, weight, cost, spread):
@@ -27,7 +27,7 @@ def test_no_partition_costs_less(seed, count, jump, spread):
     weight = dice.uniform(5.0, 30.0, count) ** -2.0
     # a change may be cheap, dear, or ruled out
     cost = np.where(dice.random(count - 1) < 0.1, 1e9, dice.uniform(-4.0, 8.0, count - 1))
-    found = find_cheapest_partition(level, weight, cost, spread)
+    found = find_least_cost_partition(level, weight, cost, spread)
     every = [
         np.concatenate([[0], np.cumsum([(cuts >> place) & 1 for place in range(count - 1)])])
         for cuts in range(2 ** (count - 1))
@@ -38,5 +38,5 @@ def test_no_partition_costs_less(seed, count, jump, spread):
 
 def test_thousands_of_levels_are_numbered_in_time():
     level = np.repeat(np.arange(500) % 2 * 200.0, 4)
-    found = find_cheapest_partition(level, np.full(2000, 15.0**-2), np.full(1999, 3.0), 1000.0)
+    found = find_least_cost_partition(level, np.full(2000, 15.0**-2), np.full(1999, 3.0), 1000.0)
     assert np.array_equal(found, np.repeat(np.arange(500), 4))

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from estimators.methods import ls
-from estimators.methods.attenuation import compute_attenuation, compute_window_attenuations
-from estimators.methods.ls import average_estimates
+from estimators.methods.attenuation import (
+    compute_attenuation_by_noise_source,
+    compute_attenuation_corrections_of_windows,
+)
+from estimators.methods.ls import average_window_estimates_and_stds
 
 TRUTH, NOISE = np.array([100.0, 20.0]), np.array([0.3, 0.1])
 COVARIANCE = np.diag([*NOISE**2, 0.0])
@@ -25,21 +28,25 @@ def test_it_undoes_exactly_what_noise_adds_to_the_products():
     exact = clean.T @ clean
     G = exact + np.diag(added)
     theta = np.linalg.solve(G, exact @ TRUTH)
-    drawn = compute_attenuation(G, theta, added)
+    drawn = compute_attenuation_by_noise_source(G, theta, added)
     np.testing.assert_allclose(theta + drawn.sum(axis=1), TRUTH, rtol=1e-12)
-    alone = compute_attenuation(G, theta, added * [1.0, 0.0])
+    alone = compute_attenuation_by_noise_source(G, theta, added * [1.0, 0.0])
     assert not alone[:, 1].any()
 
 
 def test_columns_that_are_no_more_than_their_noise_give_nan():
-    assert np.isnan(compute_attenuation(np.eye(2), TRUTH, np.array([1.1, 0.0]))).all()
+    assert np.isnan(
+        compute_attenuation_by_noise_source(np.eye(2), TRUTH, np.array([1.1, 0.0]))
+    ).all()
 
 
 def test_windows_are_drawn_by_about_what_is_predicted_of_each():
     _, A, f = noisy()
     accepted = np.ones(f.size, np.bool_)
     traced = ls.trace(A, f, 1000, accepted)
-    drawn = compute_window_attenuations(A, f, 1000, traced.index, traced.theta, COVARIANCE)
+    drawn = compute_attenuation_corrections_of_windows(
+        A, f, 1000, traced.index, traced.theta, COVARIANCE
+    )
     assert drawn.shape == traced.theta.shape
     assert (np.abs(traced.theta - TRUTH) > 5 * traced.std)[:, 0].all()
     np.testing.assert_allclose(traced.theta + drawn, np.broadcast_to(TRUTH, drawn.shape), atol=4.0)
@@ -48,9 +55,13 @@ def test_windows_are_drawn_by_about_what_is_predicted_of_each():
 def test_the_mean_of_windows_does_not_average_away_what_draws_them_all_alike():
     _, A, f = noisy()
     traced = ls.trace(A, f, 200, np.ones(f.size, np.bool_))
-    drawn = compute_window_attenuations(A, f, 200, traced.index, traced.theta, COVARIANCE)
-    mean, std = average_estimates(A, f, 200, traced.index, traced.theta, traced.std)
-    same, wider = average_estimates(A, f, 200, traced.index, traced.theta, traced.std, drawn)
+    drawn = compute_attenuation_corrections_of_windows(
+        A, f, 200, traced.index, traced.theta, COVARIANCE
+    )
+    mean, std = average_window_estimates_and_stds(A, f, 200, traced.index, traced.theta, traced.std)
+    same, wider = average_window_estimates_and_stds(
+        A, f, 200, traced.index, traced.theta, traced.std, drawn
+    )
     np.testing.assert_array_equal(mean, same)
     assert (np.abs(mean - TRUTH) > 3 * std).all()
     assert np.sqrt(wider**2 - std**2) == pytest.approx(np.abs(mean - TRUTH), rel=0.2)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from estimators.methods import pooled
-from estimators.numerics.autocorrelation import student_to_normal_ratio
+from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 
 
 def interleaved(n=600, seed=1):
@@ -39,7 +39,7 @@ def test_the_deviation_is_the_sandwich_over_the_segments_own_samples():
         scale = residual @ residual / (at.size - np.trace(bread @ B))
         expected = np.sqrt(scale * np.diag(bread @ B @ bread))
         white = np.sqrt(residual @ residual / (at.size - 2) * np.diag(bread))
-        widened = student_to_normal_ratio(at.size / (1.0 + 2.0 * (lags[1:] ** 2).sum()))
+        widened = compute_student_to_normal_ratio(at.size / (1.0 + 2.0 * (lags[1:] ** 2).sum()))
         np.testing.assert_allclose(
             traced.std[row], widened * np.maximum(expected, white), rtol=1e-9
         )

@@ -23,7 +23,7 @@ def shown(path: Path) -> dict[str, set[str]]:
     import rerun as rr
 
     return {
-        chunk.make_entity_path: {field.name for field in chunk.to_record_batch().schema}
+        chunk.entity_path: {field.name for field in chunk.to_record_batch().schema}
         for chunk in rr.chunk.RrdReader(path).store().stream()
     }
 

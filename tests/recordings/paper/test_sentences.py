@@ -24,7 +24,9 @@ def found(windows: int, further: float) -> Table1:
     """Table 1 of so many windows, its errors further from the bound by this share."""
     extracts = Extracts()
     for extract, frame in simulated(windows).items():
-        extracts.add(extract, frame.with_columns(pl.col("over_bound_1") * (1.0 + further)))
+        extracts.add_result_of_extract(
+            extract, frame.with_columns(pl.col("over_bound_1") * (1.0 + further))
+        )
     return make_table_1(extracts)
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from analysis import Run
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from recordings.report.shift_text import may_miss_small_loads
 from recordings.report.worth_text import (
     advise_to_reduce_uncertainty,
@@ -65,7 +65,7 @@ def test_a_load_without_a_mass_says_why(why, said):
 
 class TestBudget:
     def test_a_row_a_source_with_a_bar_as_long_as_its_share(self, drives):
-        said = answer(drives(60.0))
+        said = make_answer(drives(60.0))
         assert make_budget_table_rows(said) == [
             ("const", "common", "40", f"{'█' * 23} 95%", "starts in both directions"),
             ("noise", "random", "9", "█ 5%", "more starts"),
@@ -75,18 +75,20 @@ class TestBudget:
     def test_what_is_next_to_nothing_is_not_listed(self, drives):
         run = drives(60.0)
         small = run.frames["budget"].with_columns(share_1=run.frames["budget"]["share_1"] / 200.0)
-        rows = make_budget_table_rows(answer(Run({**run.frames, "budget": small}, run.provenance)))
+        rows = make_budget_table_rows(
+            make_answer(Run({**run.frames, "budget": small}, run.provenance))
+        )
         assert [row[0] for row in rows] == ["force_gain"]
 
     def test_the_largest_source_is_what_would_shrink_it_most(self, drives):
-        told = advise_to_reduce_uncertainty(answer(drives(60.0)))
+        told = advise_to_reduce_uncertainty(make_answer(drives(60.0)))
         assert told is not None
         assert "a constant force (const, 95% of the variance)" in told
         assert told.endswith("starts in both directions")
 
     def test_a_withheld_answer_has_no_advice_and_no_part_in_the_page(self, drives):
         run = drives(60.0, passed=False)
-        assert advise_to_reduce_uncertainty(answer(run)) is None
+        assert advise_to_reduce_uncertainty(make_answer(run)) is None
         page = make_texts_of_run(run)["answer"]
         assert "Where the uncertainty comes from" not in page
         assert "by the joint fit" not in page

@@ -12,7 +12,7 @@ import rerun as rr
 from rerun.server import Server
 
 from analysis import InputFile, Run
-from analysis.model.schema import conform_to_schema
+from analysis.model.schema import conform_frame_to_schema
 from recordings import read_recording, write_recording
 from recordings.rrd.recording_properties import make_recording_properties
 from recordings.rrd.stored_names import make_component_name
@@ -72,7 +72,7 @@ def test_a_log_that_cannot_weigh_says_why_and_has_no_mass(drives: Callable[..., 
 
 def test_a_shift_has_tonnes(drives: Callable[..., Run]) -> None:
     sums = {"cycles_counted": [12], "payload_kg": [14_200.0], "payload_u_kg": [300.0]}
-    shift = conform_to_schema("shift", pl.DataFrame(sums))
+    shift = conform_frame_to_schema("shift", pl.DataFrame(sums))
     said = make_recording_properties(Run({"shift": shift}, drives().provenance))
     assert said["cycles"] == 12
     assert said["tonnes_t"] == pytest.approx(14.2)

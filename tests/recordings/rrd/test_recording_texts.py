@@ -3,7 +3,7 @@
 import polars as pl
 
 from analysis import Run
-from analysis.model.answer import answer
+from analysis.model.answer import make_answer
 from analysis.model.loss import Loss
 from recordings.report.planar_text import describe_planar_fits
 from recordings.rrd.recording_texts import (
@@ -19,11 +19,11 @@ from recordings.rrd.recording_texts import (
 def test_the_answer_begins_with_the_mass_of_the_load_and_what_its_uncertainty_is(drives):
     run = drives(60.0)
     told = "3500 ± 41 kg (standard uncertainty, scale error not included)"
-    assert format_answer_headline(answer(run)) == told
+    assert format_answer_headline(make_answer(run)) == told
     assert make_texts_of_run(run)["answer"].startswith(f"# {told}")
     scaled = run.frames["loads"].with_columns(scale_unknown=pl.lit(""))
     known = Run({**run.frames, "loads": scaled}, run.provenance)
-    assert format_answer_headline(answer(known)) == "3500 ± 41 kg (standard uncertainty)"
+    assert format_answer_headline(make_answer(known)) == "3500 ± 41 kg (standard uncertainty)"
 
 
 def test_a_run_without_loads_begins_with_the_pooled_mass_and_says_whose_deviation_it_is(drives):
@@ -31,7 +31,7 @@ def test_a_run_without_loads_begins_with_the_pooled_mass_and_says_whose_deviatio
     run = drives(60.0)
     kept = {n: f for n, f in run.frames.items() if n not in ("loads", "nuisances", "budget")}
     mass, std = run.frames["masses"].filter(method="pooled").row(0)[1:3]
-    told = format_answer_headline(answer(Run(kept, run.provenance)))
+    told = format_answer_headline(make_answer(Run(kept, run.provenance)))
     assert told == f"{mass:.0f} ± {std:.0f} kg (pooled, statistical standard deviation)"
 
 
@@ -41,7 +41,7 @@ def test_a_check_that_fails_and_withholds_nothing_is_not_called_failed(drives):
         passed=pl.Series([False, False, True]), consequence=pl.Series(["widen", "tell", "withhold"])
     )
     told = Run({**run.frames, "verdict": judged}, run.provenance)
-    assert format_answer_headline(answer(told)) == format_answer_headline(answer(run))
+    assert format_answer_headline(make_answer(told)) == format_answer_headline(make_answer(run))
     assert "failed" not in make_texts_of_run(told)["answer"]
     assert "- widened: **partial_correlation**" in make_texts_of_run(told)["answer"]
     assert "note     relative_std" in format_answer_summary(told)
@@ -71,7 +71,7 @@ def test_a_ratio_among_the_terms_has_no_unit_behind_it(drives):
 
 
 def test_a_log_without_an_accepted_window_says_so(drives):
-    assert "there is no mass" in format_answer_headline(answer(drives(60.0, accepted=False)))
+    assert "there is no mass" in format_answer_headline(make_answer(drives(60.0, accepted=False)))
 
 
 def test_every_check_is_listed_also_one_that_does_not_apply(drives):
@@ -194,7 +194,7 @@ def test_a_failed_check_of_the_inertia_withholds_the_inertia_and_not_the_mass(dr
     )
     judged = pl.concat([run.frames["verdict"], spin])
     failing = Run({**run.frames, "verdict": judged}, run.provenance)
-    assert format_answer_headline(answer(failing)) == format_answer_headline(answer(run))
+    assert format_answer_headline(make_answer(failing)) == format_answer_headline(make_answer(run))
     assert "**The yaw inertia is withheld**" in make_texts_of_run(failing)["answer"]
     assert "**The yaw inertia is withheld**" not in make_texts_of_run(run)["answer"]
 

@@ -14,7 +14,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from analysis.calibration.line.calibration import CalibrationOptions, StatedPart
-from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.line_fit import fit_calibration_line
 from recordings.calibration.bundle_folder import REPORT, STATEMENT
 from recordings.calibration.page.verifier_page import (
     build_verifier_page,
@@ -395,7 +395,7 @@ def campaign(seed: int) -> tuple[dict[str, Any], pl.DataFrame, Any]:
         {"load_id": loads, "reference_kg": 1000.0 + 50.0 * on_board_1.sum(axis=1)}
     )
     frame = pl.DataFrame(rows)
-    ours = fit_calibration(frame, references, covariance, options)
+    ours = fit_calibration_line(frame, references, covariance, options)
     evidence = {
         "campaign": {"masses": masses, "runs": runs, "method": {"estimator": "joint_mass"}},
         "machine": {"machine": {"empty_mass_kg": 1000.0, "empty_mass_u_kg": 0.5}},

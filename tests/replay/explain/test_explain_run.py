@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from analysis import Run
-from analysis.model.schema import conform_to_schema
+from analysis.model.schema import conform_frame_to_schema
 from recordings import read_recording, write_recording
 from recordings.rrd.viewer import find_viewer_executable
 from replay.explain.proposal_edits import Proposal, insert_proposals_into_machine_file
@@ -169,7 +169,7 @@ def with_findings(run: Run, *findings: dict[str, str]) -> Run:
         }
         for rank, finding in enumerate(findings, 1)
     ]
-    wrong = conform_to_schema("findings", pl.DataFrame(rows, infer_schema_length=None))
+    wrong = conform_frame_to_schema("findings", pl.DataFrame(rows, infer_schema_length=None))
     return Run({**run.frames, "findings": wrong}, run.provenance)
 
 

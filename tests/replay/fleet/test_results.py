@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from analysis.fleet.attention import rank_concerns
+from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.fleet_tables import TABLES
 from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
@@ -240,7 +240,7 @@ def test_results_with_former_names_of_checks_have_the_present_ones(results: Path
         found = open_results_of_fleet(str(results))
         (checks,) = found.selected_results.filter(pl.col("key") == path.stem)["failed_checks"]
         assert checks == "r_squared, force_delay_s, coulomb_friction"
-        concerns = rank_concerns(
+        concerns = rank_recordings_by_concern(
             found.selected_results,
             found.scan_rows_of_selected_results("cycles"),
             found.scan_rows_of_selected_results("findings"),

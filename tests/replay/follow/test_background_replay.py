@@ -18,7 +18,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
-from analysis.online.replay_report import LoadReport, ReplayReport, find_turning_fit
+from analysis.online.replay_report import LoadReport, ReplayReport, select_fit_with_inertia
 from analysis.simulation import Scenario
 from replay import load_machine
 from replay.follow.background_replay import (
@@ -207,7 +207,7 @@ def test_a_replay_is_told_with_its_age_and_loads_with_their_validity() -> None:
     )
     report = ReplayReport("replay", 10 * 10**9, 10.0, 0.0, False, "valid", (), (known, unknown))
     assert ReplayReport.from_dict(json.loads(json.dumps(report.to_dict()))) == report
-    assert format_replay_markdown(report.at_time(25 * 10**9)).splitlines() == [
+    assert format_replay_markdown(report.with_age_at(25 * 10**9)).splitlines() == [
         "## replayed up to 00:00:10.0, 15 s ago: 2 loads",
         "",
         "- load 1, 00:00:02.0 to 00:00:09.0, 4 manoeuvres: 3763 ± 21 kg, payload 156.2 ± 4.7 kg",
@@ -229,10 +229,10 @@ def test_the_inertia_is_of_arcs_where_the_joint_fit_has_none() -> None:
         {"kind": kind, "inertia_z_kg_m2": inertia}
         for kind, inertia in (("arcs", 5.0), ("joint", 4.0), ("joint", None))
     )
-    assert find_turning_fit([arcs, joint]) is joint
-    assert find_turning_fit([arcs, refused]) is arcs
-    assert find_turning_fit([refused]) is refused
-    assert find_turning_fit([]) is None
+    assert select_fit_with_inertia([arcs, joint]) is joint
+    assert select_fit_with_inertia([arcs, refused]) is arcs
+    assert select_fit_with_inertia([refused]) is refused
+    assert select_fit_with_inertia([]) is None
 
 
 def test_a_log_that_is_too_short_has_no_load(payscope: Payscope) -> None:

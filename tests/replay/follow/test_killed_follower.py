@@ -92,7 +92,7 @@ def rows_of(recording: Path) -> list[int]:
     times = [
         time.value
         for chunk in chunks
-        if chunk.make_entity_path == "/display/excitation"
+        if chunk.entity_path == "/display/excitation"
         for time in chunk.to_record_batch().column("t")
     ]
     return sorted(times)

@@ -15,7 +15,12 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from analysis.online.online_report import OnlineReport, PooledEstimate, judge_mass, judge_spin
+from analysis.online.online_report import (
+    OnlineReport,
+    PooledEstimate,
+    judge_mass_validity,
+    judge_spin_validity,
+)
 from analysis.simulation import Scenario
 from estimators.estimate import Estimate
 from replay import load_machine, open_log
@@ -140,8 +145,8 @@ def test_a_mass_that_is_not_worth_its_name_is_not_valid(
 ) -> None:
     estimate = Estimate(np.array([mass_kg, 900.0]), np.array([u_kg, 3.0]), 60.0, 3.0)
     body = load_machine("cat262c.toml").machine
-    assert judge_mass(PooledEstimate(0, estimate), 10**9, body, 60.0) == validity
-    assert judge_mass(None, 10**9, body, 60.0) == "none_yet"
+    assert judge_mass_validity(PooledEstimate(0, estimate), 10**9, body, 60.0) == validity
+    assert judge_mass_validity(None, 10**9, body, 60.0) == "none_yet"
 
 
 @pytest.mark.parametrize(
@@ -157,8 +162,8 @@ def test_an_inertia_that_is_not_worth_its_name_is_not_valid(
     inertia_kg_m2: float, u_kg_m2: float, at_s: float, validity: str
 ) -> None:
     estimate = Estimate(np.array([inertia_kg_m2, 5000.0]), np.array([u_kg_m2, 40.0]), 37.0, 1.9)
-    assert judge_spin(PooledEstimate(0, estimate), int(at_s * 1e9), 60.0) == validity
-    assert judge_spin(None, 10**9, 60.0) == "none_yet"
+    assert judge_spin_validity(PooledEstimate(0, estimate), int(at_s * 1e9), 60.0) == validity
+    assert judge_spin_validity(None, 10**9, 60.0) == "none_yet"
 
 
 @pytest.mark.usefixtures("demo")

@@ -59,7 +59,7 @@ def read(path: Path) -> list[Any]:
 def both_ways(path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[list[Any], list[Any]]:
     monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 0.0)
     compiled = read(path)
-    monkeypatch.setattr(interpreted, "is_compiler_loaded", lambda: False)
+    monkeypatch.setattr(interpreted, "is_numba_imported", lambda: False)
     monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", float("inf"))
     monkeypatch.setattr(interpreted, "MOST_TURNS", 2**62)
     return compiled, read(path)
@@ -102,7 +102,7 @@ def test_large_work_is_compiled_though_there_is_time_left(monkeypatch: pytest.Mo
     called: list[str] = []
     loop.__dict__["compiled"] = lambda _: called.append("compiled")
     loop.__dict__["interpreted"] = lambda _: called.append("interpreted")
-    monkeypatch.setattr(interpreted, "is_compiler_loaded", lambda: False)
+    monkeypatch.setattr(interpreted, "is_numba_imported", lambda: False)
     monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 1.0)
     for turns in (interpreted.MOST_TURNS, interpreted.MOST_TURNS + 1):
         loop(turns)

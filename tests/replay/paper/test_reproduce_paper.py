@@ -96,7 +96,7 @@ def test_tables_3_and_4_have_every_printed_value_and_no_pooled_error_below_the_b
     table = found[name].frame
     assert table[setting].unique(maintain_order=True).to_list() == list(printed)
     for row in table.iter_rows(named=True):
-        beside = printed_numbers.values_by_method(printed[row[setting]]).get(row["method"])
+        beside = printed_numbers.read_values_by_method(printed[row[setting]]).get(row["method"])
         assert row["paper_kg"] == beside
         assert row["run_kg"] < row["run_left_out_kg"] < 30.0
     pooled = table.filter(pl.col("method") == "pooled")

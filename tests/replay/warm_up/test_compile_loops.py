@@ -94,8 +94,8 @@ def test_what_is_ready_is_not_gone_through_again(
         assert result.exit_code == 0
         assert result.stdout == f"everything is compiled: {chosen / 'payscope-numba'}\n"
     assert stages == ["compiled", "compiled"]
-    compile_cache.clear_cache()
-    assert not compile_cache.are_all_compiled()
+    compile_cache.remove_compile_cache()
+    assert not compile_cache.are_all_loops_cached()
 
 
 def test_where_nothing_can_be_kept_it_says_so_at_once(tmp_path: Path) -> None:

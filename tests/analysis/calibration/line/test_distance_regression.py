@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.calibration.line.distance_regression import fit_distance_regression
+from analysis.calibration.line.distance_regression import fit_line_by_generalised_distance
 from estimators.errors import DataError
 
 #: x, u(x), y, u(y), and what the examples print: a, b, u(a), u(b), cov(a, b), χ².
@@ -37,7 +37,7 @@ EXAMPLES = {
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_a_worked_example_comes_out_to_its_printed_digits(name):
     x, u_x, y, u_y, printed = EXAMPLES[name]
-    line = fit_distance_regression(
+    line = fit_line_by_generalised_distance(
         np.array(x), np.array(y), np.diag(np.square(u_x)), np.diag(np.square(u_y))
     )
     u_a, u_b = np.sqrt(np.diag(line.covariance))
@@ -59,10 +59,10 @@ def test_correlated_references_have_the_uncertainties_of_a_monte_carlo():
     for _ in range(2000):
         x = dice.multivariate_normal(X, X_COV)
         y = dice.multivariate_normal(3.0 + 2.0 * X, Y_COV)
-        line = fit_distance_regression(x, y, X_COV, Y_COV)
+        line = fit_line_by_generalised_distance(x, y, X_COV, Y_COV)
         drawn.append((line.intercept, line.slope, line.chi2))
     values = np.array(drawn)
-    stated = fit_distance_regression(X, 3.0 + 2.0 * X, X_COV, Y_COV).covariance
+    stated = fit_line_by_generalised_distance(X, 3.0 + 2.0 * X, X_COV, Y_COV).covariance
     found = np.cov(values[:, :2].T)
     assert values[:, 0].mean() == pytest.approx(3.0, abs=0.12)
     assert values[:, 1].mean() == pytest.approx(2.0, abs=0.003)
@@ -71,7 +71,7 @@ def test_correlated_references_have_the_uncertainties_of_a_monte_carlo():
     assert found[0, 1] == pytest.approx(stated[0, 1], rel=0.12)
     assert values[:, 2].mean() == pytest.approx(3.0, rel=0.05)
     # taken for independent the same errors would be stated too small at the centre
-    alone = fit_distance_regression(
+    alone = fit_line_by_generalised_distance(
         X, 3.0 + 2.0 * X, np.diag(np.diag(X_COV)), np.diag(np.diag(Y_COV))
     )
     centre = np.array([1.0, 30.0])
@@ -87,8 +87,8 @@ def test_correlated_references_have_the_uncertainties_of_a_monte_carlo():
 def test_the_line_moves_and_scales_with_its_points(noise, u_x, shift, scale):
     y = 3.0 + 2.0 * X + np.array(noise)
     x_cov = u_x**2 * np.eye(5)
-    line = fit_distance_regression(X, y, x_cov, np.eye(5))
-    other = fit_distance_regression(
+    line = fit_line_by_generalised_distance(X, y, x_cov, np.eye(5))
+    other = fit_line_by_generalised_distance(
         scale * X + shift, scale * y, scale**2 * x_cov, scale**2 * np.eye(5)
     )
     assert other.slope == pytest.approx(line.slope, rel=1e-6)
@@ -100,7 +100,7 @@ def test_the_line_moves_and_scales_with_its_points(noise, u_x, shift, scale):
 
 def test_exact_abscissae_are_weighted_least_squares():
     y = np.array([21.0, 45.0, 62.0, 85.0, 101.0])
-    line = fit_distance_regression(X, y, np.zeros((5, 5)), Y_COV)
+    line = fit_line_by_generalised_distance(X, y, np.zeros((5, 5)), Y_COV)
     design = np.column_stack([np.ones(5), X])
     weight = np.linalg.inv(Y_COV)
     covariance = np.linalg.inv(design.T @ weight @ design)
@@ -120,4 +120,4 @@ def test_exact_abscissae_are_weighted_least_squares():
 )
 def test_points_that_determine_no_line_are_refused(x, y_cov, said):
     with pytest.raises(DataError, match=said):
-        fit_distance_regression(x, 2.0 * x, np.zeros((5, 5)), y_cov)
+        fit_line_by_generalised_distance(x, 2.0 * x, np.zeros((5, 5)), y_cov)

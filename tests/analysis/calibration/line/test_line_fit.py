@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, StatedPart
-from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.line_fit import fit_calibration_line
 from estimators.errors import DataError
 from tests.analysis.calibration.campaigns import readings, references
 
@@ -19,7 +19,7 @@ COVARIANCE = 2.0**2 * np.eye(6) + 1.0
 
 def fitted(rows=None, covariance=COVARIANCE, options=OPTIONS, **campaign):
     rows = readings(**campaign) if rows is None else rows
-    return fit_calibration(rows, references(), covariance, options)
+    return fit_calibration_line(rows, references(), covariance, options)
 
 
 def row(calibration, component):

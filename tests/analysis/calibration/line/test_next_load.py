@@ -5,18 +5,18 @@ import polars as pl
 import pytest
 
 from analysis.calibration.line.calibration import CalibrationOptions
-from analysis.calibration.line.calibration_budget import rank_next_loads
-from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.calibration_budget import rank_loads_for_next_run
+from analysis.calibration.line.line_fit import fit_calibration_line
 from tests.analysis.calibration.campaigns import readings, references
 
 
 def fitted(rows, **options):
     told = CalibrationOptions("joint_mass", **options)
-    return fit_calibration(rows, references(), np.eye(6), told)
+    return fit_calibration_line(rows, references(), np.eye(6), told)
 
 
 def test_an_even_campaign_wants_one_of_its_ends():
-    ranked = rank_next_loads(fitted(readings(days=1, runs=2)))
+    ranked = rank_loads_for_next_run(fitted(readings(days=1, runs=2)))
     assert {one.load_id for one in ranked[:2]} == {"load 0", "load 5"}
     assert all(one.determinant_1 < 1.0 for one in ranked)
     assert [one.determinant_1 for one in ranked] == sorted(one.determinant_1 for one in ranked)
@@ -24,7 +24,7 @@ def test_an_even_campaign_wants_one_of_its_ends():
 
 def test_a_campaign_without_heavy_loads_wants_the_heaviest():
     rows = readings(days=1, runs=2).filter(pl.col("load_id").is_in(["load 0", "load 1", "load 2"]))
-    best, *_ = rank_next_loads(fitted(rows))
+    best, *_ = rank_loads_for_next_run(fitted(rows))
     assert best.load_id == "load 5"
     # its range reaches to the heaviest reference, where the interval is widest now
     assert best.half_width_kg < 0.8 * best.half_width_now_kg
@@ -32,7 +32,7 @@ def test_a_campaign_without_heavy_loads_wants_the_heaviest():
 
 def test_now_is_the_calibration_as_it_stands():
     calibration = fitted(readings(days=5))
-    (best, *_) = rank_next_loads(calibration)
+    (best, *_) = rank_loads_for_next_run(calibration)
     inversion = calibration.inversion
     widest = max(inversion.half_interval_kg(3614.0 + 50.0 * k, 0.95, 4.0) for k in range(6))
     assert best.half_width_now_kg == pytest.approx(widest, rel=1e-5)
@@ -40,7 +40,10 @@ def test_now_is_the_calibration_as_it_stands():
 
 def test_a_run_of_another_day_is_worth_more_than_one_of_the_same():
     calibration = fitted(readings(days=3, deviations=(10.0, 3.0, 20.0)))
-    new, same = rank_next_loads(calibration)[0], rank_next_loads(calibration, same_day=True)[0]
+    new, same = (
+        rank_loads_for_next_run(calibration)[0],
+        rank_loads_for_next_run(calibration, same_day=True)[0],
+    )
     assert new.half_width_kg < same.half_width_kg
 
 
@@ -51,7 +54,9 @@ def test_a_run_is_worth_what_it_then_is_on_the_average():
         rows = readings(seed, days=1, runs=2, deviations=(10.0, 0.0, 0.0))
         short = rows.filter(pl.col("run_id") != "0/5/1")
         before = fitted(short, day_known_kg=0.1)
-        (at_5,) = (x for x in rank_next_loads(before, same_day=True) if x.load_id == "load 5")
+        (at_5,) = (
+            x for x in rank_loads_for_next_run(before, same_day=True) if x.load_id == "load 5"
+        )
         after = fitted(rows, day_known_kg=0.1)
         promised.append(at_5.determinant_1)
         now = np.array(before.covariance)

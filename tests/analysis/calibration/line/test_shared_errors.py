@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.calibration.line.calibration import CalibrationOptions
-from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
 from analysis.calibration.use.apply_calibration import LaterLog, calibrate_loads
 from analysis.calibration.use.mass_differences import calibrate_mass_differences
@@ -26,7 +26,7 @@ def calibration(level_kg=-48.0, slope_1=0.0, line=(0.0, 1.0), random_kg=5.0, **m
         )
         for run, load in table.select("run_id", "load_id").unique(maintain_order=True).iter_rows()
     ]
-    return fit_calibration(
+    return fit_calibration_line(
         table, references(), np.zeros((6, 6)), CalibrationOptions("joint_mass"), said
     )
 
@@ -104,7 +104,7 @@ def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
     # the campaign's responses grow by 0.02 for each kg as well: 2 kg of 100 are in the slope
     assert like.unlike_u_kg[0] == pytest.approx(0.0, abs=0.05)
     assert like.taken_kg[0] == pytest.approx(np.hypot(2.0, 3.0), rel=0.01)
-    assert like.common_u_beside_line_kg(np.array([5.0]))[0] == pytest.approx(
+    assert like.common_u_not_absorbed_by_line_kg(np.array([5.0]))[0] == pytest.approx(
         np.sqrt(25.0 - 13.0), rel=0.02
     )
     other = calibrate_mass_differences(line, log(32.0, of=of), [of], np.array([100.0]))
@@ -136,12 +136,12 @@ def test_a_slope_far_from_any_gain_is_the_machine_s_own():
 
 
 def test_evidence_that_does_not_say_what_moved_its_line_leaves_all_of_it_in():
-    line = fit_calibration(
+    line = fit_calibration_line(
         readings(), references(), np.zeros((6, 6)), CalibrationOptions("joint_mass")
     )
     of = ("cycle", 1)
     found = calibrate_mass_differences(line, log(75.0, of=of), [of], np.array([1000.0]))
-    assert found.common_u_beside_line_kg(np.array([80.0]))[0] == pytest.approx(
+    assert found.common_u_not_absorbed_by_line_kg(np.array([80.0]))[0] == pytest.approx(
         80.0 / abs(line.c1_1)
     )
 

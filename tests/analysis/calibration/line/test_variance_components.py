@@ -8,8 +8,8 @@ from analysis.calibration.line.line_model import (
     REPEATABILITY,
     RUN,
     Points,
-    fit_line,
-    mean_square_to_variance_matrix,
+    fit_line_and_variances,
+    make_mean_square_to_variance_matrix,
 )
 from analysis.calibration.line.variance_components import (
     WithinRunVariance,
@@ -47,14 +47,14 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     y = balanced(np.random.default_rng(seed))
     points, names = points_of(y), (REPEATABILITY, RUN, DAY)
     effects = np.array([points.effect_covariance(name) for name in names])
-    squares = mean_square_to_variance_matrix(points, names)
+    squares = make_mean_square_to_variance_matrix(points, names)
     found = estimate_variances_by_reml(
         points.y_kg,
         np.ones((24, 1)),
         np.tensordot(squares.T, effects, 1),
         np.zeros((24, 24)),
         points.within,
-    ).make_linear_combinations(squares)
+    ).propagate_to_linear_combinations(squares)
     within = points.within.squares / 96
     means = y.mean(2)
     of_runs = ((means - means.mean(1, keepdims=True)) ** 2).sum() / 20
@@ -75,7 +75,7 @@ def test_variances_are_those_that_were_drawn_on_the_average():
     found = []
     for _ in range(400):
         points = points_of(balanced(dice))
-        line = fit_line(points)
+        line = fit_line_and_variances(points)
         found.append([effect.variance_kg2 for effect in line.effects[:3]])
     mean = np.mean(found, axis=0)
     error = np.std(found, axis=0) / 20.0
@@ -94,6 +94,6 @@ def test_unbalanced_readings_settle():
         covariance_kg2=np.eye(8),
         within=WithinRunVariance(400.0 * 25, 25),
     )
-    line = fit_line(points)
+    line = fit_line_and_variances(points)
     assert np.linalg.eigvalsh(line.point_covariance_kg2).min() > 0.0
     assert line.slope_1 == pytest.approx(1.0, abs=0.1)

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.calibration.line.calibration import CalibrationOptions
-from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.model.schema import CALIBRATED
 from estimators.errors import DataError
@@ -14,7 +14,7 @@ from tests.analysis.calibration.campaigns import readings, references
 
 def fitted(method="joint_mass"):
     options = CalibrationOptions(method)
-    return fit_calibration(readings(), references(), np.eye(6), options)
+    return fit_calibration_line(readings(), references(), np.eye(6), options)
 
 
 LOADS = pl.DataFrame(

@@ -8,9 +8,9 @@ from analysis.calibration.line.procedure import PROCEDURES, Procedure
 from analysis.calibration.use.learnt_priors import (
     TermOfLog,
     apply_learnt_priors_to_machine,
-    describe_contradicted_priors,
-    divide_out_prior,
-    pool_terms_over_logs,
+    describe_contradicted_learnt_priors,
+    pool_learnt_terms_over_logs,
+    remove_normal_prior_from_posterior,
 )
 from replay.machines.machine_file import load_machine
 
@@ -35,14 +35,16 @@ def said(values, own_std, term="load_transfer", prior=PRIOR, mean=0.0):
 
 def test_a_prior_is_taken_off_what_a_log_says():
     (one,) = said([0.01], 0.02, mean=0.004)
-    value, std = divide_out_prior((one.posterior, one.posterior_std), (0.004, PRIOR))
+    value, std = remove_normal_prior_from_posterior(
+        (one.posterior, one.posterior_std), (0.004, PRIOR)
+    )
     assert (value, std) == pytest.approx((0.01, 0.02))
-    assert divide_out_prior((0.0, PRIOR), (0.0, PRIOR)) is None
+    assert remove_normal_prior_from_posterior((0.0, PRIOR), (0.0, PRIOR)) is None
 
 
 def test_the_prior_counts_once_and_not_once_a_log():
     values = np.array([0.004, 0.006, 0.005, 0.007, 0.003, 0.005])
-    found = pool_terms_over_logs(said(values, 0.02))["load_transfer"]
+    found = pool_learnt_terms_over_logs(said(values, 0.02))["load_transfer"]
     total = 6 / 0.02**2 + PRIOR**-2
     assert found.mean == pytest.approx(values.sum() / 0.02**2 / total)
     assert found.mean_u == pytest.approx(total**-0.5)
@@ -51,7 +53,9 @@ def test_the_prior_counts_once_and_not_once_a_log():
 
 def test_what_differs_between_logs_beyond_chance_is_the_width():
     dice = np.random.default_rng(5)
-    found = pool_terms_over_logs(said(dice.normal(0.0, 100.0, 60), 20.0, "const", 466.0))["const"]
+    found = pool_learnt_terms_over_logs(said(dice.normal(0.0, 100.0, 60), 20.0, "const", 466.0))[
+        "const"
+    ]
     assert found.std == pytest.approx(100.0, rel=0.2)
     assert found.mean_u == pytest.approx(np.hypot(100.0, 20.0) / np.sqrt(60), rel=0.2)
 
@@ -62,7 +66,7 @@ def test_chance_makes_one_campaign_in_twenty_vary_not_one_in_three():
     own |= {"quadratic": 8.0, "slip": 2e-3, "speed_delay": 2e-3, "gain": 2e-3}
 
     def varies(procedure: Procedure, logs: list[TermOfLog]) -> bool:
-        found = pool_terms_over_logs(logs, procedure)
+        found = pool_learnt_terms_over_logs(logs, procedure)
         return any(found[name].std > 0.5 * std for name, std in own.items())
 
     campaigns = [
@@ -82,11 +86,11 @@ def test_chance_makes_one_campaign_in_twenty_vary_not_one_in_three():
 
 
 def test_two_logs_teach_nothing():
-    assert pool_terms_over_logs(said([0.0, 0.01], 0.02)) == {}
+    assert pool_learnt_terms_over_logs(said([0.0, 0.01], 0.02)) == {}
 
 
 def test_logs_that_know_nothing_leave_the_prior():
-    found = pool_terms_over_logs(said([0.0] * 4, 1e4))["load_transfer"]
+    found = pool_learnt_terms_over_logs(said([0.0] * 4, 1e4))["load_transfer"]
     assert (found.mean, found.mean_u) == pytest.approx((0.0, PRIOR))
 
 
@@ -96,7 +100,8 @@ def test_what_a_machine_file_states_stays():
         ["settings.priors.learnt.load_transfer={mean = 0.1, std = 0.2, mean_u = 0.3}"],
     )
     machine = apply_learnt_priors_to_machine(
-        stated, pool_terms_over_logs(said([0.0] * 3, 0.02) + said([5.0] * 3, 9.0, "const", 50.0))
+        stated,
+        pool_learnt_terms_over_logs(said([0.0] * 3, 0.02) + said([5.0] * 3, 9.0, "const", 50.0)),
     )
     terms = machine.settings.priors.learnt
     assert list(terms) == ["const", "load_transfer"]
@@ -122,8 +127,9 @@ def test_a_later_log_contradicts_from_four_deviations_on():
         )
 
     limit = 4.0 * np.sqrt(40.0**2 + 5.0**2 + 16.0**2)
-    assert describe_contradicted_priors(nuisances(limit - 1.0)) == ""
-    assert "const is 200 N in this log and 0 in its calibration" in describe_contradicted_priors(
-        nuisances(200.0)
+    assert describe_contradicted_learnt_priors(nuisances(limit - 1.0)) == ""
+    assert (
+        "const is 200 N in this log and 0 in its calibration"
+        in describe_contradicted_learnt_priors(nuisances(200.0))
     )
-    assert describe_contradicted_priors(nuisances(200.0).select("term", "unit")) == ""
+    assert describe_contradicted_learnt_priors(nuisances(200.0).select("term", "unit")) == ""

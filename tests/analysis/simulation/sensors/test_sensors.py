@@ -9,7 +9,7 @@ from analysis.model.machine_body import Body as MachineBody
 from analysis.model.machine_body import ImuMounting
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_yaw_torque
-from analysis.stages.signals.mounting import transfer_to_origin
+from analysis.stages.signals.mounting import transfer_acceleration_to_origin
 from estimators.errors import ScenarioError
 from tests.analysis.simulation.quiet import NO_NOISE as QUIET
 from tests.analysis.simulation.quiet import TOGETHER
@@ -72,7 +72,7 @@ def test_an_imu_beside_the_origin_is_what_the_machine_files_mounting_undoes():
         for name in ("specific_force_x_m_s2", "specific_force_y_m_s2", "yaw_rate_rad_s")
     }
     columns["yaw_acc_rad_s2"] = made.noise_free_motion["yaw_acc_rad_s2"].to_numpy()
-    moved = transfer_to_origin(columns, ImuMounting(position_m=(0.8, -0.3, 0.0)))
+    moved = transfer_acceleration_to_origin(columns, ImuMounting(position_m=(0.8, -0.3, 0.0)))
     for axis in "xy":
         name = f"specific_force_{axis}_m_s2"
         np.testing.assert_allclose(moved[name], made.noise_free_motion[name], atol=1e-12)

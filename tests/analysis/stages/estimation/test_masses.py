@@ -7,7 +7,7 @@ import pytest
 from analysis.model.axes import make_straight_regressor_and_force
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace_estimates
-from analysis.stages.gating.gate import gate_windows, mark_samples_to_pool
+from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
 from estimators.methods import pooled
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 
@@ -61,7 +61,7 @@ def test_pooled_is_one_fit_over_every_accepted_sample_of_the_whole_log(log, mach
     excitation, gated, estimates = log
     settings = machine().settings
     A, f = make_straight_regressor_and_force(excitation, settings)
-    used = mark_samples_to_pool(excitation, gated, settings)
+    used = mark_samples_for_pooling(excitation, gated, settings)
     whole = pooled.trace(A, f, np.where(used, 0, -1))
     row = summarise_masses(*log, machine()).row(
         by_predicate=pl.col("method") == "pooled", named=True

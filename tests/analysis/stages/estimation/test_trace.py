@@ -6,7 +6,7 @@ import pytest
 
 from analysis.model.settings import Settings
 from analysis.stages.estimation.trace import trace_estimates
-from analysis.stages.gating.gate import gate_windows, mark_samples_to_pool
+from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
 from analysis.stages.gating.segments import number_manoeuvres, pool_by_manoeuvre
 from tests.analysis.settings_by_name import settings_of
 
@@ -74,7 +74,7 @@ def test_pooled_agrees_with_the_segments(two_starts):
 
 def test_pooled_stands_at_the_last_sample_it_used(two_starts):
     frames, gated = traced(two_starts)
-    used = mark_samples_to_pool(two_starts, gated, Settings())
+    used = mark_samples_for_pooling(two_starts, gated, Settings())
     numbers = np.where(used, number_manoeuvres(two_starts, Settings()), -1)
     last = [int(np.flatnonzero(numbers == i)[-1]) for i in np.unique(numbers[used])]
     assert frames["pooled"]["t_ns"].to_list() == two_starts["t_ns"][last].to_list()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.stages.gating.digging import find_digging_starts, refuse_windows_that_dig
+from analysis.stages.gating.digging import find_digging_starts, reject_windows_with_digging
 from replay import load_machine, open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.without_bucket import WITHOUT_BUCKET
@@ -136,7 +136,7 @@ def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() 
             "reason_x": ["accepted"] * frame.height,
         }
     )
-    left = refuse_windows_that_dig(gated, frame, digs, MACHINE)
+    left = reject_windows_with_digging(gated, frame, digs, MACHINE)
     seconds = left["t_ns"] / 1e9
     refused = left.filter(~pl.col("accepted_x"))
     assert set(refused["reason_x"]) == {"digging"}

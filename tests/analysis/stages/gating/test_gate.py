@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from analysis.stages.gating.gate import (
     flag_windows,
     gate_windows,
+    mark_samples_for_pooling,
     mark_samples_in_windows,
-    mark_samples_to_pool,
 )
 from tests.analysis.settings_by_name import settings_of
 
@@ -225,7 +225,7 @@ def test_an_accepted_sample_lies_in_at_least_one_accepted_window(accepted, windo
 
 def test_pooled_samples_neither_stand_still_nor_are_about_to_brake(start):
     judged = gate_windows(start, settings())
-    used = mark_samples_to_pool(start, judged, settings())
+    used = mark_samples_for_pooling(start, judged, settings())
     inside = mark_samples_in_windows(judged["accepted_x"].to_numpy(), W)
     standing = (start["phase"] == "standstill").fill_null(False).to_numpy()
     # the phase sees braking late by up to its span (10 rows) and the moving mean (10 rows)

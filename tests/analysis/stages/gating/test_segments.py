@@ -6,7 +6,7 @@ import pytest
 
 from analysis.model.schema import PHASE, PHASES, build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import gate_windows, mark_samples_to_pool
+from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
 from analysis.stages.gating.segments import number_manoeuvres, pool_by_manoeuvre
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -70,7 +70,7 @@ def test_each_start_gives_its_pooled_mass_and_braking_says_why_it_has_none(two_s
 def test_times_and_counts_of_the_segments_are_those_of_their_rows(two_starts):
     table, gated = made(two_starts)
     numbers = number_manoeuvres(two_starts, Settings())
-    used = mark_samples_to_pool(two_starts, gated, Settings())
+    used = mark_samples_for_pooling(two_starts, gated, Settings())
     t_ns = two_starts["t_ns"].to_numpy()
     for row in table.iter_rows(named=True):
         mine = np.flatnonzero(numbers == row["segment_id"])

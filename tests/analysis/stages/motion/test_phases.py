@@ -11,7 +11,7 @@ from analysis.model.settings import Settings
 from analysis.stages.motion.phases import (
     classify_motion_phases,
     compute_trailing_speed_rate,
-    mark_falls_beyond_noise,
+    mark_speed_falls_beyond_noise,
     mark_stopping_samples,
     sign_of_yaw_rate_change,
 )
@@ -201,7 +201,7 @@ class TestFallsBeyondNoise:
     def found(self, *parts, noise_m_s=NOISE_M_S):
         speed = np.concatenate(parts)
         noisy = speed + np.random.default_rng(5).normal(0.0, noise_m_s, speed.size)
-        return mark_falls_beyond_noise(noisy, noise_m_s, self.SETTINGS)
+        return mark_speed_falls_beyond_noise(noisy, noise_m_s, self.SETTINGS)
 
     def test_a_cruise_hardly_ever_falls(self):
         assert self.found(self.CRUISE).mean() < 0.05

@@ -7,7 +7,7 @@ from scipy.signal import butter, sosfreqz
 
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth
-from analysis.stages.noise.channel_noise import estimate_channel_noise, write_noise_source_notes
+from analysis.stages.noise.channel_noise import estimate_channel_noise, list_noise_source_notes
 from analysis.stages.noise.grid_noise import estimate_white_noise_std
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive
@@ -138,12 +138,12 @@ def test_noise_is_never_more_than_the_channel_varies():
 
 def test_a_note_says_what_tells_the_noise():
     noise, _ = noise_of(readings(100.0), filter__cutoff_hz=2.0)
-    assert write_noise_source_notes(noise) == [
+    assert list_noise_source_notes(noise) == [
         "noise of regressor_acc_x_m_s2, speed_x_m_s, force_x_N: estimated from the raw "
         "samples and propagated through filter and derivative, because the grid is too coarse to "
         "show it"
     ]
-    assert write_noise_source_notes(noise_of(readings(100.0))[0]) == []
+    assert list_noise_source_notes(noise_of(readings(100.0))[0]) == []
 
 
 @pytest.mark.parametrize("rate_hz", [10_000.0, 1_000.0, 100.0, 50.0, 10.0])

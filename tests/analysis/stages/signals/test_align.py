@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from analysis.stages.signals.align import align, write_alignment_notes
+from analysis.stages.signals.align import align, list_alignment_notes
 from analysis.stages.signals.derive import derive, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
@@ -177,11 +177,11 @@ def test_when_causal_a_row_holds_the_motion_of_the_latency_before_it(channels_of
         for name in stamps:
             now = (t0 - T0 + aligned["t_ns"]) / 1e9
             np.testing.assert_allclose(aligned[name], now - held_s, atol=1e-9)
-    assert write_alignment_notes(channels, machine({"causal": True}))[0].startswith(
+    assert list_alignment_notes(channels, machine({"causal": True}))[0].startswith(
         "causal: a row holds the motio"
     )
-    assert "0.01 s before it" in write_alignment_notes(channels, machine({"causal": True}))[0]
-    assert write_alignment_notes(channels, machine()) == []
+    assert "0.01 s before it" in list_alignment_notes(channels, machine({"causal": True}))[0]
+    assert list_alignment_notes(channels, machine()) == []
 
 
 def test_when_causal_and_a_sample_is_late_every_channel_waits_alike(channels_of, machine):
@@ -321,7 +321,7 @@ def test_the_equation_holds_in_every_row_though_one_of_its_channels_is_slow(
     rows = slice(round(slow_ms / 10) + 1, -round(slow_ms / 5) - 2)
     expected = (3614.0 * aligned[IMU] + 2891.0 * aligned[SPEED]).to_numpy()
     np.testing.assert_allclose(aligned[FORCE].to_numpy()[rows], expected[rows], rtol=0, atol=1.0)
-    assert "comes at" in write_alignment_notes(channels, machine())[0]
+    assert "comes at" in list_alignment_notes(channels, machine())[0]
 
 
 def test_only_the_time_in_common_is_kept(channels_of, machine):

@@ -6,7 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.stages.signals.timestamps import find_largest_relative_drift, measure_clock_drifts
+from analysis.stages.signals.timestamps import (
+    find_largest_relative_clock_drift,
+    measure_clock_drifts_by_topic,
+)
 
 T0 = 1_700_000_000_000_000_000
 SPAN_S = 150.0
@@ -42,7 +45,7 @@ def batches(_, measured_s):
 
 
 def row(frame, topic="/a"):
-    return measure_clock_drifts({topic: frame}).row(0, named=True)
+    return measure_clock_drifts_by_topic({topic: frame}).row(0, named=True)
 
 
 @pytest.mark.parametrize("latency", [jitter, queues, batches])
@@ -84,10 +87,10 @@ def test_topics_without_a_clock_of_their_own_have_no_row():
         "/empty": frame[:0],
         "/once": frame.with_columns(log_time_ns=pl.lit(T0, pl.Int64)),
     }
-    found = measure_clock_drifts(raw)
+    found = measure_clock_drifts_by_topic(raw)
     assert found.height == 0
     assert found.columns == ["topic", "drift_ppm", "drift_std_ppm", "span_s"]
-    assert find_largest_relative_drift(found) is None
+    assert find_largest_relative_clock_drift(found) is None
 
 
 def test_stamps_that_are_log_times_do_not_drift_and_their_deviation_is_not_zero():
@@ -104,13 +107,13 @@ def test_clocks_that_run_apart_are_found_though_the_recorders_runs_wrong():
         "/force": stamped(700.0, seed=2),
         "/speed": stamped(500.0, seed=3, rate_hz=10.0),
     }
-    apart = find_largest_relative_drift(measure_clock_drifts(raw))
+    apart = find_largest_relative_clock_drift(measure_clock_drifts_by_topic(raw))
     assert apart is not None
     assert (apart.faster, apart.slower) in {("/force", "/imu"), ("/force", "/speed")}
     assert apart.drift_ppm == pytest.approx(200.0, abs=5.0)
     assert apart.drift_ppm > 10 * apart.drift_std_ppm
-    same = find_largest_relative_drift(
-        measure_clock_drifts({name: raw[name] for name in ("/imu", "/speed")})
+    same = find_largest_relative_clock_drift(
+        measure_clock_drifts_by_topic({name: raw[name] for name in ("/imu", "/speed")})
     )
     assert same is not None
     assert same.drift_ppm < 5 * same.drift_std_ppm

@@ -6,10 +6,10 @@ import pytest
 
 from analysis.stages.signals.copied_rows import (
     drop_copied_rows,
-    find_copied_rows,
-    list_copied_stretches,
-    select_noisy_columns,
-    write_copied_row_notes,
+    find_copied_rows_by_topic,
+    find_copied_stretches,
+    list_copied_row_notes,
+    select_readings_with_noise,
 )
 from estimators.arrays import Floats, Ints
 
@@ -38,7 +38,7 @@ def copied(x: Floats, begin: int, again: int, rows: int) -> Floats:
 )
 def test_a_copy_is_found_to_its_rows(begin: int, again: int, rows: int) -> None:
     x = copied(pressure(), begin, again, rows)
-    first, last, source = list_copied_stretches(stamps(), [x])[0]
+    first, last, source = find_copied_stretches(stamps(), [x])[0]
     assert first - source == again - begin
     assert first == pytest.approx(again, abs=2)
     assert last == pytest.approx(again + rows - 1, abs=2)
@@ -48,8 +48,8 @@ def test_copied_rows_are_dropped_and_other_topics_kept() -> None:
     torque = pl.DataFrame({"log_time_ns": stamps(), "x": copied(pressure(), 1000, 9000, 500)})
     imu = pl.DataFrame({"log_time_ns": stamps(), "x": pressure(2)})
     raw = {"torque": torque, "imu": imu}
-    copies = find_copied_rows(raw)
-    found, notes = drop_copied_rows(raw, copies), write_copied_row_notes(copies)
+    copies = find_copied_rows_by_topic(raw)
+    found, notes = drop_copied_rows(raw, copies), list_copied_row_notes(copies)
     assert found["torque"].equals(torque[np.delete(np.arange(ROWS), np.arange(9000, 9500))])
     assert found["imu"].equals(imu)
     assert notes == [
@@ -60,17 +60,17 @@ def test_copied_rows_are_dropped_and_other_topics_kept() -> None:
 
 def test_two_copies_of_one_stretch_are_two() -> None:
     x = copied(copied(pressure(), 1000, 6000, 1000), 1000, 12_000, 1000)
-    assert len(list_copied_stretches(stamps(), [x])) == 2
+    assert len(find_copied_stretches(stamps(), [x])) == 2
 
 
 @pytest.mark.parametrize("rows", [40, 90])
 def test_a_copy_shorter_than_two_seconds_is_none(rows: int) -> None:
-    assert not list_copied_stretches(stamps(), [copied(pressure(), 1000, 9000, rows)])
+    assert not find_copied_stretches(stamps(), [copied(pressure(), 1000, 9000, rows)])
 
 
 def test_a_copy_of_one_channel_alone_is_none_of_the_rows() -> None:
     x, y = copied(pressure(1), 1000, 9000, 500), pressure(2)
-    assert not list_copied_stretches(stamps(), [x, y])
+    assert not find_copied_stretches(stamps(), [x, y])
 
 
 @pytest.mark.parametrize(
@@ -87,5 +87,5 @@ def test_a_copy_of_one_channel_alone_is_none_of_the_rows() -> None:
     ids=["constant", "two counts", "counter", "smooth", "noise"],
 )
 def test_what_repeats_by_itself_is_no_copy(x: Floats) -> None:
-    columns = select_noisy_columns(pl.DataFrame({"log_time_ns": stamps(), "x": x}))
-    assert not list_copied_stretches(stamps(), columns)
+    columns = select_readings_with_noise(pl.DataFrame({"log_time_ns": stamps(), "x": x}))
+    assert not find_copied_stretches(stamps(), columns)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from analysis.stages.signals.filters import (
     apply_low_pass,
     compute_interpolation_ready_ns,
-    differentiate,
+    differentiate_signal,
     find_slices_between_gaps,
     interpolate_linearly,
     median_period_ns,
@@ -45,7 +45,9 @@ def test_a_constant_passes_and_fast_noise_does_not(causal):
 
 def known_by(function, t, times):
     """When the results are known: a central difference waits for the next sample."""
-    return compute_interpolation_ready_ns(t, t, times + 1 if function is differentiate else times)
+    return compute_interpolation_ready_ns(
+        t, t, times + 1 if function is differentiate_signal else times
+    )
 
 
 @settings(deadline=None)
@@ -56,7 +58,7 @@ def test_the_causal_forms_never_look_ahead(cut, change, seed, jitter):
     x = np.cumsum(generator.normal(size=T.size))
     later = x.copy()
     later[cut + 1 :] += change
-    for function, extra in ((apply_low_pass, (10.0, 3.0)), (differentiate, (3.0,))):
+    for function, extra in ((apply_low_pass, (10.0, 3.0)), (differentiate_signal, (3.0,))):
         times, before = function(t, x, *extra, causal=True)
         _, after = function(t, later, *extra, causal=True)
         past = known_by(function, t, times) <= t[cut]
@@ -69,7 +71,7 @@ def test_nothing_leaks_over_a_gap(causal):
     x = np.where(np.arange(400) >= 200, 1000.0, 0.0)
     for times, y in (
         apply_low_pass(t, x, 10.0, 30 * MS, causal=causal),
-        differentiate(t, np.where(x > 0, 1000.0, 0.0), 30 * MS, causal=causal),
+        differentiate_signal(t, np.where(x > 0, 1000.0, 0.0), 30 * MS, causal=causal),
     ):
         assert set(np.round(np.unique(y[times < t[200]]), 9)) == {0.0}
         assert np.ptp(y[times >= t[200]]) < 1e-6
@@ -129,7 +131,7 @@ def test_the_derivative_of_a_line_is_its_slope_at_any_stamps(steps, slope, start
     t = 1_700_000_000_000_000_000 + np.cumsum(steps)
     x = start + slope * ((t - t[0]) / 1e9)
     for causal in (True, False):
-        times, rate = differentiate(t, x, 300 * MS, causal=causal)
+        times, rate = differentiate_signal(t, x, 300 * MS, causal=causal)
         np.testing.assert_array_equal(times, t[1:-1] if causal else t)
         np.testing.assert_allclose(rate, slope, atol=1e-6)
 
@@ -141,13 +143,13 @@ def test_even_readings_whose_stamps_scatter_have_slopes_that_are_right_on_averag
     even = np.arange(20_000) * 50 * MS
     speed = np.sin(even / 1e9)
     stamped = even + np.round(np.abs(dice.normal(0.0, 10 * MS, even.size))).astype(np.int64)
-    times, rate = differentiate(stamped, speed, 300 * MS, causal=causal)
+    times, rate = differentiate_signal(stamped, speed, 300 * MS, causal=causal)
     true = np.cos(times / 1e9)
     assert rate @ true / (true @ true) == pytest.approx(1.0, abs=0.012)
 
 
 def test_two_samples_have_no_derivative():
-    times, rate = differentiate(T[:2], np.zeros(2), 30 * MS, causal=False)
+    times, rate = differentiate_signal(T[:2], np.zeros(2), 30 * MS, causal=False)
     assert times.size == rate.size == 0
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.stages.estimation.masses import describe_missing_acceptance
+from analysis.stages.estimation.masses import explain_why_gate_accepted_nothing
 from analysis.stages.signals import filters
-from analysis.stages.signals.grid_rate import set_rate_from_log
+from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from tests.analysis.conftest import make_machine
 
 CHANNELS = ("force_x_N", "speed_x_m_s", "specific_force_x_m_s2")
@@ -32,7 +32,7 @@ def chosen(read, settings=None):
     if settings:
         changed = machine.settings.with_changes(settings)
         machine = machine.model_copy(update={"settings": changed})
-    found, notes = set_rate_from_log(read, machine)
+    found, notes = choose_grid_rate_by_log(read, machine)
     kept = found.settings
     return (kept.align.rate_hz, kept.gate.window_samples, kept.smooth.samples), notes
 
@@ -86,17 +86,17 @@ def test_holes_do_not_make_a_log_slower():
 def test_a_gap_is_so_many_periods_of_the_log():
     machine = make_machine()
     read = all_at(10.0)
-    found, _ = set_rate_from_log(read, machine)
-    longest_ns = filters.longest_step_ns(read["force_x_N"][0], found.settings.align)
+    found, _ = choose_grid_rate_by_log(read, machine)
+    longest_ns = filters.gap_threshold_ns(read["force_x_N"][0], found.settings.align)
     assert longest_ns == pytest.approx(0.3e9)
 
 
 def test_a_log_too_short_for_a_window_says_how_long_that_is():
     machine = make_machine()
-    found, _ = set_rate_from_log(all_at(1.0, 15.0), machine)
+    found, _ = choose_grid_rate_by_log(all_at(1.0, 15.0), machine)
     excitation = pl.DataFrame({"phase": ["cruising"] * 15})
     gated = pl.DataFrame({"accepted_x": [False] * 15, "reason_x": ["warming_up"] * 15})
-    why = describe_missing_acceptance(excitation, gated, found.settings)
+    why = explain_why_gate_accepted_nothing(excitation, gated, found.settings)
     assert why == "the log lasts 15.00 s, a window needs 20.00 s"
 
 
@@ -104,6 +104,6 @@ def test_what_is_unset_stays_so_when_other_settings_change():
     changed = make_machine().settings.with_changes({"gate.threshold_nat": 0.5})
     assert changed.gate.threshold_nat == 0.5
     machine = make_machine().model_copy(update={"settings": changed})
-    found, _ = set_rate_from_log(all_at(10.0), machine)
+    found, _ = choose_grid_rate_by_log(all_at(10.0), machine)
     assert found.settings.gate.window_samples == 32
     assert found.settings.gate.threshold_nat == 0.5

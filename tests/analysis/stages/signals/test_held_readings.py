@@ -5,9 +5,9 @@ import pytest
 
 from analysis.stages.signals.held_readings import (
     HeldReadings,
-    drop_repeated_rows,
+    drop_rows_with_held_readings,
     find_held_channels,
-    write_held_reading_notes,
+    list_held_reading_notes,
 )
 
 RATE_HZ = 50.0
@@ -93,19 +93,19 @@ def test_each_reading_counts_once_when_it_was_taken() -> None:
     held = hold(x, 5)
     found = HeldReadings.from_readings(held, RATE_HZ)
     assert found is not None
-    assert found.find_first_rows_of_readings(held).tolist() == list(range(0, ROWS, 5))
+    assert found.find_rows_of_new_readings(held).tolist() == list(range(0, ROWS, 5))
 
 
 def test_a_reading_that_is_lost_is_not_made_up_for_by_the_one_before() -> None:
     x = hold(drive() + noise(0.01), 5)
     x[1000:1005] = x[999]
-    taken = HeldReadings(5.0).find_first_rows_of_readings(x)
+    taken = HeldReadings(5.0).find_rows_of_new_readings(x)
     assert taken.tolist() == [row for row in range(0, ROWS, 5) if row != 1000]
 
 
 def test_a_stand_is_no_gap() -> None:
     x = hold(drive(), 5)
-    taken = HeldReadings(5.0).find_first_rows_of_readings(x)
+    taken = HeldReadings(5.0).find_rows_of_new_readings(x)
     assert (x == 0.0).mean() > 0.2
     assert np.diff(taken).max() <= 10
 
@@ -113,9 +113,9 @@ def test_a_stand_is_no_gap() -> None:
 def test_no_row_depends_on_what_comes_later() -> None:
     x = hold_with_jitter(drive(), 5.0)
     held = HeldReadings(5.0)
-    whole = held.find_first_rows_of_readings(x)
+    whole = held.find_rows_of_new_readings(x)
     for rows in (100, 1234, 5000):
-        assert held.find_first_rows_of_readings(x[:rows]).tolist() == whole[whole < rows].tolist()
+        assert held.find_rows_of_new_readings(x[:rows]).tolist() == whole[whole < rows].tolist()
 
 
 def test_channels_held_for_different_times_are_taken_each_at_its_own_rate() -> None:
@@ -127,7 +127,7 @@ def test_channels_held_for_different_times_are_taken_each_at_its_own_rate() -> N
         "boom_rad": (t, hold(drive(), 5)),
     }
     held = find_held_channels(read)
-    found = drop_repeated_rows(read, held)
+    found = drop_rows_with_held_readings(read, held)
     sizes = {name: x.size for name, (_, x) in found.items()}
     assert sizes == {
         "force_x_N": ROWS,
@@ -136,7 +136,7 @@ def test_channels_held_for_different_times_are_taken_each_at_its_own_rate() -> N
         "boom_rad": ROWS,  # no estimate needs it
     }
     assert found["force_x_N"] is read["force_x_N"]
-    assert write_held_reading_notes(read, held) == [
+    assert list_held_reading_notes(read, held) == [
         "speed_left_m_s holds each reading for 5 rows of 50 Hz: it is taken at 10 Hz, without the "
         "rows that repeat a reading",
         "speed_right_m_s holds each reading for 2 rows of 50 Hz: it is taken at 25 Hz, without the "

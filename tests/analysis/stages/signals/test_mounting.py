@@ -11,8 +11,8 @@ from analysis.model.settings import AlignSettings
 from analysis.stages.signals.mounting import (
     compute_pitch_and_roll,
     compute_rotation_to_machine_axes,
-    rotate_to_machine_axes,
-    transfer_to_origin,
+    rotate_imu_to_machine_axes,
+    transfer_acceleration_to_origin,
 )
 from estimators.errors import DataError
 
@@ -26,9 +26,11 @@ def columns(names, vectors):
 
 
 def turned(seen, imu):
-    """What `rotate_to_machine_axes` makes of columns that share their stamps."""
+    """What `rotate_imu_to_machine_axes` makes of columns that share their stamps."""
     stamps = {name: np.arange(x.size) * 10_000_000 for name, x in seen.items()}
-    out = rotate_to_machine_axes({n: (stamps[n], x) for n, x in seen.items()}, imu, AlignSettings())
+    out = rotate_imu_to_machine_axes(
+        {n: (stamps[n], x) for n, x in seen.items()}, imu, AlignSettings()
+    )
     assert all(np.array_equal(out[name][0], t) for name, t in stamps.items())
     return {name: x for name, (_, x) in out.items()}
 
@@ -103,7 +105,7 @@ def test_the_lever_arm_is_taken_off_in_the_plane(position, rate, turn, origin):
         "yaw_rate_rad_s": np.array([rate]),
         "yaw_acc_rad_s2": np.array([turn]),
     }
-    out = transfer_to_origin(seen, ImuMounting(position_m=tuple(r)))
+    out = transfer_acceleration_to_origin(seen, ImuMounting(position_m=tuple(r)))
     np.testing.assert_allclose(stacked(out, AXES)[0], [*origin, 9.81], atol=1e-9)
 
 
@@ -111,7 +113,7 @@ def test_the_columns_given_are_left_as_they_were():
     seen = columns(AXES, [[1.0, 2.0, 3.0]])
     imu = ImuMounting(yaw_deg=30, position_m=(1.0, 1.0, 0.0))
     turned(seen, imu)
-    transfer_to_origin(seen, imu)
+    transfer_acceleration_to_origin(seen, imu)
     assert [x[0] for x in seen.values()] == [1.0, 2.0, 3.0]
 
 
@@ -142,7 +144,7 @@ def test_an_axis_with_stamps_of_its_own_is_interpolated_and_not_extrapolated():
     t = np.arange(100) * 10_000_000
     late = t[:50] + 4_000_000
     seen = {name: (t, np.ones(100)) for name in RATES[:2]} | {RATES[2]: (late, late * 1e-7)}
-    out = rotate_to_machine_axes(seen, ImuMounting(roll_deg=180), AlignSettings())
+    out = rotate_imu_to_machine_axes(seen, ImuMounting(roll_deg=180), AlignSettings())
     stamps, yaw_rate = out[RATES[2]]
     np.testing.assert_array_equal(stamps, t[1:50])
     np.testing.assert_allclose(yaw_rate, -1e-7 * stamps)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from analysis.model.machine_body import ImuMounting
 from analysis.model.schema import build_frame
 from analysis.stages.signals.mounting import compute_rotation_to_machine_axes
-from analysis.stages.signals.mounting_guess import estimate_gravity_tilt_deg, guess_mounting
+from analysis.stages.signals.mounting_guess import estimate_gravity_tilt_deg, estimate_imu_mounting
 from tests.analysis import phased
 
 G = 9.80665
@@ -52,7 +52,7 @@ def sits(guess):
 @example(90.0, 85.0, 40.0)
 def test_any_mounting_is_found_from_nine_starts(roll, pitch, yaw):
     imu = ImuMounting(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
-    guess = guess_mounting(*said(imu))
+    guess = estimate_imu_mounting(*said(imu))
     assert guess is not None
     assert guess.stood
     assert guess.yaw_deg is not None
@@ -66,13 +66,13 @@ def test_any_mounting_is_found_from_nine_starts(roll, pitch, yaw):
     tilt = np.degrees(np.arccos(np.clip(compute_rotation_to_machine_axes(imu)[2, 2], -1, 1)))
     assert guess.tilt_deg == pytest.approx(tilt, abs=0.5)
     if abs(tilt - 10.0) > 1.0:
-        assert guess.is_tilt_sure == (tilt > 10.0)
+        assert guess.is_tilt_beyond_ground_slope == (tilt > 10.0)
 
 
 @pytest.mark.parametrize("slope_deg", [-2.0, 2.0])
 def test_a_place_that_slopes_a_little_changes_no_angle(slope_deg):
     for imu in (ImuMounting(), ImuMounting(roll_deg=90.0, yaw_deg=-90.0)):
-        guess = guess_mounting(*said(imu, slope_deg=slope_deg))
+        guess = estimate_imu_mounting(*said(imu, slope_deg=slope_deg))
         assert guess is not None
         assert (
             angle_deg(
@@ -83,15 +83,15 @@ def test_a_place_that_slopes_a_little_changes_no_angle(slope_deg):
 
 
 def test_a_level_imu_is_level():
-    guess = guess_mounting(*said(ImuMounting()))
+    guess = estimate_imu_mounting(*said(ImuMounting()))
     assert guess is not None
-    assert guess.is_level
-    assert not guess.is_tilt_sure
+    assert guess.has_no_rotation
+    assert not guess.is_tilt_beyond_ground_slope
 
 
 def test_without_a_standstill_the_mean_of_the_drive_tells_roll_and_pitch():
     t_ns, seen, speed = said(ImuMounting(roll_deg=90.0), still=False)
-    guess = guess_mounting(t_ns, seen, speed)
+    guess = estimate_imu_mounting(t_ns, seen, speed)
     assert guess is not None
     assert not guess.stood
     assert (guess.roll_deg, guess.pitch_deg) == (90.0, 0.0)
@@ -99,7 +99,7 @@ def test_without_a_standstill_the_mean_of_the_drive_tells_roll_and_pitch():
 
 def test_without_wheels_there_is_no_yaw():
     t_ns, seen, _ = said(ImuMounting(roll_deg=90.0, yaw_deg=90.0))
-    guess = guess_mounting(t_ns, seen, None)
+    guess = estimate_imu_mounting(t_ns, seen, None)
     assert guess is not None
     assert guess.yaw_deg is None
     assert np.isnan(guess.yaw_std_deg)
@@ -108,7 +108,7 @@ def test_without_wheels_there_is_no_yaw():
 def test_an_imu_that_does_not_show_the_motion_tells_no_yaw():
     t_ns, seen, speed = said(ImuMounting(), noise=0.0)
     noise = np.random.default_rng(1).normal(size=seen.shape)
-    guess = guess_mounting(t_ns, np.array([0, 0, G]) + noise, speed)
+    guess = estimate_imu_mounting(t_ns, np.array([0, 0, G]) + noise, speed)
     assert guess is not None
     assert guess.yaw_deg is None
 
@@ -116,13 +116,13 @@ def test_an_imu_that_does_not_show_the_motion_tells_no_yaw():
 @pytest.mark.parametrize("share", [0.0, 0.102, 0.9, 1.1])
 def test_what_is_no_gravity_gives_no_guess(share):
     t_ns, seen, speed = said(ImuMounting())
-    assert guess_mounting(t_ns, seen * share, speed) is None
+    assert estimate_imu_mounting(t_ns, seen * share, speed) is None
 
 
 def test_a_machine_that_never_moves_tells_roll_and_pitch():
     t_ns, seen, speed = said(ImuMounting(roll_deg=90.0))
     still = np.tile([0.0, G, 0.0], (t_ns.size, 1))
-    guess = guess_mounting(t_ns, still, (speed[0], 0 * speed[1]))
+    guess = estimate_imu_mounting(t_ns, still, (speed[0], 0 * speed[1]))
     assert guess is not None
     assert guess.stood
     assert (guess.roll_deg, guess.pitch_deg, guess.yaw_deg) == (90.0, 0.0, None)

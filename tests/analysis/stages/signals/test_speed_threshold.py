@@ -5,10 +5,10 @@ import pytest
 
 from analysis.diagnosis.measured_channels import find_zero_speed_spans
 from analysis.stages.signals.speed_threshold import (
-    drop_readings_below_threshold,
-    estimate_speed_threshold_m_s,
-    find_speed_thresholds,
-    write_speed_threshold_notes,
+    drop_zero_readings_beside_motion,
+    estimate_zero_speed_threshold_m_s,
+    find_zero_speed_thresholds_m_s,
+    list_speed_threshold_notes,
 )
 
 RATE_HZ = 50.0
@@ -31,7 +31,7 @@ def reads_from(threshold_m_s: float, speed_m_s: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("std", [0.0, 0.01])
 def test_a_threshold_is_estimated(threshold_m_s: float, std: float) -> None:
     noisy = drive() + np.where(drive() > 0.0, DICE.normal(0.0, std, ROWS), 0.0)
-    found = estimate_speed_threshold_m_s(reads_from(threshold_m_s, noisy))
+    found = estimate_zero_speed_threshold_m_s(reads_from(threshold_m_s, noisy))
     assert found == pytest.approx(threshold_m_s, rel=0.1, abs=0.02)
 
 
@@ -49,14 +49,14 @@ def test_a_threshold_is_estimated(threshold_m_s: float, std: float) -> None:
     ids=["exact", "noisy", "coarse", "slow", "standing", "dropouts"],
 )
 def test_other_speeds_have_no_threshold(speed_m_s: np.ndarray) -> None:
-    assert estimate_speed_threshold_m_s(speed_m_s) == 0.0
+    assert estimate_zero_speed_threshold_m_s(speed_m_s) == 0.0
 
 
 def test_readings_beside_motion_are_left_out_and_those_of_a_stand_stay() -> None:
     read = {"speed_x_m_s": (T_NS, reads_from(0.3, drive())), "force_x_N": (T_NS, drive())}
-    thresholds = find_speed_thresholds(read)
+    thresholds = find_zero_speed_thresholds_m_s(read)
     assert thresholds == {"speed_x_m_s": pytest.approx(0.3, rel=0.1)}
-    kept = drop_readings_below_threshold(read, thresholds)
+    kept = drop_zero_readings_beside_motion(read, thresholds)
     t_ns, x = kept["speed_x_m_s"]
     steps_s = np.diff(t_ns) / 1e9
     beside = np.abs(np.diff((x != 0.0).astype(int))) == 1
@@ -65,11 +65,11 @@ def test_readings_beside_motion_are_left_out_and_those_of_a_stand_stay() -> None
     assert steps_s[~beside].max() == pytest.approx(1.0 / RATE_HZ)
     assert np.count_nonzero(x == 0.0) > 0.9 * np.count_nonzero(read["speed_x_m_s"][1] == 0.0)
     assert kept["force_x_N"] is read["force_x_N"]
-    assert "0 below 0.3" in write_speed_threshold_notes(thresholds)[0]
+    assert "0 below 0.3" in list_speed_threshold_notes(thresholds)[0]
 
 
 def test_short_drives_are_not_lost_to_the_gap() -> None:
-    assert not find_speed_thresholds({"speed_x_m_s": (T_NS, reads_from(0.3, drive(12.0)))})
+    assert not find_zero_speed_thresholds_m_s({"speed_x_m_s": (T_NS, reads_from(0.3, drive(12.0)))})
 
 
 @pytest.mark.parametrize("threshold_m_s", [0.15, 0.6])

@@ -8,7 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 from mcap.writer import Writer
-from replay.init.describe_log_by_index import describe_log_by_index
+from replay.init.describe_log import describe_log_by_index
 from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 

@@ -33,7 +33,7 @@ _TIMES = st.one_of(st.integers(0, 40), st.integers(0, 2**64 - 1))
 @contextmanager
 def _budget(seconds: float, turns: int) -> Generator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(interpreted, "is_compiler_loaded", lambda: False)
+        patch.setattr(interpreted, "is_numba_imported", lambda: False)
         patch.setattr(interpreted._InterpreterBudget, "seconds", seconds)
         patch.setattr(interpreted, "MOST_TURNS", turns)
         yield
