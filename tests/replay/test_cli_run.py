@@ -112,7 +112,7 @@ class TestRun:
         load |= {"u_kg": 30.0, "payload_kg": 0.0, "payload_u_kg": 30.0}
         load |= {"scale_unknown": "", "braking_left_out": False, "withheld_for": ""}
         loads = [{"load_id": number} | load for number in range(243)]
-        print_answer(Answer((), loads, [], [], [], 0.1, Verdict()), is_verbose=verbose)
+        print_answer(Answer((), loads, [], [], [], 0.1, Verdict()), verbosity=verbose)
         said = capsys.readouterr().out
         assert len(re.findall(r"3600 ± 30", said)) == shown
         assert ("219 more loads (-v)" in said) is (verbose == 0)
@@ -187,7 +187,7 @@ class TestRun:
             "friction_x_std_N_s_m": {"pooled": None},
         }
         row = AnswerRow(numbers, {"pooled": 1}, withheld=False)
-        print_answer(Answer((row,), [], [], [], [], 0.1, Verdict()), is_verbose=1)
+        print_answer(Answer((row,), [], [], [], [], 0.1, Verdict()), verbosity=1)
         assert "120.00  " in capsys.readouterr().out
 
     @pytest.mark.usefixtures("not_kept")
