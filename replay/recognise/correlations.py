@@ -56,18 +56,69 @@ def find_accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     return found if axes == sorted(_AXES) else []
 
 
+class Readings(NamedTuple):
+    """Readings of a column at times."""
+
+    times_s: Floats
+    readings: Floats
+
+
+class ColumnReader:
+    """Readings of a log's columns: each topic is decoded once, from its begin."""
+
+    def __init__(self, log: Log, columns: Sequence[LogColumn]) -> None:
+        """Read columns of a log.
+
+        Args:
+            log: an opened log.
+            columns: those whose name or unit says what they measure are decoded together.
+        """
+        self._log = log
+        self._named = {
+            topic: [c.field for c in columns if c.topic == topic and c.name_meaning.quantity]
+            for topic in {column.topic for column in columns}
+        }
+        self._first_ns = dict(log.topics().select("topic", "start_ns").iter_rows())
+        self._frames: dict[tuple[str | None, tuple[str, ...]], pl.DataFrame] = {}
+
+    def read_times_and_readings(self, topic: str | None, field: str) -> Readings:
+        """Times in seconds from the first row, and numeric readings, of a column.
+
+        Raises:
+            LogError: the column cannot be read.
+        """
+        named = self._named.get(topic, [])
+        try:
+            frame = self._read_fields(topic, tuple(named) if field in named else (field,))
+        except (LogError, pl.exceptions.PolarsError):
+            # another column of the topic may be what cannot be read
+            frame = self._read_fields(topic, (field,))
+        x = frame[field].cast(pl.Float64).to_numpy()
+        t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
+        known = np.isfinite(x)
+        return Readings(t[known], x[known])
+
+    def _read_fields(self, topic: str | None, fields: tuple[str, ...]) -> pl.DataFrame:
+        if (topic, fields) not in self._frames:
+            first_ns = self._first_ns[topic or TABLE]
+            last_ns = None if first_ns is None else first_ns + LIMITS.correlation_span_ns
+            frame = self._log.read(topic or TABLE, list(fields), end_ns=last_ns)
+            self._frames[topic, fields] = frame.head(LIMITS.correlation_max_rows)
+        return self._frames[topic, fields]
+
+
 def guess_accelerometer_units(
-    log: Log, columns: Sequence[LogColumn]
+    reader: ColumnReader, columns: Sequence[LogColumn]
 ) -> dict[LogColumn, tuple[str, str]]:
     """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
 
     Args:
-        log: an opened table.
+        reader: of the columns of a log.
         columns: columns of the table.
     """
     axes = [column for column in find_accelerometer_axes(columns) if column.unit is None]
     for column in axes if len(axes) == len(_AXES) else ():
-        middle = abs(_compute_median_of_column(log, column))
+        middle = abs(_compute_median_of_column(reader, column))
         for unit, (low, high) in (
             ("m/s**2", LIMITS.gravity_m_s2),
             ("standard_gravity", LIMITS.gravity_g),
@@ -78,7 +129,9 @@ def guess_accelerometer_units(
     return {}
 
 
-def find_accelerations_without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[LogColumn]:
+def find_accelerations_without_gravity(
+    reader: ColumnReader, columns: Sequence[LogColumn]
+) -> set[LogColumn]:
     """Columns of an accelerometer without gravity on any axis: some program removed it."""
     axes = [column for column in find_accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
@@ -89,16 +142,19 @@ def find_accelerations_without_gravity(log: Log, columns: Sequence[LogColumn]) -
         if not column.has_dimension_of_channel("acc_x_m_s2"):
             return set()
         total += (
-            _compute_median_of_column(log, column) * gain_and_offset_to_si(column.unit, "m/s²")[0]
+            _compute_median_of_column(reader, column)
+            * gain_and_offset_to_si(column.unit, "m/s²")[0]
         ) ** 2
     return set(axes) if total < (LIMITS.gravity_m_s2[0] / 2) ** 2 else set()
 
 
-def do_columns_hold_same_readings(log: Log, column: LogColumn, other_column: LogColumn) -> bool:
+def do_columns_hold_same_readings(
+    reader: ColumnReader, column: LogColumn, other_column: LogColumn
+) -> bool:
     """Whether two columns hold the same readings: their difference is small."""
     try:
         (t, x), (at, y) = (
-            read_times_and_readings(log, c.topic, c.field) for c in (column, other_column)
+            reader.read_times_and_readings(c.topic, c.field) for c in (column, other_column)
         )
     except (LogError, pl.exceptions.PolarsError):
         return False
@@ -112,16 +168,16 @@ def do_columns_hold_same_readings(log: Log, column: LogColumn, other_column: Log
     return float(np.std(x - np.interp(t, at, y))) < LIMITS.same_reading_fraction * float(np.std(x))
 
 
-def _compute_median_of_column(log: Log, column: LogColumn) -> float:
+def _compute_median_of_column(reader: ColumnReader, column: LogColumn) -> float:
     try:
-        _, x = read_times_and_readings(log, column.topic, column.field)
+        _, x = reader.read_times_and_readings(column.topic, column.field)
     except (LogError, pl.exceptions.PolarsError):
         return 0.0
     return float(np.median(x)) if x.size else 0.0
 
 
 def add_correlations_with_slope_as_remarks(
-    log: Log, columns: Sequence[LogColumn], recognition: Recognition
+    reader: ColumnReader, columns: Sequence[LogColumn], recognition: Recognition
 ) -> Recognition:
     """Add how forces and accelerations go with the slope of speed, and speeds with position."""
     by_name = {each.column: each for each in recognition.channels if each.field}
@@ -134,15 +190,15 @@ def add_correlations_with_slope_as_remarks(
         ),
         None,
     )
-    ask_if_side_turns_backwards(log, by_name, recognition)
+    ask_if_side_turns_backwards(reader, by_name, recognition)
     channels: list[ChannelProposal] = []
     for each in recognition.channels:
         reason = each.reason
-        ask_if_integers_wrap_to_negative(log, each, recognition)
+        ask_if_integers_wrap_to_negative(reader, each, recognition)
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
-            goes = correlate_column_with_slope(log, each, speed)
+            goes = correlate_column_with_slope(reader, each, speed)
             if goes is not None:
                 reason += f"; correlates with the change of {speed.source_text}, {goes:.2f}"
                 if goes < -LIMITS.clear_correlation:
@@ -155,12 +211,12 @@ def add_correlations_with_slope_as_remarks(
                         _APART.format(each.source_text, speed.source_text, goes),
                     )
             if is_acceleration:
-                ask_if_units_contradict_derivative(log, each, speed, recognition)
+                ask_if_units_contradict_derivative(reader, each, speed, recognition)
             if is_force:
-                _ask_for_sign_of_nonnegative_force(log, each, speed, recognition)
+                _ask_for_sign_of_nonnegative_force(reader, each, speed, recognition)
         if each is speed and place is not None:
-            ask_if_units_contradict_derivative(log, each, place, recognition)
-            goes = correlate_column_with_slope(log, each, place)
+            ask_if_units_contradict_derivative(reader, each, place, recognition)
+            goes = correlate_column_with_slope(reader, each, place)
             if goes is not None and goes < -LIMITS.clear_correlation:
                 recognition.add_question_of_subject(
                     "sign",
@@ -174,7 +230,7 @@ def add_correlations_with_slope_as_remarks(
 
 
 def ask_if_side_turns_backwards(
-    log: Log, proposals_by_channel: dict[str, ChannelProposal], recognition: Recognition
+    reader: ColumnReader, proposals_by_channel: dict[str, ChannelProposal], recognition: Recognition
 ) -> None:
     """Ask which side turns backwards if two speeds of one machine have opposite signs.
 
@@ -185,8 +241,8 @@ def ask_if_side_turns_backwards(
         if left is None or right is None:
             continue
         (t, x), (at, y) = (
-            read_times_and_readings_of_proposal(log, left),
-            read_times_and_readings_of_proposal(log, right),
+            read_times_and_readings_of_proposal(reader, left),
+            read_times_and_readings_of_proposal(reader, right),
         )
         goes = (
             compute_correlation(x, np.interp(t, at, y))
@@ -201,7 +257,7 @@ def ask_if_side_turns_backwards(
 
 
 def ask_if_units_contradict_derivative(
-    log: Log,
+    reader: ColumnReader,
     rate_proposal: ChannelProposal,
     integral_proposal: ChannelProposal,
     recognition: Recognition,
@@ -212,8 +268,8 @@ def ask_if_units_contradict_derivative(
     ):
         return
     (t, x), (at, y) = (
-        read_times_and_readings_of_proposal(log, rate_proposal),
-        read_times_and_readings_of_proposal(log, integral_proposal),
+        read_times_and_readings_of_proposal(reader, rate_proposal),
+        read_times_and_readings_of_proposal(reader, integral_proposal),
     )
     if min(t.size, at.size) < LIMITS.correlation_min_rows:
         return
@@ -243,10 +299,10 @@ _SI: Final = {
 
 
 def ask_if_integers_wrap_to_negative(
-    log: Log, proposal: ChannelProposal, recognition: Recognition
+    reader: ColumnReader, proposal: ChannelProposal, recognition: Recognition
 ) -> None:
     """Ask which values are negative if integers jump between the ends of their range."""
-    x = read_times_and_readings_of_proposal(log, proposal)[1]
+    x = read_times_and_readings_of_proposal(reader, proposal)[1]
     if x.size < LIMITS.correlation_min_rows or x.min() < 0 or (x != np.rint(x)).any():
         return
     largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
@@ -259,15 +315,15 @@ def ask_if_integers_wrap_to_negative(
 
 
 def _ask_for_sign_of_nonnegative_force(
-    log: Log,
+    reader: ColumnReader,
     force_proposal: ChannelProposal,
     speed_proposal: ChannelProposal,
     recognition: Recognition,
 ) -> None:
     """Ask for the sign of a force that is never negative although the machine brakes with it."""
     (t, x), (at, y) = (
-        read_times_and_readings_of_proposal(log, force_proposal),
-        read_times_and_readings_of_proposal(log, speed_proposal),
+        read_times_and_readings_of_proposal(reader, force_proposal),
+        read_times_and_readings_of_proposal(reader, speed_proposal),
     )
     if (
         min(t.size, at.size) < LIMITS.correlation_min_rows
@@ -285,19 +341,14 @@ def _ask_for_sign_of_nonnegative_force(
         )
 
 
-class Readings(NamedTuple):
-    """Readings of a column at times."""
-
-    times_s: Floats
-    readings: Floats
-
-
-def read_times_and_readings_of_proposal(log: Log, proposal: ChannelProposal) -> Readings:
+def read_times_and_readings_of_proposal(
+    reader: ColumnReader, proposal: ChannelProposal
+) -> Readings:
     """Times in seconds and readings of a proposal; empty if it has none."""
     if proposal.field is None:
         return Readings(np.empty(0), np.empty(0))
     try:
-        return read_times_and_readings(log, proposal.topic, proposal.field)
+        return reader.read_times_and_readings(proposal.topic, proposal.field)
     except (LogError, pl.exceptions.PolarsError):
         return Readings(np.empty(0), np.empty(0))
 
@@ -311,12 +362,12 @@ def compute_slope_at_times(times_s: Floats, sample_times_s: Floats, samples: Flo
 
 
 def correlate_column_with_slope(
-    log: Log, proposal: ChannelProposal, sloped_column: ChannelProposal
+    reader: ColumnReader, proposal: ChannelProposal, sloped_column: ChannelProposal
 ) -> float | None:
     """Correlation of a column with the slope of another; None if undefined."""
     (t, x), (at, y) = (
-        read_times_and_readings_of_proposal(log, proposal),
-        read_times_and_readings_of_proposal(log, sloped_column),
+        read_times_and_readings_of_proposal(reader, proposal),
+        read_times_and_readings_of_proposal(reader, sloped_column),
     )
     return (
         compute_correlation(x, compute_slope_at_times(t, at, y))
@@ -336,12 +387,3 @@ def compute_correlation(first_series: Floats, second_series: Floats) -> float | 
     ):
         return None
     return float(np.corrcoef(first_series, second_series)[0, 1])
-
-
-def read_times_and_readings(log: Log, topic: str | None, field: str) -> Readings:
-    """Times in seconds from the first row, and numeric readings, of a column."""
-    frame = log.read(topic or TABLE, [field]).head(LIMITS.correlation_max_rows)
-    x = frame[field].cast(pl.Float64).to_numpy()
-    t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
-    known = np.isfinite(x)
-    return Readings(t[known], x[known])

@@ -14,6 +14,8 @@ class RecogniseLimits:
     # correlations
     #: Rows that correlations are taken over at most,
     correlation_max_rows: int = 200_000
+    #: and time in ns: of half an hour a loader drives enough,
+    correlation_span_ns: int = 1800 * 10**9
     #: and time in s over which a slope is taken.
     slope_span_s: float = 0.2
     #: Fewest rows of a correlation.

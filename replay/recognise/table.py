@@ -17,6 +17,7 @@ from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import find_unit_in_name
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
+    ColumnReader,
     add_correlations_with_slope_as_remarks,
     do_columns_hold_same_readings,
     find_accelerations_without_gravity,
@@ -95,6 +96,7 @@ def recognise_fields_of_messages(log: Log, recognition: Recognition) -> Recognit
 
 def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recognition:
     columns = _list_columns_of_log(log)
+    reader = ColumnReader(log, columns)
     known = Counter(column.field for column in columns if column.field in _KNOWN)
     for column in columns:
         # of several topics' forces, or of a command, words decide
@@ -102,8 +104,8 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
             recognition.fill_channel_if_empty(
                 column, column.field, "its name", find_unit_in_name(column.field)
             )
-    by_gravity = guess_accelerometer_units(log, columns)
-    kinematic = find_accelerations_without_gravity(log, columns)
+    by_gravity = guess_accelerometer_units(reader, columns)
+    kinematic = find_accelerations_without_gravity(reader, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)
     for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
@@ -126,17 +128,17 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
             if all(column != claimed for claimed, *_ in claims[channel]):
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
-        fill_only_candidate_or_ask(log, channel, each, recognition)
+        fill_only_candidate_or_ask(reader, channel, each, recognition)
     _ask_if_other_wheels_drive(columns, recognition)
     _ask_gear_ratios(columns, recognition)
     propose_columns_by_unit(columns, recognition)
     propose_columns_without_unit(columns, recognition)
     propose_force_and_speed_of_drives(columns, recognition)
-    return add_correlations_with_slope_as_remarks(log, columns, recognition)
+    return add_correlations_with_slope_as_remarks(reader, columns, recognition)
 
 
 def fill_only_candidate_or_ask(
-    log: Log, channel: str, candidate_columns: Sequence[Claim], recognition: Recognition
+    reader: ColumnReader, channel: str, candidate_columns: Sequence[Claim], recognition: Recognition
 ) -> None:
     """Fill a channel with the only candidate column, or ask if there are several.
 
@@ -147,7 +149,9 @@ def fill_only_candidate_or_ask(
     column, reason, unit = candidate_columns[0]
     adds_up = channel.startswith(("force", "torque"))
     others = [other for other, *_ in candidate_columns[1:]]
-    if all(not adds_up and do_columns_hold_same_readings(log, column, other) for other in others):
+    if all(
+        not adds_up and do_columns_hold_same_readings(reader, column, other) for other in others
+    ):
         recognition.fill_channel_if_empty(column, channel, reason, unit)
         return
     names = ", ".join(f"'{each.source_text}'" for each, *_ in candidate_columns)

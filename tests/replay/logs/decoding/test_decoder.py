@@ -8,12 +8,12 @@ from random import Random
 import numpy as np
 import pytest
 from mcap.writer import Writer
-from replay.init.describe_log import describe_log_by_index
 from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
 from replay import open_log
 from replay.commands.info import print_log_info
+from replay.init.describe_log import describe_log_by_index
 from replay.logs.decoding.batch_stream import TopicStream, decode_batches_in_streams
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import make_frame_schema
