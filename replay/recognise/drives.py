@@ -11,6 +11,12 @@ _GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.deri
 _RADIUS: Final = "machine.wheel_radius_m"
 _EFFICIENCY: Final = "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
 _SIDES: Final = ("left", "right")
+#: What a motor reports: quantity, unit, name of its channel, and what makes a torque of it.
+_MOTOR_OUTPUTS: Final = (
+    ("torque", "N*m", "motor_torque_N_m", ""),
+    ("torque", "percent", "torque_percent", " * RATED_TORQUE [N*m]"),
+    ("current", "A", "motor_current_A", " * TORQUE_CONSTANT [N*m/A]"),
+)
 #: Units of revolutions.
 _TURNS: Final = ("rpm", "rad/s", "Hz")
 
@@ -26,6 +32,7 @@ def propose_force_and_speed_of_drives(
         sketches = (
             propose_force_of_unnamed_sides,
             _propose_force_of_engine,
+            propose_force_of_motors_of_both_sides,
             propose_force_of_motor,
             _propose_force_of_pressures,
             _propose_force_of_power,
@@ -74,13 +81,57 @@ def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Re
     return True
 
 
+def propose_force_of_motors_of_both_sides(
+    columns: Sequence[LogColumn], recognition: Recognition
+) -> bool:
+    """Propose a force from the torques or currents of a left and a right motor, if any."""
+    for quantity, unit, name, factor in _MOTOR_OUTPUTS:
+        sides = [
+            [
+                c
+                for c in columns
+                if c.quantity == quantity
+                and (c.name_meaning.part, c.name_meaning.side) == ("motor", side)
+                and not (quantity == "current" and c.name_meaning.is_of_supply)
+                and c.has_dimension_of_unit(unit)
+            ]
+            for side in _SIDES
+        ]
+        if any(len(each) != 1 for each in sides):
+            continue
+        names: list[str] = []
+        reason = " and ".join(f"{each[0].source_text}" for each in sides)
+        reason += ": measured at the motors of both sides; needs the gear ratio"
+        for side, (column,) in zip(_SIDES, sides, strict=True):
+            names.append(f"{side}_{name}")
+            recognition.propose_source_of_derived_channel(column, names[-1], column.unit, reason)
+        recognition.propose_derived_channel_as_comment(
+            "force_x_N", f"({' + '.join(names)}){factor} * GEAR / wheel_radius_m", reason
+        )
+        ask_for_gear_and_factor(recognition, factor)
+        return True
+    return False
+
+
+def ask_for_gear_and_factor(recognition: Recognition, factor: str) -> None:
+    """Ask for what makes a force of a motor's output.
+
+    Args:
+        recognition: of the log.
+        factor: what makes a torque of it, as in a derivation: " * NAME [unit]", or empty.
+    """
+    recognition.add_question_of_subject("gear", _GEAR.format("force_x_N"))
+    if factor:
+        word, _, of = factor.removeprefix(" * ").partition(" ")
+        recognition.add_question_of_subject(
+            "gear", f"the motor's {word} in {of.strip('[]')}, in the same line"
+        )
+    recognition.add_question_of_subject("radius", _RADIUS)
+
+
 def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from a motor's torque or current; whether there is any."""
-    for quantity, unit, name, factor in (
-        ("torque", "N*m", "motor_torque_N_m", ""),
-        ("torque", "percent", "torque_percent", " * RATED_TORQUE [N*m]"),
-        ("current", "A", "motor_current_A", " * TORQUE_CONSTANT [N*m/A]"),
-    ):
+    for quantity, unit, name, factor in _MOTOR_OUTPUTS:
         fitting = [
             c
             for c in columns
@@ -116,13 +167,7 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
         recognition.propose_derived_channel_as_comment(
             "force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason
         )
-        recognition.add_question_of_subject("gear", _GEAR.format("force_x_N"))
-        if factor:
-            word, _, of = factor.removeprefix(" * ").partition(" ")
-            recognition.add_question_of_subject(
-                "gear", f"the motor's {word} in {of.strip('[]')}, in the same line"
-            )
-        recognition.add_question_of_subject("radius", _RADIUS)
+        ask_for_gear_and_factor(recognition, factor)
         return True
     return False
 

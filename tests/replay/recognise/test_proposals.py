@@ -319,6 +319,29 @@ def test_a_gear_ratio_is_one_and_no_gear_is_asked_for(tmp_path: Path, name: str)
     assert not any("gear_ratio_1" in each for each in questions)
 
 
+@pytest.mark.parametrize(
+    ("names", "derive"),
+    [
+        (
+            ("motor_l_current_A", "motor_r_current_A"),
+            "(left_motor_current_A + right_motor_current_A) * TORQUE_CONSTANT [N*m/A]",
+        ),
+        (
+            ("left_motor_torque__Nm", "right_motor_torque__Nm"),
+            "(left_motor_torque_N_m + right_motor_torque_N_m)",
+        ),
+    ],
+)
+def test_motors_of_both_sides_make_one_force(
+    tmp_path: Path, names: tuple[str, str], derive: str
+) -> None:
+    channels, questions = proposed(tmp_path, speed__kmh=V, **dict.fromkeys(names, A))
+    force = channels["force_x_N"]
+    assert force.is_comment
+    assert force.derive == f"{derive} * GEAR / wheel_radius_m"
+    assert "the gear ratio between motor and wheel: GEAR in channels.force_x_N.derive" in questions
+
+
 def test_an_engine_gives_a_force_in_any_gear(tmp_path: Path) -> None:
     channels, questions = proposed(
         tmp_path,
