@@ -133,7 +133,7 @@ def convert_frame_to_table_rows(
     )
 
 
-def make_fleet_tables_of_run(
+def make_tables_of_run(
     run: Run, other_frames: Mapping[str, pl.DataFrame]
 ) -> dict[str, pl.DataFrame]:
     """All tables of a run except `results`.

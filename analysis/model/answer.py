@@ -41,7 +41,7 @@ class AnswerRow:
         """The methods, in the order of the settings."""
         return tuple(self.estimates)
 
-    def estimate_of_quantity(self, quantity: str, method: str) -> float | None:
+    def estimate(self, quantity: str, method: str) -> float | None:
         """Value of a quantity; None if there is none."""
         return self.quantities.get(quantity, {}).get(method)
 

@@ -109,11 +109,7 @@ def format_answer_headline(answer: Answer) -> str:
             return f"{mass} kg (standard uncertainty{scale})"
     # a recording of an earlier version has no loads
     for row in answer.rows if not answer.loads else ():
-        known = [
-            method
-            for method in row.methods
-            if row.estimate_of_quantity("mass_kg", method) is not None
-        ]
+        known = [method for method in row.methods if row.estimate("mass_kg", method) is not None]
         if known:
             best = "pooled" if "pooled" in known else known[0]
             mass = _format_value_of_method(row, best, *_MASS)
@@ -156,7 +152,7 @@ def format_answer_summary(run: Run) -> str:
             mass = (
                 "withheld" if row.withheld else f"{_format_value_of_method(row, method, *_MASS)} kg"
             )
-            inertia = row.estimate_of_quantity(_INERTIA[0], method)
+            inertia = row.estimate(_INERTIA[0], method)
             turns = (
                 f", yaw inertia {_format_value_of_method(row, method, *_INERTIA)} kg·m²"
                 if inertia
@@ -291,8 +287,7 @@ def _describe_calibration_evidence(run: Run) -> list[str]:
 
 def _format_value_of_method(row: AnswerRow, method: str, value: str, std: str | None) -> str:
     return format_plus_minus(
-        row.estimate_of_quantity(value, method),
-        row.estimate_of_quantity(std, method) if std else None,
+        row.estimate(value, method), row.estimate(std, method) if std else None
     )
 
 

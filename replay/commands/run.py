@@ -303,11 +303,9 @@ def _iter_yaw_inertia_lines(answer: "Answer") -> "Iterator[str]":
 
     for row in answer.rows:
         for method in row.methods:
-            value = row.estimate_of_quantity("inertia_z_kg_m2", method)
+            value = row.estimate("inertia_z_kg_m2", method)
             if value is not None:
-                text = format_plus_minus(
-                    value, row.estimate_of_quantity("inertia_z_std_kg_m2", method)
-                )
+                text = format_plus_minus(value, row.estimate("inertia_z_std_kg_m2", method))
                 yield f"yaw inertia {text} kg·m² ({method})"
                 break
 
@@ -383,8 +381,8 @@ def _format_method_estimate(
     answer_row: "AnswerRow", method: str, quantity: str, std_quantity: str | None
 ) -> str:
     value, std = (
-        answer_row.estimate_of_quantity(quantity, method),
-        answer_row.estimate_of_quantity(std_quantity, method) if std_quantity else None,
+        answer_row.estimate(quantity, method),
+        answer_row.estimate(std_quantity, method) if std_quantity else None,
     )
     if value is None:
         return "–"

@@ -27,12 +27,7 @@ from analysis.calibration.use.learnt_priors import describe_contradicted_learnt_
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recompute_shift_totals
 from analysis.fleet.daily_figures import UNDATED
-from analysis.fleet.fleet_tables import (
-    GATE_SHARES,
-    QUALITY,
-    make_fleet_tables_of_run,
-    make_result_row,
-)
+from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, make_result_row, make_tables_of_run
 from analysis.model.run_record import Run
 from estimators.errors import DataError, FleetError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
@@ -287,7 +282,7 @@ def make_tables_and_results_row(
         "longest_gap_at_s": gaps[0][0] if gaps else None,
         "not_calibrated_for": against,
     }
-    return make_fleet_tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
+    return make_tables_of_run(run, {"gate_shares": shares, "quality": quality}), said
 
 
 @contextmanager

@@ -8,6 +8,10 @@ from replay.recognise.proposals import LogColumn, Recognition
 from replay.recognise.recognise_limits import LIMITS
 
 _GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
+_GEAR_RATIOS: Final = (
+    "which ratio each gear of '{0}' has, where engine or turbine give the force: they add to the "
+    'mass with its square; channels.gear_ratio_1, derive = "where({0} > 1.5, RATIO_2, RATIO_1)"'
+)
 _RADIUS: Final = "machine.wheel_radius_m"
 _EFFICIENCY: Final = "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
 _SIDES: Final = ("left", "right")
@@ -111,6 +115,13 @@ def propose_force_of_motors_of_both_sides(
         ask_for_gear_and_factor(recognition, factor)
         return True
     return False
+
+
+def ask_for_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+    """Ask for the ratio of each gear if a column has the number of the gear, but none its ratio."""
+    gear = next((each for each in columns if each.name_meaning.quantity == "gear"), None)
+    if gear is not None and "gear_ratio_1" not in recognition.filled_channels:
+        recognition.add_question_of_subject("column", _GEAR_RATIOS.format(gear.source_text))
 
 
 def ask_for_gear_and_factor(recognition: Recognition, factor: str) -> None:

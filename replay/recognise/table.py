@@ -23,7 +23,7 @@ from replay.recognise.correlations import (
     find_accelerations_without_gravity,
     guess_accelerometer_units,
 )
-from replay.recognise.drives import propose_force_and_speed_of_drives
+from replay.recognise.drives import ask_for_gear_ratios, propose_force_and_speed_of_drives
 from replay.recognise.proposals import LogColumn, Recognition
 from replay.recognise.words import ColumnMeaning, interpret_column_name, is_side_prefix_confirmed
 
@@ -60,10 +60,6 @@ _STANDARD_PACKAGES: Final = frozenset((
     "rosgraph_msgs", "rcl_interfaces", "visualization_msgs", "actionlib_msgs", "bond",
     "dynamic_reconfigure", "builtin_interfaces", "statistics_msgs", "theora_image_transport",
 ))  # fmt: skip
-_GEAR_RATIOS: Final = (
-    "which ratio each gear of '{0}' has, where engine or turbine give the force: they add to the "
-    'mass with its square; channels.gear_ratio_1, derive = "where({0} > 1.5, RATIO_2, RATIO_1)"'
-)
 #: Messages of a single number.
 _NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
 #: Fields of a message that are no readings: its stamp, and lists.
@@ -130,7 +126,7 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
     for channel, each in claims.items():
         fill_only_candidate_or_ask(reader, channel, each, recognition)
     _ask_if_other_wheels_drive(columns, recognition)
-    _ask_gear_ratios(columns, recognition)
+    ask_for_gear_ratios(columns, recognition)
     propose_columns_by_unit(columns, recognition)
     propose_columns_without_unit(columns, recognition)
     propose_force_and_speed_of_drives(columns, recognition)
@@ -160,13 +156,6 @@ def fill_only_candidate_or_ask(
     recognition.add_question_of_subject(
         "column", f"which of {names} is channels.{channel}{together}"
     )
-
-
-def _ask_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
-    """Ask for the ratio of each gear if a column has the number of the gear, but none its ratio."""
-    gear = next((each for each in columns if each.name_meaning.quantity == "gear"), None)
-    if gear is not None and "gear_ratio_1" not in recognition.filled_channels:
-        recognition.add_question_of_subject("column", _GEAR_RATIOS.format(gear.source_text))
 
 
 def _ask_if_other_wheels_drive(columns: Sequence[LogColumn], recognition: Recognition) -> None:
