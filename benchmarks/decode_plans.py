@@ -19,7 +19,7 @@ from benchmarks.decode_log import CUSTOM_TYPE, store, value
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.message_definitions import make_message_type_of_connection
 from replay.logs.messages.message_fields import resolve_message_field
-from replay.logs.messages.message_types import iter_leaf_names_of_message
+from replay.logs.messages.message_types import iter_leaf_paths_of_message_type
 from replay.logs.messages.raw_batch import RawBatch, make_batch_of_messages
 from replay.logs.storage.container import Connection
 
@@ -46,7 +46,7 @@ def main() -> None:
         kind = make_message_type_of_connection(Connection(0, "/t", name, "cdr", text, "ros2msg"))
         fields = [
             resolve_message_field(leaf, kind.record)
-            for leaf in iter_leaf_names_of_message(kind.record)
+            for leaf in iter_leaf_paths_of_message_type(kind.record)
         ]
         stored = [bytes(types.serialize_cdr(value(types, name, rng), name)) for _ in range(rows)]
         batch = make_batch_of_messages(0, range(len(stored)), stored)

@@ -105,7 +105,7 @@ def read_force_model_and_u(
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
 
 
-def estimate_unfitted_coulomb_std(
+def estimate_unfitted_coulomb_std_newtons(
     frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine
 ) -> float:
     """Standard deviation of Coulomb friction if the fit has no such term, in N.

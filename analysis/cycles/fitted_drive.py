@@ -21,7 +21,7 @@ from analysis.cycles.energy_integrals import (
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
-    estimate_unfitted_coulomb_std,
+    estimate_unfitted_coulomb_std_newtons,
     read_force_model_and_u,
     read_motion_errors_and_u,
 )
@@ -103,7 +103,7 @@ def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -
         model_u,
         errors,
         errors_u,
-        estimate_unfitted_coulomb_std(frames, mass_kg, machine),
+        estimate_unfitted_coulomb_std_newtons(frames, mass_kg, machine),
         # a speed that is wrong beside an acceleration of the wheels is wrong in both
         machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )

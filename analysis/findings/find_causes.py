@@ -249,12 +249,12 @@ def correct_machine_file_by_finding(
         masking_finding["cause"][0], masking_finding["strength_1"][0]
     ):
         return None
-    return change_channel_settings(
+    return copy_machine_with_channel_settings(
         machine, masking_finding["setting"][0], masking_finding["value"][0]
     )
 
 
-def change_channel_settings(machine: Machine, keys: str, values: str) -> Machine | None:
+def copy_machine_with_channel_settings(machine: Machine, keys: str, values: str) -> Machine | None:
     """Machine file with changed channel settings; None if other settings would change as well."""
     channels = dict(machine.channels)
     read = tomllib.loads(f"values = [{values}]")["values"]

@@ -204,7 +204,7 @@ def estimate_mass_change_without_coulomb(
     return MassChange(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
 
 
-def _estimate_mass_change_without_wheel_slip(inputs: FindingInputs) -> MassChange | None:
+def _bound_mass_change_by_wheel_slip(inputs: FindingInputs) -> MassChange | None:
     fit = inputs.own_fit
     return None if fit is None else MassChange(0.0, 0.5 * fit.u_kg)
 
@@ -223,7 +223,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
             f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
             "full force",
             channel=next(iter(inputs.speed_channels), None),
-            change=lambda: _estimate_mass_change_without_wheel_slip(inputs),
+            change=lambda: _bound_mass_change_by_wheel_slip(inputs),
             alternatives=list_indistinguishable_causes(pick),
         )
     ]

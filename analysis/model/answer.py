@@ -156,22 +156,22 @@ def make_answer(run: Run, recording: str | None = None) -> Answer:
     if gated is not None and gated.height and "accepted_x" in gated.columns:
         window = about.settings.gate.window_samples
         share = float(mark_samples_in_windows(gated["accepted_x"].to_numpy(), window).mean())
-    loads = _frame_rows_as_dicts(run, "loads")
-    shift = _frame_rows_as_dicts(run, "shift")
+    loads = _rows_of_frame_as_dicts(run, "loads")
+    shift = _rows_of_frame_as_dicts(run, "shift")
     one = loads[0] if len(loads) == 1 else None
-    planar = _frame_rows_as_dicts(run, "planar")
+    planar = _rows_of_frame_as_dicts(run, "planar")
     motion = next((row for row in planar if row["kind"] == "joint"), None)
     return Answer(
         rows=() if masses is None else (AnswerRow.from_masses(masses, one, motion),),
         loads=loads,
-        nuisances=_frame_rows_as_dicts(run, "nuisances"),
-        budget=_frame_rows_as_dicts(run, "budget"),
+        nuisances=_rows_of_frame_as_dicts(run, "nuisances"),
+        budget=_rows_of_frame_as_dicts(run, "budget"),
         planar=planar,
-        planar_budget=_frame_rows_as_dicts(run, "planar_budget"),
+        planar_budget=_rows_of_frame_as_dicts(run, "planar_budget"),
         shift=shift[0] if shift and shift[0]["cycles_counted"] else {},
         accepted_share=share,
         verdict=Verdict() if judged is None else Verdict.from_frame(judged),
-        findings=_frame_rows_as_dicts(run, "findings"),
+        findings=_rows_of_frame_as_dicts(run, "findings"),
         losses=about.losses,
         notes=about.notes,
         fingerprint=about.fingerprint,
@@ -179,5 +179,5 @@ def make_answer(run: Run, recording: str | None = None) -> Answer:
     )
 
 
-def _frame_rows_as_dicts(run: Run, frame: str) -> list[dict[str, Any]]:
-    return run.frames[frame].to_dicts() if frame in run.frames else []
+def _rows_of_frame_as_dicts(run: Run, frame_name: str) -> list[dict[str, Any]]:
+    return run.frames[frame_name].to_dicts() if frame_name in run.frames else []

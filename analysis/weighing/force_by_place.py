@@ -17,9 +17,9 @@ from analysis.weighing.weighing_limits import LIMITS
 BY_PLACE: Final = "place"
 
 
-def make_spring_column(place_1: Floats) -> Floats:
+def make_spring_force_column(relative_place: Floats) -> Floats:
     """Column (n,) of a force proportional to the position; 1 at the end of the path."""
-    return 2.0 * place_1
+    return 2.0 * relative_place
 
 
 def evaluate_half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
@@ -60,7 +60,7 @@ _OF_EVERY_LOAD: Final = (
     Nuisance(
         "spring",
         "N",
-        lambda m: make_spring_column(m.place_1),
+        lambda m: make_spring_force_column(m.place_1),
         lambda e, s: s.place_share * e.force_95_percent,
         "a force in proportion to the place on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",
@@ -79,11 +79,11 @@ def make_position_force_columns(place_1: Floats) -> Floats:
         evaluate_half_wave_cosine(place_1, half_waves)
         for half_waves in range(1, LIMITS.path_half_waves + 1)
     )
-    return np.column_stack([make_spring_column(place_1), *waves])
+    return np.column_stack([make_spring_force_column(place_1), *waves])
 
 
 def make_position_force_slopes(place_1: Floats) -> Floats:
     """(n, terms) derivatives of these columns by the position."""
     numbers = np.pi * np.arange(1, LIMITS.path_half_waves + 1)
     waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))
-    return np.column_stack([np.full(place_1.size, make_spring_column(np.ones(1))), waves])
+    return np.column_stack([np.full(place_1.size, make_spring_force_column(np.ones(1))), waves])

@@ -102,17 +102,17 @@ def make_load_search_rows(fit: JointFit, fit_rows: FitRows) -> tuple[FitRows, ..
     theta = fit.theta[fit.mass_count + 1 :]
     place = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and not term.by_load]
     if fit.mass_count == 1 or states is None:
-        return fit_rows, add_position_weight_to_mass_column(
+        return fit_rows, add_gravity_by_position_to_mass_column(
             fit_rows, place, theta[place] / fit.mass_kg
         )
     grows = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and term.by_load]
     usual_kg = float(np.mean(fit.masses_kg[states.membership]))
-    taken = add_position_weight_to_mass_column(fit_rows, place, theta[grows] / usual_kg)
+    taken = add_gravity_by_position_to_mass_column(fit_rows, place, theta[grows] / usual_kg)
     taken.A[:, 2 + np.array(grows)] = 0.0
     return (taken,)
 
 
-def add_position_weight_to_mass_column(
+def add_gravity_by_position_to_mass_column(
     fit_rows: FitRows, position_m: list[int], weight_m_s2: Floats
 ) -> FitRows:
     """Add the position-dependent weight per kg to the column that multiplies the mass."""

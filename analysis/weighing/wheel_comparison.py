@@ -246,7 +246,7 @@ def _fit_wheel_comparison(
     std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
-    least = compute_noise_lower_bound_stds(rows, noise, std, 1.0 / motion.rate_hz)
+    least = compute_parameter_std_bounds_by_noise(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
     values = list(
@@ -279,7 +279,7 @@ def is_accelerometer_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
 
 
-def compute_noise_lower_bound_stds(
+def compute_parameter_std_bounds_by_noise(
     rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> Floats:
     """Lower bound of the standard deviations from instrument noise alone, (4,).

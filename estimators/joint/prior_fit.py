@@ -20,7 +20,7 @@ from estimators.joint.joint_limits import LIMITS
 from estimators.joint.map_fit import CommonResidual, MapFit
 from estimators.joint.prior_solution import (
     SolutionParts,
-    compute_uncertain_noise_fraction,
+    compute_uncertain_fraction_of_noise,
     iterate_prior_solution,
 )
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
@@ -150,7 +150,7 @@ class _SolvedSamples:
             self.residual_signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
-        doubt = gain.apply_to_vector(turned.taken, compute_uncertain_noise_fraction(kept))
+        doubt = gain.apply_to_vector(turned.taken, compute_uncertain_fraction_of_noise(kept))
         scale = shape.expand_to_levels(self.scale)
         units = np.outer(scale, scale)
         return MapFit(

@@ -283,7 +283,7 @@ def iterate_prior_solution(
         if solved is None:
             theta = solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
             turned = _weight_equations_of_units(units, shape, of_units, kept, theta, variance)
-        doubted = compute_uncertain_noise_fraction(kept) * turned.taken
+        doubted = compute_uncertain_fraction_of_noise(kept) * turned.taken
         theta, gain = solve_for_noise_with_common_error(
             turned, (wide_precision, wide_believed), variance, doubted
         )
@@ -344,7 +344,7 @@ def solve_for_noise_with_common_error(
         return theta, DenseGain(bread, bread @ weighed)
 
 
-def compute_uncertain_noise_fraction(subtracted_noise_fraction: float) -> float:
+def compute_uncertain_fraction_of_noise(subtracted_noise_fraction: float) -> float:
     """Uncertain fraction of the noise; noise that is not subtracted is entirely uncertain."""
     return LIMITS.uncertain_correction_fraction * subtracted_noise_fraction + (
         1.0 - subtracted_noise_fraction

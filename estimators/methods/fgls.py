@@ -19,7 +19,7 @@ from estimators.numerics.normal_equations import (
     solve_packed_equations,
 )
 from estimators.numerics.reweighted import sum_reweighted_products
-from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
+from estimators.numerics.rolling import find_ends_of_accepted_windows, sum_window_products
 from estimators.numerics.sandwich import compute_one_window_stds
 from estimators.numerics.small_systems import solve_least_squares_by_svd
 from estimators.threads import run_in_chunks
@@ -107,7 +107,7 @@ def trace(
         options: the guard.
     """
     options = options or FglsOptions()
-    index = find_accepted_window_ends(accepted, window)
+    index = find_ends_of_accepted_windows(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
     return ls.estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index, options))

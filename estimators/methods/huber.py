@@ -34,7 +34,7 @@ from estimators.numerics.reweighted import (
 )
 from estimators.numerics.rolling import (
     fill_sample_products,
-    find_accepted_window_ends,
+    find_ends_of_accepted_windows,
     sum_window_products,
 )
 from estimators.numerics.sandwich import compute_all_window_stds, compute_one_window_stds
@@ -233,7 +233,7 @@ def trace(
         options: tuning constant of the weights.
     """
     options = options or HuberOptions()
-    index = find_accepted_window_ends(accepted, window)
+    index = find_ends_of_accepted_windows(accepted, window)
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)

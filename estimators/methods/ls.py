@@ -22,7 +22,7 @@ from estimators.numerics.autocorrelation import (
 )
 from estimators.numerics.mutual_information import sum_window_products_and_correlation
 from estimators.numerics.normal_equations import extract_packed_gram, solve_packed_equations
-from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
+from estimators.numerics.rolling import find_ends_of_accepted_windows, sum_window_products
 from estimators.numerics.sandwich import (
     compute_all_window_stds,
     compute_one_window_stds,
@@ -292,7 +292,7 @@ def trace(
         options: no options.
     """
     del options
-    index = find_accepted_window_ends(accepted, window)
+    index = find_ends_of_accepted_windows(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
     return estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index))

@@ -23,7 +23,7 @@ from estimators.numerics.recursive import (
     list_samples_fed_after_window,
     pad_entries_to_lanes,
 )
-from estimators.numerics.rolling import find_accepted_window_ends
+from estimators.numerics.rolling import find_ends_of_accepted_windows
 from estimators.numerics.sandwich import compute_recursive_stds, compute_sandwich_meat
 from estimators.numerics.small_systems import compute_condition_numbers, pack_symmetric_matrix
 
@@ -100,7 +100,7 @@ def trace(
         first window.
     """
     options = options or RtlsOptions()
-    index = find_accepted_window_ends(accepted, window)
+    index = find_ends_of_accepted_windows(accepted, window)
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)

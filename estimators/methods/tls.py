@@ -20,7 +20,7 @@ from estimators.numerics.normal_equations import (
     count_columns,
     extract_packed_gram,
 )
-from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
+from estimators.numerics.rolling import find_ends_of_accepted_windows, sum_window_products
 from estimators.numerics.sandwich import compute_one_window_stds
 from estimators.numerics.small_systems import (
     compute_scaled_condition,
@@ -188,7 +188,7 @@ def trace(
         options: noise of each column.
     """
     options = options or TlsOptions()
-    index = find_accepted_window_ends(accepted, window)
+    index = find_ends_of_accepted_windows(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
     return ls.estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index, options))

@@ -11,8 +11,8 @@ import numpy as np
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.rolling import (
-    copy_columns_to_buffer,
     copy_force_samples,
+    copy_window_columns_to_buffer,
     count_padded_lanes,
     fill_sample_products,
 )
@@ -143,7 +143,7 @@ def accumulate_discounted_meats(
             stretch = begin
         end = find_end_of_consecutive_samples(fed, begin)
         count = end - begin
-        copy_columns_to_buffer(A, fed[begin], count, z)
+        copy_window_columns_to_buffer(A, fed[begin], count, z)
         for c in range(p):
             total = near[c]
             for k in range(count):
@@ -200,7 +200,7 @@ def accumulate_discounted_products(
     while begin < fed_samples.size:
         end = find_end_of_consecutive_samples(fed_samples, begin)
         count = end - begin
-        copy_columns_to_buffer(A, fed_samples[begin], count, z)
+        copy_window_columns_to_buffer(A, fed_samples[begin], count, z)
         copy_force_samples(f, fed_samples[begin], count, z[q - 1])
         fill_sample_products(z, count, terms)
         accumulate_discounted_sums(terms, begin, end, forgetting, running_products, sums)

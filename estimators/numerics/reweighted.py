@@ -8,8 +8,8 @@ import numpy as np
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
 from estimators.numerics.rolling import (
-    copy_columns_to_buffer,
     copy_force_samples,
+    copy_window_columns_to_buffer,
     fill_sample_products,
 )
 
@@ -36,7 +36,7 @@ def find_begins_of_window_batches(index: Ints) -> Ints:
 @compiled_unless_short_log
 def copy_samples_to_buffer(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
     """Copy samples of [A f] from `first` on into z (p + 1, > samples), then zeros."""
-    copy_columns_to_buffer(A, first, samples, z)
+    copy_window_columns_to_buffer(A, first, samples, z)
     copy_force_samples(f, first, samples, z[A.shape[1]])
     for c in range(z.shape[0]):
         for k in range(samples, min(samples + _IN_STEP, z.shape[1])):

@@ -18,7 +18,7 @@ from estimators.interpreted import compiled_unless_short_log, compiled_with_arra
 from estimators.numerics.small_systems import find_packed_index
 
 
-def find_accepted_window_ends(accepted: Bools, window: int) -> Ints:
+def find_ends_of_accepted_windows(accepted: Bools, window: int) -> Ints:
     """Last samples of the accepted windows, ascending; incomplete windows are skipped."""
     ends = np.flatnonzero(accepted).astype(np.int64)
     return ends[ends >= window - 1]
@@ -172,12 +172,12 @@ def convert_centred_moments_to_products(
 
 
 @compiled_unless_short_log
-def copy_columns_to_buffer(A: Floats, start: int, count: int, z: Floats) -> None:
-    """Copy `count` samples of A (n, p) into z (≥ p, ≥ count), a row per column."""
-    samples = A[start : start + count]
+def copy_window_columns_to_buffer(A: Floats, first: int, rows: int, buffer: Floats) -> None:
+    """Copy `rows` samples of A (n, p) into the buffer (≥ p, ≥ rows), a row per column."""
+    samples = A[first : first + rows]
     for c in range(A.shape[1]):
-        out = z[c]
-        for k in range(count):
+        out = buffer[c]
+        for k in range(rows):
             out[k] = samples[k, c]
 
 
@@ -221,7 +221,7 @@ def sum_moments_of_block_pair(
     p = A.shape[1]
     start = index[first_row] - window + 1
     samples = index[end_row - 1] + 1 - start
-    copy_columns_to_buffer(A, start, samples, work.z)
+    copy_window_columns_to_buffer(A, start, samples, work.z)
     copy_force_samples(f, start, samples, work.z[p])
     # what is left of the first block: its last sample is in every window
     left = window - start % window

@@ -17,7 +17,7 @@ from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.normal_equations import count_columns
 from estimators.numerics.rolling import (
     add_prefix_sums,
-    copy_columns_to_buffer,
+    copy_window_columns_to_buffer,
     count_padded_lanes,
     fill_suffix_sums,
     find_begins_of_block_pairs,
@@ -272,7 +272,7 @@ def compute_window_meats(A: Floats, window: int, index: Ints, correlation: Float
                 start = index[begin] - window + 1
                 samples = index[stop - 1] + 1 - start
                 left = last + 1 - start
-                copy_columns_to_buffer(A, start, samples, z)
+                copy_window_columns_to_buffer(A, start, samples, z)
                 sum_correlated_neighbours(z, samples, left, 2 * left >= window, correlation, near)
                 for i in range(p):
                     for j in range(i, p):

@@ -156,7 +156,7 @@ class _CertificateMasses:
                 raise EvidenceError(f"{self._what}: has one mass for {len(shared)} items")
             return [None]
         if quantity not in self._weights:
-            self._weights[quantity] = match_items_to_list_values(
+            self._weights[quantity] = find_item_of_each_list_value(
                 quantity, self._items, item_ids, self._what
             )
         weights = self._weights[quantity]
@@ -183,7 +183,7 @@ def iter_quantities_and_item_ids(
         yield quantity, own
 
 
-def match_items_to_list_values(
+def find_item_of_each_list_value(
     quantity: "_Element",
     items: Sequence[NamedItem],
     item_ids: Sequence[str] | None,

@@ -90,7 +90,7 @@ def describe_missing_loads(shift: Mapping[str, Any]) -> list[str]:
 
 def describe_long_gaps(shift: Mapping[str, Any], state: ReviewState) -> str:
     """Sentence on gaps of minutes and the work they hide; empty if there are none."""
-    spans = format_long_gap_spans(state)
+    spans = format_spans_of_recording_gaps(state)
     if not spans:
         return ""
     price = "the loads of that time are unknown"
@@ -103,7 +103,7 @@ def describe_long_gaps(shift: Mapping[str, Any], state: ReviewState) -> str:
     return f"Nothing was recorded {spans}; {price}."
 
 
-def format_long_gap_spans(state: ReviewState) -> str:
+def format_spans_of_recording_gaps(state: ReviewState) -> str:
     """Gaps of minutes as text; empty if there are none."""
     clock = state.clock
     return "; ".join(

@@ -23,7 +23,7 @@ from recordings.review.review_page import PAGE
 from recordings.review.review_state import ReviewState, read_review_state
 from recordings.review.shift_facts import (
     describe_torn_logs,
-    format_long_gap_spans,
+    format_spans_of_recording_gaps,
     list_losses_besides_torn_ends,
     make_warning_of_two_machines,
 )
@@ -88,7 +88,7 @@ def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
 def _list_uncounted_work_of_shift(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
         yield make_warning_of_two_machines(state)
-    if gaps := format_long_gap_spans(state):
+    if gaps := format_spans_of_recording_gaps(state):
         yield f"Nothing was recorded {gaps}."
     yield from describe_torn_logs(state)
     yield from list_losses_besides_torn_ends(state)

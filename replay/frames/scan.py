@@ -75,7 +75,9 @@ class _OpenReaders:
         self._open, self._reading, self._ends = 0, 0, False
         atexit.register(self._end_and_wait_for_readers)
 
-    def iter_batches_until_exit(self, batches: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
+    def iter_batches_until_interpreter_exit(
+        self, batches: Iterator[pl.DataFrame]
+    ) -> Iterator[pl.DataFrame]:
         """Yield the batches, and stop when the interpreter ends."""
         self._add_to_reader_counts(opened_change=1)
         try:
@@ -121,7 +123,7 @@ def make_lazy_frame_of_batches(batches: Batches, schema: pl.Schema, topic: str) 
         batch_size: int | None,
     ) -> Iterator[pl.DataFrame]:
         del batch_size  # a hint; the size of a batch is the file's
-        return _READERS.iter_batches_until_exit(batches(columns, predicate, n_rows))
+        return _READERS.iter_batches_until_interpreter_exit(batches(columns, predicate, n_rows))
 
     return register_io_source(iter_requested_rows, schema=schema, explain_name=topic)
 

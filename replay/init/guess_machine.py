@@ -242,7 +242,7 @@ def _comment_wheel_speed(guess: ChannelGuess) -> str:
 def _recognise_fields(log: Log, topics: pl.DataFrame, by_type: list["ChannelGuess"]) -> Recognition:
     """Recognise the fields of messages by their types, else by their names."""
     found = recognise_joints_of_log(log, topics)
-    new = [each for each in by_type if each.column not in found.filled_channels]
+    new = [each for each in by_type if each.column not in found.recognised_channels]
     found.channels += [ChannelProposal(g.column, g.topic, g.field, None, "") for g in new]
     return recognise_fields_of_messages(log, found)
 

@@ -27,8 +27,8 @@ from replay.logs.messages.message_fields import (
 from replay.logs.messages.message_types import (
     LeafField,
     MessageType,
-    iter_leaf_fields_of_message,
-    iter_leaf_names_of_message,
+    iter_leaf_fields_of_message_type,
+    iter_leaf_paths_of_message_type,
 )
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import Connection, Container, LossList, make_empty_log_times
@@ -91,7 +91,9 @@ class MessageLog(Log):
             "type": ", ".join(dict.fromkeys(c.type for c in topic.connections)),
             "encoding": ", ".join(dict.fromkeys(c.encoding for c in topic.connections)),
             **self._make_topic_row_of_log_times(np.concatenate(log_times)),
-            "fields": list(iter_leaf_names_of_message(topic.kind.record)) if topic.kind else [],
+            "fields": list(iter_leaf_paths_of_message_type(topic.kind.record))
+            if topic.kind
+            else [],
             "problem": topic.problem,
             "decoder": choose_decoder_name_of_type(topic.kind) if topic.kind else None,
         }
@@ -165,7 +167,7 @@ class MessageLog(Log):
         self._refuse_closed_log()
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
-        leaves = {leaf.name: leaf for leaf in iter_leaf_fields_of_message(kind.record)}
+        leaves = {leaf.name: leaf for leaf in iter_leaf_fields_of_message_type(kind.record)}
         if fields is None:
             return tuple(leaf for name, leaf in leaves.items() if name not in OWN_COLUMNS)
         resolved = self._resolve_fields(topic, fields, kind)

@@ -120,7 +120,7 @@ def propose_force_of_motors_of_both_sides(
 def ask_for_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Ask for the ratio of each gear if a column has the number of the gear, but none its ratio."""
     gear = next((each for each in columns if each.name_meaning.quantity == "gear"), None)
-    if gear is not None and "gear_ratio_1" not in recognition.filled_channels:
+    if gear is not None and "gear_ratio_1" not in recognition.recognised_channels:
         recognition.add_question_of_subject("column", _GEAR_RATIOS.format(gear.source_text))
 
 

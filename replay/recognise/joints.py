@@ -107,14 +107,14 @@ def _propose_torque_and_speed_of_side(
     """Fill torque and speed of one side from its joints."""
     efforts = list_joint_fields_having_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
-    if torque not in recognition.filled_channels:
+    if torque not in recognition.recognised_channels:
         parts = fill_channel_or_numbered_parts(recognition, topic, efforts, torque)
         if len(parts) > 1:
             _propose_formula_as_comment(
                 recognition, torque, " + ".join(parts), f"the {side} wheels' torques"
             )
     velocities = list_joint_fields_having_values(log, topic, "velocity", joints, start_ns)
-    if speed in recognition.filled_channels or not velocities:
+    if speed in recognition.recognised_channels or not velocities:
         return
     if not is_rotating:
         _fill_channel_with_joint_field(recognition, speed, topic, velocities[0])
@@ -152,7 +152,7 @@ def fill_channel_or_numbered_parts(
 def _fill_channel_with_joint_field(
     recognition: Recognition, channel: str, topic: str, joint_field: str
 ) -> None:
-    if channel not in recognition.filled_channels:
+    if channel not in recognition.recognised_channels:
         recognition.channels.append(
             ChannelProposal(channel, topic, joint_field, None, "the name of its joint")
         )

@@ -98,7 +98,7 @@ class Recognition:
         return list(dict.fromkeys(text for _, text in ranked))
 
     @property
-    def filled_channels(self) -> set[str]:
+    def recognised_channels(self) -> set[str]:
         """Channels that are filled."""
         return {each.column for each in self.channels if not each.is_comment}
 
@@ -115,7 +115,7 @@ class Recognition:
         self, column: LogColumn, channel: str, reason: str, unit: str | None = None
     ) -> None:
         """Fill a channel unless an earlier column has filled it."""
-        if channel in self.filled_channels:
+        if channel in self.recognised_channels:
             return
         stated = return_unit_unless_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))

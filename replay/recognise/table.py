@@ -84,7 +84,7 @@ def recognise_fields_of_messages(log: Log, recognition: Recognition) -> Recognit
         log: an opened log of messages.
         recognition: channels that the types give.
     """
-    filled = recognition.filled_channels
+    filled = recognition.recognised_channels
     if "force_x_N" in filled or {"torque_left_N_m", "torque_right_N_m"} <= filled:
         return recognition
     return _recognise_channels_by_name(log, recognition)
@@ -140,7 +140,7 @@ def fill_only_candidate_or_ask(
 
     Of several columns with equal readings the first is taken, except for forces, which add up.
     """
-    if channel in recognition.filled_channels:
+    if channel in recognition.recognised_channels:
         return
     column, reason, unit = candidate_columns[0]
     adds_up = channel.startswith(("force", "torque"))
@@ -160,7 +160,7 @@ def fill_only_candidate_or_ask(
 
 def _ask_if_other_wheels_drive(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Ask whether other wheels drive too if a left and a right torque make the force."""
-    if not {"torque_left_N_m", "torque_right_N_m"} <= recognition.filled_channels:
+    if not {"torque_left_N_m", "torque_right_N_m"} <= recognition.recognised_channels:
         return
     more = [
         f"'{each.source_text}'"

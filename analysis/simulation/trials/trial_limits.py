@@ -48,7 +48,7 @@ def refuse_undrivable_scenario(scenario: Scenario, loads_kg: Sequence[float]) ->
             "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
             f"give more than {full_N:g}, or 0 for none"
         )
-    loads_kg = [*loads_kg, *_list_loads_after_changes_kg(scenario, loads_kg)]
+    loads_kg = [*loads_kg, *_list_changed_loads_kg(scenario, loads_kg)]
     bodies = [
         RigidBody.make_loaded_body(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))
     ]
@@ -69,12 +69,12 @@ def refuse_undrivable_scenario(scenario: Scenario, loads_kg: Sequence[float]) ->
         limits.refuse_undrivable_manoeuvre(manoeuvre, key)
 
 
-def _list_loads_after_changes_kg(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
+def _list_changed_loads_kg(scenario: Scenario, first_loads_kg: Sequence[float]) -> list[float]:
     """Loads of starts that differ from the load at the beginning of the log."""
     loading = scenario.loading
     if not (loading.alternating or loading.change_before_start):
         return []
-    changed = [load_kg + loading.change_kg for load_kg in loads_kg]
+    changed = [load_kg + loading.change_kg for load_kg in first_loads_kg]
     if min(changed) < 0.0:
         raise ScenarioError(
             f"loading.change_kg: leaves {min(changed):g} kg in the bucket; "

@@ -42,7 +42,7 @@ from analysis.stages.noise.noise_spectra import (
     estimate_lag_covariances,
     find_resolution_of_column,
     find_true_runs,
-    list_block_frequencies,
+    list_block_frequencies_per_sample,
     list_spectrum_frequencies,
     mean_block_spectrum,
     quantisation_covariances,
@@ -330,7 +330,7 @@ def estimate_fast_change_spectrum(
 
     The frequencies are `list_spectrum_frequencies`.
     """
-    at, wanted = list_block_frequencies(), list_spectrum_frequencies()
+    at, wanted = list_block_frequencies_per_sample(), list_spectrum_frequencies()
     response = column_response.power_response(at)
     fast = samples.lowest_noise_frequency
     band = (at >= fast) & (at <= samples.noise_band_upper_frequency) & (response > 0.0)
@@ -343,7 +343,7 @@ def estimate_noise_growth_in_motion(
     samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None
 ) -> Floats:
     """Power in motion over that at standstill, at least 1, at `list_spectrum_frequencies`."""
-    at, wanted = list_block_frequencies(), list_spectrum_frequencies()
+    at, wanted = list_block_frequencies_per_sample(), list_spectrum_frequencies()
     resting = mean_block_spectrum(
         samples.x[:, column], samples.still_blocks, samples.lowest_noise_frequency
     )

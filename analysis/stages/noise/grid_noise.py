@@ -23,7 +23,7 @@ from analysis.stages.noise.noise_spectra import (
     choose_overlapping_block_ends,
     choose_relative_noise_band,
     find_resolution_of_column,
-    list_block_frequencies,
+    list_block_frequencies_per_sample,
     mean_block_spectrum,
 )
 from analysis.stages.signals import filters, mounting, rates
@@ -230,7 +230,7 @@ def estimate_white_noise_std(t_ns: Ints, readings: Floats, longest_ns: float) ->
         second = np.diff(readings, 2)[whole[1:-1] & whole[2:]]
         variance = float((second**2).mean()) / _SECOND_DIFFERENCES if second.size else 0.0
     else:
-        at = list_block_frequencies()
+        at = list_block_frequencies_per_sample()
         variance = float(power[0][(at >= fast) & (at <= top)].mean())
     step = find_resolution_of_column(readings, whole)
     return float(np.sqrt(max(variance, 0.0 if step is None else step**2 / 12.0)))

@@ -14,7 +14,7 @@ LAGS: Final = 64
 
 
 class BlockSpectrum(NamedTuple):
-    """Mean power (frequencies,) at `list_block_frequencies`, and number of blocks."""
+    """Mean power (frequencies,) at `list_block_frequencies_per_sample`, and number of blocks."""
 
     power: Floats
     block_count: int
@@ -148,7 +148,7 @@ def choose_overlapping_block_ends(flags: Bools) -> Ints:
 
 
 def mean_block_spectrum(x: Floats, block_ends: Ints, min_frequency: float) -> BlockSpectrum | None:
-    """Power of noise at `list_block_frequencies`, and number of blocks; None if there are too few.
+    """Power of noise by the frequency of a block, and number of blocks; None if they are too few.
 
     It is of second differences, so that smooth signals do not leak, divided by their response, so
     that unit white noise has 1 everywhere (0 Hz is undefined). Blocks with much more fast power
@@ -170,7 +170,7 @@ def mean_block_spectrum(x: Floats, block_ends: Ints, min_frequency: float) -> Bl
     )
     power = np.abs(np.fft.rfft(blocks * taper)) ** 2 / (taper**2).sum()
     usual = np.median(power, axis=0)
-    at = list_block_frequencies()
+    at = list_block_frequencies_per_sample()
     told = (at >= min_frequency) & (usual > LIMITS.stop_band_fraction * usual.max())
     if told.any():
         ratio = (power[:, told] / usual[told]).mean(axis=1)
@@ -186,7 +186,7 @@ def mean_block_spectrum(x: Floats, block_ends: Ints, min_frequency: float) -> Bl
     return BlockSpectrum(mean, len(power))
 
 
-def list_block_frequencies() -> Floats:
+def list_block_frequencies_per_sample() -> Floats:
     """Frequencies of `mean_block_spectrum`, over the rate."""
     return np.arange(LIMITS.block_samples // 2 + 1) / LIMITS.block_samples
 

@@ -82,7 +82,7 @@ class BagFile(BlockFile):
 
     def read_whole_file_and_count_valid_crcs(self) -> int:
         """Read the file from start to end; a bag has no CRCs."""
-        walk = BagWalk(self._make_second_pass_store(), len(MAGIC + VERSION), self._process_record)
+        walk = BagWalk(self._make_second_pass_store(), len(MAGIC + VERSION), self._register_record)
         self._note_blocks_missed_by_first_pass(walk.iter_chunks_of_file(), walk.store)
         return self._store.valid_crc_count
 
@@ -125,7 +125,7 @@ class BagFile(BlockFile):
     def _read_whole_file(self, begin_offset: int, header: BagRecord | None) -> None:
         """Read the file from start to end."""
         damage = self._store.damage
-        walk = BagWalk(self._store, begin_offset, self._process_record)
+        walk = BagWalk(self._store, begin_offset, self._register_record)
         self._store.add_unindexed_blocks(walk.iter_chunks_of_file())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
@@ -136,7 +136,7 @@ class BagFile(BlockFile):
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _process_record(self, opcode: int, content: bytes, offset: int) -> None:
+    def _register_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Process a connection record from its header and data."""
         del opcode
         size = int.from_bytes(content[:4], "little")

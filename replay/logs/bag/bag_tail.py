@@ -55,7 +55,7 @@ class BagTail(GrowingBlockFile):
         if record.op == MESSAGE:
             return self._take_unchunked_messages(record.end - self._at)
         if record.op == CONNECTION:
-            self._process_record(CONNECTION, file.read_bytes(self._at, record.end - self._at))
+            self._register_record(CONNECTION, file.read_bytes(self._at, record.end - self._at))
         self._at = record.end
         return []
 
@@ -79,7 +79,7 @@ class BagTail(GrowingBlockFile):
             return 0
         return header.decode_unsigned_field(b"index_pos")
 
-    def _process_record(self, opcode: int, content: bytes) -> None:
+    def _register_record(self, opcode: int, content: bytes) -> None:
         del opcode
         size = int.from_bytes(content[:4], "little")
         fields = parse_header_fields(content[4 : 4 + size]) or {}

@@ -43,11 +43,11 @@ class BlockFile(ABC):
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
-    def _process_record(self, opcode: int, content: bytes, offset: int) -> None:
+    def _register_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
-        return BlockStore(self._file, self._grammar, self._process_record)
+        return BlockStore(self._file, self._grammar, self._register_record)
 
     def _make_second_pass_store(self) -> BlockStore:
         """Store for a second pass over the file, with shared damage notes."""

@@ -60,7 +60,7 @@ class BlockStore:
         self.file = file
         self.damage = BlockDamage(file.path.name)
         self._load_grammar = load_grammar
-        self._process_record = describe
+        self._register_record = describe
         self._blocks: list[Block] = []
         self._times: dict[int, list[NDArray[np.int64]]] = {}
         self._late: dict[int, int] = {}
@@ -156,7 +156,7 @@ class BlockStore:
         """Add a block with the rows found by scanning it."""
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             content = data[offset : offset + length].tobytes()
-            self._process_record(-1 - key, content, block.record_offset)
+            self._register_record(-1 - key, content, block.record_offset)
         self.add_block_with_times(
             block, {key: rows[TIME, at] for key, at in group_rows_by_connection(rows[KEY])}
         )
@@ -203,7 +203,7 @@ class BlockStore:
                 for key, values in times.items():
                     found.setdefault(key, []).append(values)
             if unknown:
-                unpacked = BlockStore(self.file, self._load_grammar, self._process_record)
+                unpacked = BlockStore(self.file, self._load_grammar, self._register_record)
                 unpacked.damage = self.damage
                 unpacked.add_unindexed_blocks(unknown)
                 for key, parts in unpacked._times.items():

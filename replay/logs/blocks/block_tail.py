@@ -56,7 +56,7 @@ class GrowingBlockFile(ABC):
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
-    def _process_record(self, opcode: int, content: bytes) -> None:
+    def _register_record(self, opcode: int, content: bytes) -> None:
         """Process a record other than a message."""
 
     @abstractmethod
@@ -121,7 +121,7 @@ class GrowingBlockFile(ABC):
         index.add_rows_of_span(0, whole)
         rows = index.rows_so_far
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
-            self._process_record(-1 - key, data[offset : offset + length].tobytes())
+            self._register_record(-1 - key, data[offset : offset + length].tobytes())
         return _CompleteRecords(
             [
                 RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])

@@ -157,7 +157,7 @@ class McapFile(BlockFile):
 
     def read_whole_file_and_count_valid_crcs(self) -> int:
         """Read the file from start to end, and compare the CRCs of data and summary."""
-        walk = McapWalk(self._make_second_pass_store(), self._process_record)
+        walk = McapWalk(self._make_second_pass_store(), self._register_record)
         self._note_blocks_missed_by_first_pass(walk.iter_chunks_of_file(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.add_damage_sentence(
@@ -209,7 +209,7 @@ class McapFile(BlockFile):
 
     def _read_whole_file(self) -> McapWalk:
         """Read the file from start to end."""
-        walk = McapWalk(self._store, self._process_record)
+        walk = McapWalk(self._store, self._register_record)
         self._store.add_unindexed_blocks(walk.iter_chunks_of_file())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
@@ -232,7 +232,7 @@ class McapFile(BlockFile):
             f"messages are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _process_record(self, opcode: int, content: bytes, offset: int) -> None:
+    def _register_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Keep the first channel or schema of each number, and the first summary counts."""
         stream = ReadDataStream(BytesIO(content))
         try:

@@ -72,7 +72,7 @@ class McapTail(GrowingBlockFile):
         self._at = len(MAGIC)
         return []
 
-    def _process_record(self, opcode: int, content: bytes) -> None:
+    def _register_record(self, opcode: int, content: bytes) -> None:
         stream = ReadDataStream(BytesIO(content))
         try:
             record = Channel.read(stream) if opcode == CHANNEL else Schema.read(stream)

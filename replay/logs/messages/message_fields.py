@@ -13,7 +13,7 @@ from replay.logs.messages.message_types import (
     ListOf,
     RecordType,
     Scalar,
-    iter_leaf_names_of_message,
+    iter_leaf_paths_of_message_type,
 )
 
 #: What every frame has beside the fields.
@@ -81,7 +81,7 @@ def resolve_message_field(field_path: str, record: RecordType) -> Field:
         if kind is None:
             raise FieldError(
                 f"no field {field_path!r}; "
-                f"{suggest_choice(field_path, iter_leaf_names_of_message(record))}"
+                f"{suggest_choice(field_path, iter_leaf_paths_of_message_type(record))}"
             )
         walked = f"{walked}.{step.name}".lstrip(".")
         if isinstance(kind, ListOf):
@@ -93,7 +93,7 @@ def resolve_message_field(field_path: str, record: RecordType) -> Field:
         walked += "" if step.element is None else f"[{step.element}]"
         here = kind
     if isinstance(here, RecordType):
-        inside = ", ".join(f"{walked}.{leaf}" for leaf in iter_leaf_names_of_message(here))
+        inside = ", ".join(f"{walked}.{leaf}" for leaf in iter_leaf_paths_of_message_type(here))
         raise FieldError(f"'{field_path}' is a {here.name}; give one of {inside}")
     return Field(field_path, here.kind, steps)
 

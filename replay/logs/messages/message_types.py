@@ -119,7 +119,7 @@ class LeafField:
     is_stamp: bool = False
 
 
-def iter_leaf_fields_of_message(
+def iter_leaf_fields_of_message_type(
     record: RecordType, prefix: str = "", lengths: tuple[int | None, ...] = ()
 ) -> Iterator[LeafField]:
     """Every part of a message that can be a column, in the order of the definition."""
@@ -129,7 +129,7 @@ def iter_leaf_fields_of_message(
         if isinstance(kind, ListOf):
             path, inner, around = f"{path}[]", kind.element, (*lengths, kind.length)
         if isinstance(inner, RecordType):
-            yield from iter_leaf_fields_of_message(inner, f"{path}.", around)
+            yield from iter_leaf_fields_of_message_type(inner, f"{path}.", around)
             continue
         assert isinstance(inner, Scalar), "there are no lists of lists"
         dtype = (ELEMENT_DTYPES if around else COLUMN_DTYPES)[inner.kind]
@@ -139,6 +139,6 @@ def iter_leaf_fields_of_message(
         yield LeafField(path, dtype, around, named.get(name, ()), is_stamp)
 
 
-def iter_leaf_names_of_message(record: RecordType) -> Iterator[str]:
+def iter_leaf_paths_of_message_type(message_type: RecordType) -> Iterator[str]:
     """Dotted names of all possible columns; a list shows as `effort[]`."""
-    return (leaf.name for leaf in iter_leaf_fields_of_message(record))
+    return (leaf.name for leaf in iter_leaf_fields_of_message_type(message_type))

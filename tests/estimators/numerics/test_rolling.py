@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from estimators.methods import ls
-from estimators.numerics.rolling import find_accepted_window_ends, sum_window_products
+from estimators.numerics.rolling import find_ends_of_accepted_windows, sum_window_products
 from estimators.numerics.small_systems import find_packed_index
 
 numbers = st.floats(-1e6, 1e6)
@@ -79,7 +79,7 @@ def test_a_sample_that_is_no_number_spoils_only_the_windows_that_hold_it(window,
 def test_the_packed_sums_are_those_of_the_normal_equations(p):
     generator = np.random.default_rng(4)
     A, f = generator.normal(1.0, 1.0, (500, p)), generator.normal(size=500)
-    index = find_accepted_window_ends(np.arange(500) % 3 == 0, 40)
+    index = find_ends_of_accepted_windows(np.arange(500) % 3 == 0, 40)
     theta, grams, rss, _ = ls.solve_windows(A, f, 40, index)
     for row, k in enumerate(index):
         a, y = A[k - 39 : k + 1], f[k - 39 : k + 1]

@@ -11,7 +11,7 @@ from replay.logs.messages.message_types import (
     ListOf,
     RecordType,
     Scalar,
-    iter_leaf_names_of_message,
+    iter_leaf_paths_of_message_type,
 )
 
 VECTOR = RecordType("geometry_msgs/msg/Vector3", tuple((axis, Scalar("float64")) for axis in "xyz"))
@@ -30,7 +30,7 @@ MESSAGE = RecordType(
 
 
 def test_leaves_are_dotted_and_lists_show_as_lists() -> None:
-    assert list(iter_leaf_names_of_message(MESSAGE)) == [
+    assert list(iter_leaf_paths_of_message_type(MESSAGE)) == [
         "stamp",
         *(f"angular_velocity.{axis}" for axis in "xyz"),
         "covariance[]",

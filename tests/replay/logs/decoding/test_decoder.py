@@ -24,7 +24,7 @@ from replay.logs.decoding.decoder_choice import (
 )
 from replay.logs.message_definitions import make_message_type_of_connection
 from replay.logs.messages.message_fields import resolve_message_field
-from replay.logs.messages.message_types import iter_leaf_names_of_message
+from replay.logs.messages.message_types import iter_leaf_paths_of_message_type
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of, encode, random_message
@@ -50,7 +50,7 @@ def test_every_type_of_a_release_is_columnar_and_equal_to_rosbags(release: Store
         batch = batch_of([encode(store, m, "ros1" if ros1 else "cdr_le") for m in messages])
         fields = [
             resolve_message_field(leaf, kind.record)
-            for leaf in iter_leaf_names_of_message(kind.record)
+            for leaf in iter_leaf_paths_of_message_type(kind.record)
         ]
         decoded = DecodePlan(kind.record, ros1=ros1, fields=fields).decode(batch)
         assert same(decoded.frame, PerMessageDecoder(kind, fields).decode(batch).frame), name

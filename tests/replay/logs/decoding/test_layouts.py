@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.message_definitions import make_message_type_of_connection
 from replay.logs.messages.message_fields import resolve_message_field
-from replay.logs.messages.message_types import iter_leaf_names_of_message
+from replay.logs.messages.message_types import iter_leaf_paths_of_message_type
 from replay.logs.storage.container import Connection
 from tests.replay.logs.decoding.random_types import batch_of
 
@@ -20,7 +20,8 @@ TYPE = make_message_type_of_connection(
     )
 )  # fmt: skip
 FIELDS = [
-    resolve_message_field(leaf, TYPE.record) for leaf in iter_leaf_names_of_message(TYPE.record)
+    resolve_message_field(leaf, TYPE.record)
+    for leaf in iter_leaf_paths_of_message_type(TYPE.record)
 ]
 PLAN = DecodePlan(TYPE.record, ros1=True, fields=FIELDS)
 Parts = tuple[bytes, bytes, bytes, list[bytes], float]
