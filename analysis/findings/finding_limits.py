@@ -259,6 +259,8 @@ class FindingLimits:
     # sign_causes
     #: Correlation that has a sign.
     signed_correlation: float = 0.3
+    #: Share of starts in the direction of the force below which the speed has the wrong sign.
+    opposed_driving_share: float = 0.2
     #: Standard deviations from which a gain has one.
     signed_gain_std: float = 8.0
     #: A force is unsigned if at most this fraction of decelerating samples opposes the motion,

@@ -51,6 +51,7 @@ def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
 def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     """Find a force, speed or accelerometer of the opposite sign."""
     of_force = inputs.check_values.get("force_sign", np.nan)
+    driving_share = inputs.check_values.get("driving_share", np.nan)
     gain, std = fit_accelerometer_gain_and_std(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
     if not np.isfinite(of_force):
@@ -66,20 +67,25 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             if of_force < -LIMITS.signed_correlation
             else inputs.speed_channels
         )
+    elif driving_share < LIMITS.opposed_driving_share:
+        # every start is against the force that causes it
+        names = inputs.speed_channels
     # a speed without its sign makes every drive in reverse look like one of the wrong sign
     if not names or find_unsigned_speed(inputs):
         return []
     setting, value = inputs.propose_scale_settings(names, -1.0)
-    strength = max(
-        abs(of_force if of_force < -LIMITS.signed_correlation else gain)
-        / LIMITS.signed_correlation,
-        1.0,
-    )
+    contradiction = of_force if of_force < -LIMITS.signed_correlation or not by_imu else gain
+    strength = max(abs(contradiction) / LIMITS.signed_correlation, 1.0)
     return [
         Symptom(
             10.0 * strength,
             f"force and acceleration correlate by {of_force:+.2f} at equal speed"
-            + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else ""),
+            + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else "")
+            + (
+                f", and the force drives in {driving_share:.0%} of the starts"
+                if driving_share < LIMITS.opposed_driving_share
+                else ""
+            ),
             channel=names[0],
             setting=setting,
             value=value,

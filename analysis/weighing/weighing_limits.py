@@ -294,9 +294,11 @@ class WeighingLimits:
 
     # fit_checks
     #: Viscous friction that is negative by at most this share of the largest force, at top speed,
-    #: falls with the speed (mixed lubrication, gears): machines with grease that breaks away or
-    #: four gears had up to 0.11, and masses that are right; a speed of the wrong sign 0.9.
-    falling_friction_1: float = 0.25
+    #: falls with the speed (mixed lubrication, gears): machines with grease that breaks away,
+    #: four gears or a converter had up to 0.19, and masses that are right; friction of a
+    #: hydrostatic drive whose speed has the wrong sign 0.9, of a truck 0.19, whose force then
+    #: opposes every start (`driving_share`).
+    falling_friction_1: float = 0.2
 
     # weigh
     #: Braking is left out if it moves the mass by so many standard uncertainties.

@@ -28,6 +28,6 @@ def test_grease_that_breaks_away_leaves_a_mass_that_is_right(
 def test_a_speed_of_the_wrong_sign_is_refused(tmp_path: Path) -> None:
     table = truck.starts()
     found = truck.replayed(tmp_path, table.with_columns(-table["speed_m_s"]))
-    value, passed = friction_sign(found)
-    assert not passed
-    assert value < -4.0
+    (load,) = found.frames["loads"].to_dicts()
+    assert load["mass_kg"] is None
+    assert "sign_flipped" in found.frames["findings"]["cause"].to_list()

@@ -155,15 +155,15 @@ def test_others_read_the_files_and_what_they_are_of(bag: Path, tmp_path: Path) -
 KILLED = """
 import sys, time
 from pathlib import Path
-from replay.convert import open_unfinished_folder
+from replay.convert import unfinished_folder
 from replay.convert.convert_log import convert_log
 from replay.logs import open_log
-write = open_unfinished_folder.PartWriter.write
+write = unfinished_folder.PartWriter.append_rows
 def slowly(self, rows):
     print("writing", flush=True)
     time.sleep(0.02)
     write(self, rows)
-open_unfinished_folder.PartWriter.write = slowly
+unfinished_folder.PartWriter.append_rows = slowly
 with open_log(Path(sys.argv[1])) as log:
     made = convert_log(log, Path(sys.argv[2]), span_messages=40)
 print("taken up", made.resumed_spans, "of", made.spans)

@@ -87,7 +87,7 @@ def test_what_is_ready_is_not_gone_through_again(
 ) -> None:
     stages: list[str] = []
     monkeypatch.setattr(
-        "replay.warm_up.compile_loops.compile_loops", lambda _: stages.append("compiled")
+        "replay.warm_up.compile_loops.compile_all_loops", lambda _: stages.append("compiled")
     )
     for words in (["warm-up"], ["warm-up"], ["warm-up", "--force"]):
         result = CliRunner().invoke(app, words)
