@@ -133,7 +133,8 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
         "from pathlib import Path\n"
         "from replay.commands.common_options import make_calibration_request\n"
         "from replay.calibration.apply_evidence import load_and_verify_calibration\n"
-        f"asked = make_calibration_request(Path({str(made.bundle)!r}), None, is_signature_required=True)\n"
+        f"bundle = Path({str(made.bundle)!r})\n"
+        "asked = make_calibration_request(bundle, None, is_signature_required=True)\n"
         "print('FOUND', load_and_verify_calibration(asked).signed_by)\n"
     )
     first = at_a_terminal(code, "Test lab\n")
