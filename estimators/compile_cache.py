@@ -55,7 +55,7 @@ def is_function_cached(module_file: Path, function_name: str) -> bool:
 def are_all_loops_cached() -> bool:
     """Whether `record_that_all_loops_are_cached` was called with the present sources and numba."""
     try:
-        return _path_of_all_cached_marker().read_text(encoding="utf-8") == _describe_cache_state()
+        return _path_of_all_cached_marker().read_text(encoding="utf-8") == describe_cache_state()
     except OSError:
         return False
 
@@ -64,7 +64,7 @@ def record_that_all_loops_are_cached() -> None:
     """Record that every compiled loop is in the cache."""
     marker = _path_of_all_cached_marker()
     partial = marker.with_name(f"{marker.name}.{os.getpid()}")
-    partial.write_text(_describe_cache_state(), encoding="utf-8")
+    partial.write_text(describe_cache_state(), encoding="utf-8")
     partial.replace(marker)
 
 
@@ -78,7 +78,7 @@ def _path_of_all_cached_marker() -> Path:
     return known_folder_of(_HOUSE / Path(__file__).parent.name / "compiled.py").parents[1] / "all"
 
 
-def _describe_cache_state() -> str:
+def describe_cache_state() -> str:
     """Cache folder of each module with loops, which identifies its sources, and its owner."""
     sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_compiled_loops(path))
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])

@@ -158,7 +158,7 @@ class Loop:
     def _run_interpreted(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero
         with np.errstate(all="ignore"):
-            return _convert_numpy_scalars(self.interpreted(*arguments))
+            return convert_numpy_scalars(self.interpreted(*arguments))
 
     def _find_called_loops(self) -> "dict[str, Loop | Primitive]":
         names = self._function.__globals__
@@ -227,12 +227,12 @@ def compiled_with_array_form(array_form: Callable[..., Any]) -> Callable[[F], F]
     )
 
 
-def _convert_numpy_scalars(result: Any) -> Any:
+def convert_numpy_scalars(result: Any) -> Any:
     """Convert numpy scalars of a result to Python numbers, as compiled code returns them."""
     if isinstance(result, np.generic):
         return result.item()
     if type(result) is tuple:
-        return tuple(map(_convert_numpy_scalars, cast("tuple[Any, ...]", result)))
+        return tuple(map(convert_numpy_scalars, cast("tuple[Any, ...]", result)))
     return result
 
 

@@ -28,7 +28,7 @@ _LARGEST_HEAP_BLOCKS: Final = (1 << 30, 1 << 25)
 _MOST_KEPT: Final = 1 << 30
 
 
-def _keep_freed_memory_in_glibc() -> None:
+def keep_freed_memory_in_glibc() -> None:
     """Have glibc keep freed memory, where there is a glibc that the environment does not set.
 
     Left alone, it gives blocks beyond a threshold back to the system. Each chunk's arrays would be
@@ -44,7 +44,7 @@ def _keep_freed_memory_in_glibc() -> None:
         mallopt(_TRIM_THRESHOLD, _MOST_KEPT)
 
 
-_keep_freed_memory_in_glibc()
+keep_freed_memory_in_glibc()
 
 
 def release_freed_memory() -> None:

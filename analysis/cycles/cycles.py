@@ -145,7 +145,7 @@ def weigh_cycles(
         if not reason:
             weights = part.pass_coefficients(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
-            row |= _make_payload_uncertainty_columns(row, worth, weights)
+            row |= make_payload_uncertainty_columns(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded_pass])
@@ -229,7 +229,7 @@ def _make_payload_row(
     return row
 
 
-def _make_payload_uncertainty_columns(
+def make_payload_uncertainty_columns(
     cycle_row: dict[str, object], shared_uncertainty: "_SharedUncertainty", coefficients: Floats
 ) -> dict[str, object]:
     """Common, shared and total uncertainty of a payload.

@@ -36,7 +36,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
-    modelled = _list_nuisances_shared_with_methods(inputs)
+    modelled = list_nuisances_shared_with_methods(inputs)
     shows = any(
         t > LIMITS.term_min_std for term, t in fit.term_t_values.items() if term not in modelled
     )
@@ -64,7 +64,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     return out
 
 
-def _list_nuisances_shared_with_methods(inputs: CheckInputs) -> set[str]:
+def list_nuisances_shared_with_methods(inputs: CheckInputs) -> set[str]:
     """Nuisances that the methods also model: the Coulomb term, or a constant for one direction."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()
@@ -124,7 +124,7 @@ def _name_term_farthest_from_prior(inputs: CheckInputs, _: AxisMotion) -> str:
     return max(widths, key=widths.__getitem__, default="")
 
 
-def _viscous_friction_t_value(weighing: Weighing) -> float:
+def viscous_friction_t_value(weighing: Weighing) -> float:
     """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
     fit = weighing.fit
     value, std = fit.viscous_friction_and_std
@@ -239,7 +239,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "friction_sign",
         "mass",
-        _make_joint_fit_quantity_function(_viscous_friction_t_value),
+        _make_joint_fit_quantity_function(viscous_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical. Friction "
         f"that falls with the speed by at most {WEIGHING_LIMITS.falling_friction_1:.0%} of the "
         "largest force counts as 0",

@@ -193,11 +193,11 @@ def find_unexplained_repeats(unix_ns: Ints, readings: Floats) -> tuple[list[Repe
     return [
         RepeatedReading(int(unix_ns[begin]), int(unix_ns[end]), float(readings[begin]))
         for begin, end in zip(first[long], last[long], strict=True)
-        if not _does_signal_stay_within_resolution(readings, int(begin), int(end))
+        if not does_signal_stay_within_resolution(readings, int(begin), int(end))
     ], never
 
 
-def _does_signal_stay_within_resolution(readings: Floats, first_row: int, last_row: int) -> bool:
+def does_signal_stay_within_resolution(readings: Floats, first_row: int, last_row: int) -> bool:
     """Whether a smooth signal at rest, or at an extremum, moves too little to show in a run.
 
     It is slow beside the run, leaves it by a step of its resolution, or as fast as it goes on, and
@@ -258,7 +258,7 @@ def find_repeated_readings(channel: str, channels: Mapping[str, Series]) -> list
     t, x = channels[channel]
     runs, never = find_unexplained_repeats(t, x)
     if runs and float(np.ptp(x)) == 0.0:
-        return runs if _should_channel_have_changed(channel, channels) else []
+        return runs if should_channel_have_changed(channel, channels) else []
     # a machine that stands has no speed, one that coasts no force
     runs = [run for run in runs if run.value != 0.0 or channel == "specific_force_x_m_s2"]
     if not runs:
@@ -273,13 +273,13 @@ def find_repeated_readings(channel: str, channels: Mapping[str, Series]) -> list
     surely = [
         run
         for run in runs
-        if any(_does_channel_change(*each, run.begin_ns, run.end_ns) for each in others)
+        if any(does_channel_change(*each, run.begin_ns, run.end_ns) for each in others)
     ]
     # what froze there, and has noise elsewhere, froze wherever it repeats itself
     return runs if surely and never else surely
 
 
-def _should_channel_have_changed(channel: str, channels: Mapping[str, Series]) -> bool:
+def should_channel_have_changed(channel: str, channels: Mapping[str, Series]) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
     of_motion = channel in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != channel]
@@ -289,7 +289,7 @@ def _should_channel_have_changed(channel: str, channels: Mapping[str, Series]) -
     return any(float(np.ptp(x)) > 0.0 for x in beside)
 
 
-def _does_channel_change(
+def does_channel_change(
     unix_ns: Ints, readings: Floats, min_change: float, begin_ns: int, end_ns: int
 ) -> bool:
     """Whether a channel changes by more than `min_change` between the halves of a stretch."""

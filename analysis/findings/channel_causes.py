@@ -69,7 +69,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             channel=name,
             span_ns=inputs.convert_to_relative_ns(*spans[0]),
             change=refit_without_frozen_samples,
-            harmless=_does_exclusion_keep_answer(inputs, found, refit_without_frozen_samples),
+            harmless=does_exclusion_keep_answer(inputs, found, refit_without_frozen_samples),
             explains=_OF_DEAD
             if 1e9 * total_s[name] > LIMITS.dead_fraction * (t[-1] - t[0])
             else (),
@@ -81,7 +81,7 @@ def _format_mass_change_by_exclusion(exclusion: ExcludedStretches | None) -> str
     return "" if exclusion is None else f"; {exclusion.text}"
 
 
-def _does_exclusion_keep_answer(
+def does_exclusion_keep_answer(
     inputs: FindingInputs,
     exclusion: ExcludedStretches | None,
     refit: Callable[[], MassChange | None] | None = None,
@@ -150,7 +150,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
             change=refit_without_saturated_rows,
-            harmless=_does_exclusion_keep_answer(inputs, found),
+            harmless=does_exclusion_keep_answer(inputs, found),
         )
     ]
 

@@ -127,7 +127,7 @@ def _sum_squared_force_residuals(force: Floats, columns: Floats, used_rows: Bool
     return float(left @ left)
 
 
-def _force_acceleration_correlation(force: Floats, acceleration: Floats, speed: Floats) -> float:
+def force_acceleration_correlation(force: Floats, acceleration: Floats, speed: Floats) -> float:
     """Partial correlation of force and acceleration about 0, given the speed.
 
     Friction in the force follows the speed, which is the integral of the acceleration.
@@ -147,7 +147,7 @@ def _estimate_force_lag_while_driving(
     inside = is_driving.copy()
     inside[:longest] = inside[-longest:] = False
     seen = [
-        _force_acceleration_correlation(
+        force_acceleration_correlation(
             force[inside], np.roll(acceleration, k)[inside], np.roll(speed, k)[inside]
         )
         for k in range(-longest, longest + 1)

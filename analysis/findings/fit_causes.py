@@ -128,7 +128,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving shows a constant force of {_format_force_and_std(const, std, sign='+')}",
+            f"driving shows a constant force of {format_force_and_std(const, std, sign='+')}",
             channel=inputs.force_channel,
             alternatives=(*imu, "slope", "coulomb"),
         )
@@ -143,7 +143,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     motion = fit.motion
     name = "direction" if motion.drives_both_ways else "const"
     way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.is_fittable]))
-    pick = found.get(name) or _read_picked_cause_from_joint_fit(inputs, name)
+    pick = found.get(name) or read_picked_cause_from_joint_fit(inputs, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
@@ -158,7 +158,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
                 force / (LIMITS.trusted_coulomb_fraction * motion.force_95_percent),
             ),
-            f"{_format_force_and_std(force, pick.std)} oppose the motion at any speed",
+            f"{format_force_and_std(force, pick.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
             change=lambda: estimate_mass_change_without_coulomb(inputs, force, pick.std, others),
@@ -167,13 +167,13 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _format_force_and_std(force_N: float, std_N: float, sign: str = "-") -> str:
+def format_force_and_std(force_N: float, std_N: float, sign: str = "-") -> str:
     """Force and standard deviation as text, rounded to a digit of the deviation if small."""
     places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
-def _read_picked_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> PickedCause | None:
+def read_picked_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> PickedCause | None:
     """Term of the joint fit, less the part that standstill explains.
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.

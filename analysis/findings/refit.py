@@ -68,7 +68,7 @@ def refit_corrected(
     if fit is None:
         return None
     before, after = (
-        _uncorrected_mass_kg(inputs, fit),
+        uncorrected_mass_kg(inputs, fit),
         _refit_mass_kg(inputs, correct_motion(fit.motion)),
     )
     if before is None or after is None:
@@ -83,7 +83,7 @@ def refit_corrected(
     )
 
 
-def _uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
+def uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
     """Mass before the correction, by the whole fit or, in a long log, by the refitted part."""
     if "refitted" not in inputs.cache:
         whole = (

@@ -228,7 +228,7 @@ def find_header_clock_drift(inputs: FindingInputs) -> list[Symptom]:
     )
     fit = inputs.own_fit
     # which of the two is wrong the force tells: it becomes late, or does not
-    wrong = _attribute_clock_drift_to_channel(inputs, drift.faster, drift.slower)
+    wrong = attribute_clock_drift_to_channel(inputs, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"
     return [
         Symptom(
@@ -240,7 +240,7 @@ def find_header_clock_drift(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _attribute_clock_drift_to_channel(
+def attribute_clock_drift_to_channel(
     inputs: FindingInputs, faster_topic: str, slower_topic: str
 ) -> str:
     """Channel to which two diverging clocks are attributed: that of the force, if involved."""

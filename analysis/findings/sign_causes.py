@@ -218,7 +218,7 @@ def _does_z_axis_read_gravity(inputs: FindingInputs) -> bool:
     )
 
 
-def _list_unit_mistakes_by_ratio(inputs: FindingInputs) -> dict[float, str]:
+def list_unit_mistakes_by_ratio(inputs: FindingInputs) -> dict[float, str]:
     """Names of wrong units by the ratio of accelerometer to wheels that each would cause."""
     found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
     radius_m = inputs.machine.machine.wheel_radius_m
@@ -234,7 +234,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
-    units = _list_unit_mistakes_by_ratio(inputs)
+    units = list_unit_mistakes_by_ratio(inputs)
     channels = dict.fromkeys(units, inputs.speed_channels)
     if not _does_z_axis_read_gravity(inputs):
         channels |= dict.fromkeys(_ACC_UNITS, inputs.select_measured_channels(*_ACC_AXES))

@@ -96,7 +96,7 @@ def compute_relative_uncertainty(u: float | None, value: float | None) -> float 
     return None if u is None or value is None else u / value
 
 
-def _relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
+def relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
     """Relative u of a mass due to the radius under load: of the force, and of a wheel's motion."""
     u = machine.machine.wheel_radius_by_load_u
     by_wheels = machine.settings.forces.acceleration == "kinematic"
@@ -141,7 +141,7 @@ SCALES: Final = (
     Scale(
         "wheel_radius_by_load",
         _derives_force_from_torque,
-        _relative_mass_u_by_wheel_radius,
+        relative_mass_u_by_wheel_radius,
         "machine.wheel_radius_by_load_u",
         "change of the wheels' rolling radius with the load that presses their tyres",
         by_load=True,

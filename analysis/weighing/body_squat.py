@@ -297,7 +297,7 @@ def estimate_gain_change_by_wheels(
     """
     if len(stretches) < LIMITS.squat_min_stretches or len({load for *_, load in stretches}) < 2:
         return None
-    free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in stretches]
+    free = [whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in stretches]
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
     own = X[:, :_OWN_COLUMNS]
@@ -319,7 +319,7 @@ def estimate_gain_change_by_wheels(
     count = slopes.size
     scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
     scatter *= compute_student_to_normal_ratio(count - 1) ** 2
-    part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in stretches]
+    part = [whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in stretches]
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])
@@ -343,7 +343,7 @@ def estimate_gain_change_by_wheels(
     return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 
-def _whiten_random_slope(
+def whiten_random_slope(
     columns: Floats, y: Floats, time_s: Floats, variance_ratio: float
 ) -> tuple[Floats, Floats, Floats]:
     """Whiten a stretch whose random slope has `variance_ratio` times the variance of a row.

@@ -186,15 +186,15 @@ class FitColumns:
         """Make the columns; the arguments are those of `average_columns`."""
 
         def make_columns(piece: MotionSamples) -> _PieceColumns:
-            fitted = _find_fitted_samples_after_lag(piece, previous.lag_s)
-            return _make_columns_of_piece(piece, fitted, noise, terms, previous)
+            fitted = find_fitted_samples_after_lag(piece, previous.lag_s)
+            return make_columns_of_piece(piece, fitted, noise, terms, previous)
 
         pieces = map_in_threads(make_columns, list(motion.pieces))
         return cls(pieces, terms, previous, motion.rate_hz)
 
     def average_to_rows(self, noise: ColumnNoiseModel, mean_samples: int) -> FitRows:
         """Average the columns over so many samples."""
-        return _average_columns_of_pieces(
+        return average_columns_of_pieces(
             self.pieces.__getitem__,
             [piece.group for piece in self.pieces],
             noise,
@@ -222,9 +222,9 @@ def average_columns(
         previous: estimates of earlier rounds.
     """
     pieces = motion.pieces
-    fitted = [_find_fitted_samples_after_lag(piece, previous.lag_s) for piece in pieces]
-    return _average_columns_of_pieces(
-        lambda number: _make_columns_of_piece(
+    fitted = [find_fitted_samples_after_lag(piece, previous.lag_s) for piece in pieces]
+    return average_columns_of_pieces(
+        lambda number: make_columns_of_piece(
             pieces[number], fitted[number], noise, terms, previous
         ),
         [piece.group[own] for piece, own in zip(pieces, fitted, strict=True)],
@@ -236,7 +236,7 @@ def average_columns(
     )
 
 
-def _average_columns_of_pieces(
+def average_columns_of_pieces(
     make_columns: Callable[[int], "_PieceColumns"],
     groups: list[Ints],
     noise: ColumnNoiseModel,
@@ -324,7 +324,7 @@ class _PieceColumns:
     raw: ColumnInputs
 
 
-def _make_columns_of_piece(
+def make_columns_of_piece(
     motion: MotionSamples,
     fitted_samples: Ints,
     noise: ColumnNoiseModel,
@@ -399,7 +399,7 @@ def route_positions_and_length_m(
     return route.compute_relative_distances_to_dump(motion), route.length_m
 
 
-def _find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
+def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
     """Samples in stretches, but for the first ones of each, whose force is from before it."""
     fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
     if lag:

@@ -101,7 +101,7 @@ def estimate_force_gain_by_driving_direction(
         return None
     several = fit.mass_count > 1
     if several and (
-        not do_loads_only_follow_direction(fit) or _does_ticket_confirm_loads(fit, body)
+        not do_loads_only_follow_direction(fit) or does_ticket_confirm_loads(fit, body)
     ):
         return None
     one = FitTask(
@@ -113,7 +113,7 @@ def estimate_force_gain_by_driving_direction(
         None,
         fit.found.uneven_1_s,
     ).fit_over_means(fit.mean_samples, 2, advance_force=fit.shifted)
-    found = _read_direction_gain_of_one_load_fit(one, fit)
+    found = read_direction_gain_of_one_load_fit(one, fit)
     if not found.is_significant:
         return None
     if not several:
@@ -127,7 +127,7 @@ def estimate_force_gain_by_driving_direction(
     return None if do_heavy_masses_scatter_more(left.states, heavy) else found
 
 
-def _read_direction_gain_of_one_load_fit(
+def read_direction_gain_of_one_load_fit(
     one_load_fit: JointFit, answer_fit: JointFit
 ) -> DirectionGain:
     """Gain in reverse over that forwards, from the last term of a fit with one load.
@@ -190,7 +190,7 @@ def mark_manoeuvres_nearer_to_heavy_mass(states: LoadStates, forwards: Bools) ->
     return states.level_kg > float(np.mean(average_mass_by_direction_kg(states, forwards)))
 
 
-def _does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
+def does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
     """Whether the lighter direction has the stated empty mass, and the heavier one has not."""
     if body.empty_mass_kg is None:
         return False

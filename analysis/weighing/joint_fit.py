@@ -71,7 +71,7 @@ class JointFitInputs:
         noise = CachedNoise(noise)
         uneven_1_s = 0.0 if earlier_fit is None else earlier_fit.found.uneven_1_s
         known = None if earlier_fit is None else earlier_fit.kinematics
-        wheels = _estimate_wheel_kinematics(motion, noise, priors, known)
+        wheels = estimate_wheel_kinematics(motion, noise, priors, known)
         return cls(motion, noise, priors, wheels, uneven_1_s)
 
 
@@ -113,8 +113,8 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
-    whole = _compare_wheels_after_pilot_fit(inputs, whole, best)
-    chosen = _fit_delayed_or_low_passed_force(whole, best.mean_samples)
+    whole = compare_wheels_after_pilot_fit(inputs, whole, best)
+    chosen = fit_delayed_or_low_passed_force(whole, best.mean_samples)
     share = _relative_mass_change_by_mean_length(
         first, next(k for k, found in enumerate(first) if found is best)
     )
@@ -123,7 +123,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
-        longer = _fit_delayed_or_low_passed_force(whole, transient)
+        longer = fit_delayed_or_low_passed_force(whole, transient)
         if longer.solution.misfit_ratio < misfit:
             share, chosen = _relative_mass_change_by_mean_length([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
@@ -140,7 +140,7 @@ def select_terms_of_motion(
     )
 
 
-def _compare_wheels_after_pilot_fit(
+def compare_wheels_after_pilot_fit(
     inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
@@ -149,11 +149,11 @@ def _compare_wheels_after_pilot_fit(
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.advance_force(pilot_fit.lag_s)
     acting = replace(in_time, force=pilot_fit.found.ground_force(in_time))
-    wheels = _estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
+    wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
 
-def _fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFit:
+def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
     moved = task.fit_over_means(mean_samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
@@ -166,7 +166,7 @@ def _fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointF
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
 
-def _estimate_wheel_kinematics(
+def estimate_wheel_kinematics(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -189,20 +189,20 @@ def _relative_mass_change_by_mean_length(
     if best.mass_kg == 0.0:
         return 0.0
     rows = fits_by_length[0].mean_samples == 1
-    if any(_do_masses_differ(best, other, of_single_rows=rows) for other in longer):
+    if any(do_masses_differ(best, other, of_single_rows=rows) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
     if (
         not longer
         and length_index
-        and _do_masses_differ(best, fits_by_length[length_index - 1], of_single_rows=rows)
+        and do_masses_differ(best, fits_by_length[length_index - 1], of_single_rows=rows)
     ):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - fits_by_length[length_index - 1].mass_kg / best.mass_kg
     return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
 
-def _do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, of_single_rows: bool) -> bool:
+def do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, of_single_rows: bool) -> bool:
     """Whether means of two lengths give significantly different masses.
 
     For single rows every relevant difference counts, even if noise explains it.

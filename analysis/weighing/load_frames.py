@@ -46,7 +46,7 @@ def make_load_frame(
     fit = weighing.fit
     times = _find_time_spans_of_states_ns(fit, excitation)
     empty = find_empty_states(weighing, times, machine)
-    since_ticket_kg = _average_fuel_since_ticket_and_u_kg(weighing, empty, times, fuel)
+    since_ticket_kg = average_fuel_since_ticket_and_u_kg(weighing, empty, times, fuel)
     datum, against = _choose_empty_datum_or_refusal(weighing, empty, machine, since_ticket_kg)
     rows = [
         _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
@@ -152,7 +152,7 @@ def _find_equally_light_states(
     return sorted(found)
 
 
-def _average_fuel_since_ticket_and_u_kg(
+def average_fuel_since_ticket_and_u_kg(
     weighing: Weighing,
     empty: list[int],
     state_spans_ns: list[tuple[int, int]],
@@ -229,7 +229,7 @@ def _make_load_row(
     )
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")
-    payload, unknown = _payload_with_uncertainty(weighing, state, empty, machine, datum)
+    payload, unknown = payload_with_uncertainty(weighing, state, empty, machine, datum)
     friction = fit.viscous_friction_and_std
     numbers = {
         "mass_kg": mass_kg,
@@ -261,7 +261,7 @@ def _make_load_row(
     }
 
 
-def _payload_with_uncertainty(
+def payload_with_uncertainty(
     weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: EmptyDatum | None
 ) -> tuple[dict[str, float | None], list[str]]:
     """Payload of a state with its uncertainty, and its factors of unknown uncertainty.

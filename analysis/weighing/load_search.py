@@ -45,11 +45,11 @@ def fit_with_searched_load_states(
     returned.
     """
     kind = label_load_change_evidence(first_fit.motion)
-    settled = _alternate_search_and_fit(first_fit, inputs, repeatability_kg, kind)
+    settled = alternate_search_and_fit(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or first_fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
         return settled
-    inputs = _add_ground_force_variance(first_fit, inputs)
+    inputs = add_ground_force_variance(first_fit, inputs)
     # over short means the residual is noise and transients, which no loads explain
     transient = count_rows_in_duration(LIMITS.transient_mean_s, first_fit.motion.rate_hz)
     samples = max(first_fit.mean_samples, settled.mean_samples, transient)
@@ -58,13 +58,13 @@ def fit_with_searched_load_states(
     hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1] and not _is_partition_of_fit(settled, hints):
         held = _refit_with_fixed_load_states(alike.make_load_states(hints), inputs)
-        fits.append(_alternate_search_and_fit(held, inputs, repeatability_kg, kind, settled))
+        fits.append(alternate_search_and_fit(held, inputs, repeatability_kg, kind, settled))
     hauls = propose_hauling_partitions(first_fit.motion)
     if hauls:
         haul = min(hauls, key=alike.akaike_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
         held = _refit_with_fixed_load_states(alike.make_load_states(haul), inputs)
-        hidden = _alternate_search_and_fit(held, inputs, repeatability_kg, kind, settled)
+        hidden = alternate_search_and_fit(held, inputs, repeatability_kg, kind, settled)
         fits += [hidden, _refit_with_scatter_of_own_states(held, inputs, repeatability_kg, kind)]
     likely = [settled, *(each for each in fits if _is_single_load_excluded(each))]
     if len(likely) == 1:
@@ -180,7 +180,7 @@ def _make_task_from_fit(fit: JointFit, inputs: JointFitInputs) -> FitTask:
     return FitTask(fit.motion, inputs.noise, inputs.priors, fit.terms, fit.kinematics, fit.states)
 
 
-def _alternate_search_and_fit(
+def alternate_search_and_fit(
     first_fit: JointFit,
     inputs: JointFitInputs,
     repeatability_kg: float | None,
@@ -237,7 +237,7 @@ def _alternate_search_and_fit(
             return (
                 refit_with_changes(first_fit, inputs.noise, inputs.priors) if known else first_fit
             )
-        inputs = _add_ground_force_variance(first_fit, inputs)
+        inputs = add_ground_force_variance(first_fit, inputs)
         del rows  # of a shift they are hundreds of megabytes
         first_fit = fit_jointly(inputs, states)
         if not np.isfinite(first_fit.theta).all():
@@ -270,7 +270,7 @@ def _require_load_states(fit: JointFit) -> LoadStates:
     return fit.states
 
 
-def _add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFitInputs:
+def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
     if inputs.uneven_1_s or fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
         return inputs

@@ -319,7 +319,7 @@ def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition
         best.state,
         level_kg,
         np.sqrt(masses.variance),
-        *_estimate_scatter_dof_and_birge_ratio(level_kg, masses.variance, best),
+        *estimate_scatter_dof_and_birge_ratio(level_kg, masses.variance, best),
         load_returns=np.unique(best.level).size < best.level_stretch_count
         or _count_mass_reversals_of_states(best) >= LIMITS.load_return_reversals,
     )
@@ -346,7 +346,7 @@ def find_alternative_partition(
     if other is None or other_probability < doubted:
         return None
     level_kg = masses.y - masses.x @ other.effects
-    scatter_kg, _, _ = _estimate_scatter_dof_and_birge_ratio(level_kg, masses.variance, other)
+    scatter_kg, _, _ = estimate_scatter_dof_and_birge_ratio(level_kg, masses.variance, other)
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return AlternativePartition(other.state, differs_kg, scatter_kg, other_probability)
 
@@ -375,7 +375,7 @@ def weighted_means_by_state(mass_kg: Floats, weight: Floats, state: Ints) -> Flo
     return np.bincount(state, weights=weight * mass_kg) / np.bincount(state, weights=weight)
 
 
-def _estimate_scatter_dof_and_birge_ratio(
+def estimate_scatter_dof_and_birge_ratio(
     mass_kg: Floats, variance: Floats, partition: Partition
 ) -> tuple[float, float, float]:
     """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""

@@ -32,15 +32,15 @@ def differentiate_low_gear_mass_fraction_s_m(speed: Floats, quarter_speed_m_s: f
     return -4.0 * speed / quarter_speed_m_s**2 * (1.0 + (speed / quarter_speed_m_s) ** 2) ** -3
 
 
-def _do_speeds_span_several_gears(motion: MotionSamples) -> bool:
+def do_speeds_span_several_gears(motion: MotionSamples) -> bool:
     """Whether speeds reach from that of a first gear to that of a road, and no ratio is known."""
-    if _has_several_gear_ratios(motion) or motion.speed_95_percent <= LIMITS.road_speed_m_s:
+    if has_several_gear_ratios(motion) or motion.speed_95_percent <= LIMITS.road_speed_m_s:
         return False
     slow = np.abs(motion.speed[motion.is_fittable]) < LIMITS.first_gear_m_s
     return float(slow.mean()) > LIMITS.first_gear_min_fraction
 
 
-def _has_several_gear_ratios(motion: MotionSamples) -> bool:
+def has_several_gear_ratios(motion: MotionSamples) -> bool:
     """Whether the measured gear ratio differs by enough to determine what it adds to the mass."""
     ratio = motion.relative_gear_ratio
     return ratio is not None and bool(
@@ -68,7 +68,7 @@ def _make_low_gear_term(quarter_speed_m_s: float) -> Nuisance:
             m.acceleration * differentiate_low_gear_mass_fraction_s_m(m.speed, quarter_speed_m_s)
         ),
         by_acceleration=fraction_in_low_gear,
-        applies=_do_speeds_span_several_gears,
+        applies=do_speeds_span_several_gears,
         source=BY_GEAR,
     )
 
@@ -82,7 +82,7 @@ BY_GEAR_RATIO: Final = Nuisance(
     "rotating mass of engine or turbine in the lowest gear, which goes with the ratio squared",
     "starts in several gears",
     by_acceleration=lambda m: m.relative_gear_ratio**2,
-    applies=_has_several_gear_ratios,
+    applies=has_several_gear_ratios,
     source=BY_GEAR,
 )
 #: Behind the nuisances that every log may have.

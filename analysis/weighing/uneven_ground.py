@@ -50,7 +50,7 @@ class _DrivingDirection:
         ]
         for begin_m, end_m in places:
             name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _make_ramp_between(begin_m, end_m)
-            width = _make_random_walk_prior_std(end_m - begin_m)
+            width = make_random_walk_prior_std(end_m - begin_m)
             found.append(
                 self._make_uneven_ground_term(
                     name, column, width, "how the ground's force changes along it"
@@ -143,7 +143,7 @@ def restrict_column_to_direction(column: Floats, direction: Floats, sign: float)
     return out
 
 
-def _make_random_walk_prior_std(length_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
+def make_random_walk_prior_std(length_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
     """Make the function that gives the prior std of the change over a way: a random walk."""
     share = relative_random_walk_std(length_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight

@@ -69,7 +69,7 @@ def compare_wheels_with_accelerometer(
     Returns:
         None without an accelerometer or without a long enough stretch.
     """
-    found = _compare_wheels_with_or_without_gravity(motion, noise, priors, earlier_kinematics)
+    found = compare_wheels_with_or_without_gravity(motion, noise, priors, earlier_kinematics)
     if found is None or not found.squat[0] > 0.0 or motion.specific_force is None:
         return found
     level = motion.without_gravity
@@ -78,7 +78,7 @@ def compare_wheels_with_accelerometer(
     swing = None if springs is None else estimate_body_swing(measured, motion, springs)
     if swing is None:
         return replace(found, springs=springs)
-    still = _compare_wheels_with_or_without_gravity(
+    still = compare_wheels_with_or_without_gravity(
         subtract_swing_from_accelerometer(motion, swing), noise, priors, earlier_kinematics
     )
     if still is None:
@@ -87,7 +87,7 @@ def compare_wheels_with_accelerometer(
     return replace(still, swing=swing, springs=springs)
 
 
-def _compare_wheels_with_or_without_gravity(
+def compare_wheels_with_or_without_gravity(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -109,7 +109,7 @@ def _compare_wheels_with_or_without_gravity(
     if found is None:
         return None
     if motion.without_gravity is None:
-        return _compare_wheels_after_squat_correction(
+        return compare_wheels_after_squat_correction(
             found, motion.specific_force, motion, noise, priors, told
         )
     level = _fit_wheel_comparison(motion.without_gravity, motion, noise, priors, told)
@@ -129,10 +129,10 @@ def _compare_wheels_with_or_without_gravity(
             return replace(best, squat=squat, pitch_shows_squat=True)
     agrees = level.disagreement_m_s < LIMITS.gravity_disagreement_ratio * found.disagreement_m_s
     if agrees and level.mismatch < LIMITS.gravity_mismatch_ratio * found.mismatch:
-        return _compare_wheels_after_squat_correction(
+        return compare_wheels_after_squat_correction(
             level, motion.without_gravity, motion, noise, priors, told
         )
-    return _compare_wheels_after_squat_correction(
+    return compare_wheels_after_squat_correction(
         found, motion.specific_force, motion, noise, priors, told
     )
 
@@ -145,7 +145,7 @@ def do_wheels_show_squat(wheel_kinematics: WheelKinematics, motion: MotionSample
     return -wheel_kinematics.gain[0] > LIMITS.gain_min_std * radius_u_1
 
 
-def _compare_wheels_after_squat_correction(
+def compare_wheels_after_squat_correction(
     comparison: WheelKinematics,
     measured: Floats,
     motion: MotionSamples,

@@ -147,7 +147,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
             for joint in joints
         ]
         allowed = [
-            _min_log_odds_of_reported_change(posterior.units.kind[joint - 1]) for joint in joints
+            min_log_odds_of_reported_change(posterior.units.kind[joint - 1]) for joint in joints
         ]
         margin = [
             each.log_posterior - (partition.log_posterior - odds)
@@ -160,7 +160,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
     return partition
 
 
-def _min_log_odds_of_reported_change(change_kind: Ints) -> float:
+def min_log_odds_of_reported_change(change_kind: Ints) -> float:
     """Minimum log odds of a change that is reported.
 
     At the end of a record even odds suffice, since both sides are separate records.

@@ -79,7 +79,7 @@ class Stretches:
         return cls(
             state_of_unit,
             list_level_assignments_and_log_priors(int(state_of_unit[-1]) + 1),
-            _log_prior_of_changes(change_kinds, np.diff(state_of_unit) > 0),
+            log_prior_of_changes(change_kinds, np.diff(state_of_unit) > 0),
         )
 
 
@@ -156,7 +156,7 @@ class PartitionPosterior:
         # β's own misfit is that of its normal equations, up to a constant
         logs = log_determinant - float(np.log(2.0 * np.pi * own).sum())
         log = -0.5 * (squares - float(effects @ right) + logs)
-        return log + _log_level_likelihood(levels, own, self.spread), levels, effects
+        return log + log_level_likelihood(levels, own, self.spread), levels, effects
 
 
 @compiled_unless_short_log
@@ -200,7 +200,7 @@ def list_level_assignments_and_log_priors(state_count: int) -> list[tuple[float,
     return [(_THIRD, own), (_THIRD, own % 2), *back]
 
 
-def _log_level_likelihood(level_values: Floats, variance: Floats, level_spread: float) -> float:
+def log_level_likelihood(level_values: Floats, variance: Floats, level_spread: float) -> float:
     """Log likelihood of levels with the given variances, with their spread integrated out."""
     if level_values.size == 1:
         return -float(np.log(level_spread))
@@ -214,7 +214,7 @@ def _log_level_likelihood(level_values: Floats, variance: Floats, level_spread: 
     )
 
 
-def _log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float:
+def log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior probability of the changes.
 
     Where something is filled, one emptying between two fillings is equally likely.
@@ -226,11 +226,11 @@ def _log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float:
             np.log1p(-LIMITS.misnamed_probability),
             np.log(LIMITS.misnamed_probability),
         )
-        return float(said.sum()) + _log_prior_of_changes(change_kinds[~named], has_change[~named])
+        return float(said.sum()) + log_prior_of_changes(change_kinds[~named], has_change[~named])
     if not filling.any():
-        return _log_prior_of_unknown_rate(change_kinds, has_change)
+        return log_prior_of_unknown_rate(change_kinds, has_change)
     # or what is taken for a filling has nothing to do with it in this series
-    apart = _log_prior_of_unknown_rate(np.where(filling, 1, change_kinds), has_change) + float(
+    apart = log_prior_of_unknown_rate(np.where(filling, 1, change_kinds), has_change) + float(
         np.log(LIMITS.unrelated_filling_probability)
     )
     return float(
@@ -284,7 +284,7 @@ def log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> float:
     return float(fillings.sum()) + float(each.sum()) + where
 
 
-def _log_prior_of_unknown_rate(change_kinds: Ints, has_change: Bools) -> float:
+def log_prior_of_unknown_rate(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior under which no change is as likely as any, and all rates are equally likely.
 
     If other evidence indicates changes, either their rate is as likely as it is high, or the

@@ -52,7 +52,7 @@ class WeightedNormalEquations:
     taken: Floats
 
 
-def _weight_equations_of_units(
+def weight_equations_of_units(
     units: GroupSums,
     shape: InterceptShape,
     level_of_unit: Ints,
@@ -279,10 +279,10 @@ def iterate_prior_solution(
             raise np.linalg.LinAlgError("no residuals")
         share = compute_largest_noise_fraction(added, gram + variance * np.diag(precision))
         kept = min(1.0, LIMITS.max_noise_fraction / share) if share > 0 else 1.0
-        turned = _weight_equations_of_units(units, shape, of_units, kept, theta, variance)
+        turned = weight_equations_of_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
             theta = solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
-            turned = _weight_equations_of_units(units, shape, of_units, kept, theta, variance)
+            turned = weight_equations_of_units(units, shape, of_units, kept, theta, variance)
         doubted = compute_uncertain_fraction_of_noise(kept) * turned.taken
         theta, gain = solve_for_noise_with_common_error(
             turned, (wide_precision, wide_believed), variance, doubted

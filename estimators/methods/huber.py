@@ -112,7 +112,7 @@ def solve_windows_robustly(
     for step in range(LIMITS.newton_steps + LIMITS.reweighting_max_steps):
         if left.size == 0:
             break
-        sums = _sum_newton_equations if step < LIMITS.newton_steps else sum_reweighted_products
+        sums = sum_newton_equations if step < LIMITS.newton_steps else sum_reweighted_products
         now = theta[:, left]
         following = solve_packed_equations(
             sums(A, f, window, index[left], now, limit[left], False)
@@ -147,7 +147,7 @@ def compute_median_absolute_residuals(
 
 
 @compiled_unless_short_log
-def _sum_newton_equations(
+def sum_newton_equations(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, _squared: bool
 ) -> Floats:
     """Normal equations of a Newton step; samples above the limit add a constant force.

@@ -166,7 +166,7 @@ def _trace_with_exponential_forgetting(
         theta[of_rows] = np.take(solved.theta, at_rows, axis=1).T
         rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
         condition[of_rows] = compute_condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
-    correlation, variance = _estimate_window_autocorrelation(A, f, window, index)
+    correlation, variance = estimate_window_autocorrelation(A, f, window, index)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(initial_state.P))
     as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
@@ -174,7 +174,7 @@ def _trace_with_exponential_forgetting(
     return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
 
 
-def _estimate_window_autocorrelation(
+def estimate_window_autocorrelation(
     A: Floats, f: Floats, window: int, index: Ints
 ) -> tuple[Floats, float]:
     """Residual autocorrelation and variance of separately fitted windows.
@@ -239,7 +239,7 @@ def trace_with_directional_forgetting(
     theta, rms, P, _ = directional.run_recursion_over_windows(
         A, f, window, index, forgetting, initial_state.theta, initial_state.P, sums
     )
-    correlation, variance = _estimate_window_autocorrelation(A, f, window, index)
+    correlation, variance = estimate_window_autocorrelation(A, f, window, index)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
     B = compute_sandwich_meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)

@@ -24,9 +24,7 @@ _BLOCK: Final = 2048
 
 
 @compiled_unless_short_log
-def _sum_lag_products(
-    residual: Floats, group: Ints, lags: int, every: int
-) -> tuple[Floats, Floats]:
+def sum_lag_products(residual: Floats, group: Ints, lags: int, every: int) -> tuple[Floats, Floats]:
     """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0).
 
     Only the i in one of `every` blocks of samples count.
@@ -149,9 +147,7 @@ def estimate_pooled_autocorrelation(
     limit, n = len(loss), int((group >= 0).sum())
     if not limit:
         return np.ones(1), float("nan")
-    sums, pairs = _sum_lag_products(
-        residual, group, limit, max(n // LIMITS.correlated_residuals, 1)
-    )
+    sums, pairs = sum_lag_products(residual, group, limit, max(n // LIMITS.correlated_residuals, 1))
     found, n = sums / np.maximum(pairs, 1.0), int(pairs[0])
     if found[0] <= 0.0:
         return np.ones(1), 0.0

@@ -57,7 +57,7 @@ def write_report_paragraphs(
             *(f"{_capitalise_first_letter(said)}." for said in fitted.says),
             *_describe_learnt_priors(document),
             *(describe_one_day_limits(document) if document.kind == "calibration" else ()),
-            *(_describe_driving_unlike_campaign(fitted) if document.kind == "calibration" else ()),
+            *(describe_driving_unlike_campaign(fitted) if document.kind == "calibration" else ()),
             *(_describe_most_useful_next_load(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
@@ -192,7 +192,7 @@ def describe_one_day_limits(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
+def describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
     """Sentences on the uncertainty of logs driven unlike these runs, and how to reduce it."""
     if not calibration.responses:
         return []

@@ -27,7 +27,7 @@ def main() -> None:
     """Digest recordings or extract words of PDFs, by the first argument; the others are files."""
     _limit_memory_and_processor_time()
     kind, *files = sys.argv[1:]
-    read = {"recording": _digest_recording, "pdf": _extract_words_of_pdf}[kind]
+    read = {"recording": _digest_recording, "pdf": extract_words_of_pdf}[kind]
     sys.stdout.write(json.dumps([read(Path(each)) for each in files]))
 
 
@@ -51,7 +51,7 @@ def _digest_recording(path: Path) -> dict[str, Any]:
     }
 
 
-def _extract_words_of_pdf(path: Path) -> dict[str, Any]:
+def extract_words_of_pdf(path: Path) -> dict[str, Any]:
     """Words of a PDF, or the fault that makes it unreadable, as the reader's JSON output."""
     from pypdf import PdfReader
     from pypdf.errors import PyPdfError

@@ -188,8 +188,8 @@ def make_overlaid_panel(view: View, run_a: _OverlaidRun, run_b: _OverlaidRun) ->
         else _find_labels_common_to_runs(mine, theirs, has_one_line_per_run=one_line_each)
     )
     drawn = [
-        *_style_lines_of_run(mine, _A, alike, has_one_line_per_run=one_line_each),
-        *_style_lines_of_run(theirs, _B, alike, has_one_line_per_run=one_line_each),
+        *style_lines_of_run(mine, _A, alike, has_one_line_per_run=one_line_each),
+        *style_lines_of_run(theirs, _B, alike, has_one_line_per_run=one_line_each),
     ]
     title = f"{view.title}: A strong, B pale" if alike and not one_line_each else view.title
     if view.kind is ViewKind.STATES:
@@ -250,7 +250,7 @@ def count_lines_with_own_name(display_columns: Sequence[DisplayColumn]) -> int:
     return sum(not each.faint and each.column != "threshold" for each in display_columns)
 
 
-def _style_lines_of_run(
+def style_lines_of_run(
     display_columns: Sequence[DisplayColumn],
     side: str,
     common_labels: set[str],

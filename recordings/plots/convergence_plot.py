@@ -39,7 +39,7 @@ def draw_convergence_of_estimates(axes: "Axes", run: Run, at_s: float | None = N
                 axes, frame, method, starts, NS_PER_S / run.provenance.settings.align.rate_hz
             )
     means = _draw_running_means_of_loads(axes, run)
-    answers = _draw_intervals_of_answer(axes, run)
+    answers = draw_intervals_of_answer(axes, run)
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
@@ -125,7 +125,7 @@ def _draw_running_means_of_loads(axes: "Axes", run: Run) -> list[float]:
     return [*(mean - bars), *(mean + bars)]
 
 
-def _draw_intervals_of_answer(axes: "Axes", run: Run) -> list[float]:
+def draw_intervals_of_answer(axes: "Axes", run: Run) -> list[float]:
     """Draw the answer of each load; returns the ends of the intervals in kg, for the axis."""
     loads = run.frames.get("loads")
     if loads is None:

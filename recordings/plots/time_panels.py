@@ -96,7 +96,7 @@ def _draw_series_lines(
     for each in display_columns:
         _draw_column_in_panel(axes, each, display_frames[each.frame], span)
     lane = "gate" if view.threshold else "phase"
-    _shade_state_times(axes, display_frames.get(f"{LANES}/{lane}"), colours.SHADED[lane])
+    shade_state_times(axes, display_frames.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, LIMITS.label_characters), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=LIMITS.small_type_pt)
@@ -233,7 +233,7 @@ def _compute_time_before_edges(
     return before[number] - over
 
 
-def _shade_state_times(
+def shade_state_times(
     axes: "Axes", state_series: pl.DataFrame | None, shaded_states: tuple[str, ...]
 ) -> None:
     """Shade the times of the wanted states behind the lines, unless states change too often."""

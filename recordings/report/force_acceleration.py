@@ -68,7 +68,7 @@ def select_force_acceleration_data(
     Returns:
         None if no sample has both force and acceleration.
     """
-    points = _select_force_acceleration_samples(run)
+    points = select_force_acceleration_samples(run)
     if points is None or not points.height:
         return None
     loads = _select_loads_for_lines(run, at_s)
@@ -113,7 +113,7 @@ def _group_points_by_gate_reason(points: pl.DataFrame) -> list[PointGroup]:
     ]
 
 
-def _select_force_acceleration_samples(run: Run) -> pl.DataFrame | None:
+def select_force_acceleration_samples(run: Run) -> pl.DataFrame | None:
     """Samples with force and acceleration, whether they were used, and the gate's reason."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     if excitation is None or any(name not in excitation.columns for name in _NEEDED):

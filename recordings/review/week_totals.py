@@ -159,13 +159,13 @@ def _sum_loads_by_material_and_day(
                 noted=sum(not by_row[row].reject for row in given),
                 scale_known=not (members_counted["scale_from"] == "").any(),
                 review=str(folder),
-                **_sum_energy_of_counted_loads(ledger_rows[members], cycles[members], rejected),
+                **sum_energy_of_counted_loads(ledger_rows[members], cycles[members], rejected),
             )
         )
     return parts
 
 
-def _sum_energy_of_counted_loads(
+def sum_energy_of_counted_loads(
     ledger_rows: pl.DataFrame, cycles: pl.DataFrame, rejected_rows: Sequence[int]
 ) -> dict[str, float]:
     """Energy of the counted loads with known energy; its errors are common to all of them."""

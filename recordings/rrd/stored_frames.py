@@ -139,7 +139,7 @@ class StoredFrame(BaseModel):
         import pyarrow as pa
 
         found = [
-            _group_column_values_by_block(batches, make_component_name(column.name))
+            group_column_values_by_block(batches, make_component_name(column.name))
             for column in columns
         ]
         # of a damaged recording some blocks may have lost a column: only whole rows are rows
@@ -154,7 +154,7 @@ class StoredFrame(BaseModel):
         return pl.DataFrame(series)
 
 
-def _group_column_values_by_block(
+def group_column_values_by_block(
     block_batches: "Sequence[pa.RecordBatch]", column_name: str
 ) -> "dict[int, pa.Array]":
     """Values of a column by the first row of their block.

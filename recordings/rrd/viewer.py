@@ -205,7 +205,7 @@ def _take_pictures_of_tabs(
         client.set_blueprint(blueprint, "recording")
         # a tab of an imported log is called like its topic
         png = folder / f"{number:02}-{name.lower().strip('/').replace('/', '-')}.png"
-        png.write_bytes(_wait_for_still_picture(client))
+        png.write_bytes(wait_for_still_picture(client))
         shown = set(_iter_view_ids(blueprint, entity))
         errors = tuple(
             f"{view.name}: {report.summary}"
@@ -216,7 +216,7 @@ def _take_pictures_of_tabs(
         yield Screenshot(name, png, errors)
 
 
-def _wait_for_still_picture(client: "ViewerClient") -> bytes:
+def wait_for_still_picture(client: "ViewerClient") -> bytes:
     """Take pictures until two are equal, since the first ones lack data that is being loaded."""
     before, deadline = b"", time.monotonic() + LIMITS.viewer_start_s
     while time.monotonic() < deadline:

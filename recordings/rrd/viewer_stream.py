@@ -94,7 +94,7 @@ def stream_topics_to_stdout(
         shown[entity] = _decimate_fields_of_topic(frame, fields, t0_ns)
         if len(pages) <= LIMITS.max_tabs:
             pages.append(
-                Page(topic, tuple(_make_panels_of_message_parts(entity, fields, shown[entity])))
+                Page(topic, tuple(make_panels_of_message_parts(entity, fields, shown[entity])))
             )
     span = (t0_ns, end_ns) if stamps else None
     _send_scene_to_stdout(
@@ -129,7 +129,7 @@ def _decimate_fields_of_topic(
     return bin_frame_rows(placed, wanted, ends, max((ends[1] - ends[0]) // LIMITS.stream_bins, 1))
 
 
-def _make_panels_of_message_parts(
+def make_panels_of_message_parts(
     entity_path: str, fields: Sequence[str], displayed_fields: pl.DataFrame
 ) -> list[Panel]:
     """Panels for the fields of each message part: `linear_acceleration.x`, `.y`, `.z` together."""

@@ -159,7 +159,7 @@ def verify_bundle(
         )
     done += files.done
     if document is not None:
-        _add_expiry_finding(bundle, document, verification_day)
+        add_expiry_finding(bundle, document, verification_day)
     return Verification(
         folder,
         tuple(bundle.findings),
@@ -188,7 +188,7 @@ def iter_statements_nobody_can_verify(document: EvidenceDocument) -> Iterator[st
         yield "Who made this evidence: it is unsigned."
 
 
-def _add_expiry_finding(
+def add_expiry_finding(
     checked_bundle: CheckedBundle, document: EvidenceDocument, verification_day: dt.date | None
 ) -> None:
     """Check that the evidence is valid on the day, by default today in the machine's time zone."""

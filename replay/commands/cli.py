@@ -77,7 +77,7 @@ app.add_typer(
 )
 
 
-def _join_lines_of_help_paragraphs(commands: typer.Typer) -> None:
+def join_lines_of_help_paragraphs(commands: typer.Typer) -> None:
     """Join the lines of each paragraph of help, which the terminal wraps at its own width."""
     for each in commands.registered_commands:
         paragraphs = (inspect.getdoc(each.callback) or "").split("\n\n")
@@ -85,7 +85,7 @@ def _join_lines_of_help_paragraphs(commands: typer.Typer) -> None:
 
 
 for _app in (app, fleet.app, keys.app):
-    _join_lines_of_help_paragraphs(_app)
+    join_lines_of_help_paragraphs(_app)
 
 
 @app.callback(invoke_without_command=True)
@@ -104,8 +104,8 @@ def _print_version_and_exit(
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    _reopen_closed_standard_streams()
-    received = _install_signals_as_exceptions()
+    reopen_closed_standard_streams()
+    received = install_signals_as_exceptions()
     try:
         with _warn_of_old_keys_on_exit():
             status = app(standalone_mode=False)
@@ -160,7 +160,7 @@ def format_usage_error(error: typer.TyperException) -> str:
     return said.replace(": Input should", ": input should")
 
 
-def _reopen_closed_standard_streams() -> None:
+def reopen_closed_standard_streams() -> None:
     """Reopen standard streams that were closed (`>&-`), or the next file gets their number."""
     for name, flag, mode in (
         ("stdin", os.O_RDONLY, "r"),
@@ -171,7 +171,7 @@ def _reopen_closed_standard_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, flag), mode, encoding="utf-8"))
 
 
-def _install_signals_as_exceptions() -> list[int]:
+def install_signals_as_exceptions() -> list[int]:
     """Turn signals into exceptions, so that partial outputs are removed on exit.
 
     Returns:

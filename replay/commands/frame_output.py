@@ -70,7 +70,7 @@ def print_or_write_frame(
             case "json":
                 return (
                     format_value_as_json(
-                        _format_times_as_text(frame).to_dicts()
+                        format_times_as_text(frame).to_dicts()
                         if json_records is None
                         else json_records
                     )
@@ -101,7 +101,7 @@ def print_or_write_frame(
             partial.write_text(frame_as_text(), encoding="utf-8")
 
 
-def _format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
+def format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
     """Times as ISO 8601 text to the nanosecond; Python's own formatting stops at microseconds."""
     return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 

@@ -107,7 +107,7 @@ def print_log_info(log_info: "LogInfo", time_zone: tzinfo, console: "Console") -
         print_rows_as_table(_FIELD_TITLES, _make_field_rows(log_info), _LEFT)
     for note in log_info.notes:
         print_line(console, f"note: {note}")
-    for mark, line in _iter_check_result_lines(log_info):
+    for mark, line in iter_check_result_lines(log_info):
         print_line(console, line, mark)
     for line in _iter_log_problems(log_info):
         print_line(console, line, "[yellow]![/] ")
@@ -132,7 +132,7 @@ class _MarkedLine(NamedTuple):
     text: str
 
 
-def _iter_check_result_lines(log_info: "LogInfo") -> Iterator[_MarkedLine]:
+def iter_check_result_lines(log_info: "LogInfo") -> Iterator[_MarkedLine]:
     """Yield the outcome of --check as mark and text; nothing for a log that was not checked."""
     from estimators.errors import counted
 

@@ -125,7 +125,7 @@ def command(
 
     to = RecordTo(output, force, live)
     if watch:
-        _replay_on_machine_file_changes(machine, to, settings, replay_to, show_answer)
+        replay_on_machine_file_changes(machine, to, settings, replay_to, show_answer)
         return
     answer = replay_to(to)
     show_answer(answer)
@@ -133,7 +133,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _replay_on_machine_file_changes(
+def replay_on_machine_file_changes(
     machine_file: Path,
     recording_path: "RecordTo",
     overrides: list[str],
@@ -196,14 +196,14 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbosity: in
     if answer.verdict.can_weigh:
         _print_masses_with_uncertainty(screen, answer, verbosity)
     else:
-        _print_weighing_verdict(screen, answer, verbosity)
+        print_weighing_verdict(screen, answer, verbosity)
     for line in iter_answer_notes(answer, goal_u_kg, verbosity):
         print_line(screen, line)
     if verbosity:
         _print_uncertainty_budget(screen, answer)
         _print_estimates_by_method(screen, answer)
     if answer.verdict.can_weigh:
-        _print_weighing_verdict(screen, answer, verbosity)
+        print_weighing_verdict(screen, answer, verbosity)
     if verbosity and answer.fingerprint:
         print_line(screen, f"fingerprint: {answer.fingerprint}")
     if answer.recording:
@@ -251,7 +251,7 @@ def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbosity: int)
     if goal_u_kg is not None:
         yield from describe_manoeuvres_needed_for_goal(answer, goal_u_kg)
     if answer.verdict.can_estimate_inertia and not verbosity:
-        yield from _iter_yaw_inertia_lines(answer)
+        yield from iter_yaw_inertia_lines(answer)
     yield from describe_shift_total(answer)
     yield from describe_planar_fits(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbosity else LIMITS.answer_lines
@@ -297,7 +297,7 @@ def _iter_omitted_count_line(omitted_count: int, singular: str, plural: str) -> 
         yield f"{omitted_count} more {singular if omitted_count == 1 else plural} (-v)"
 
 
-def _iter_yaw_inertia_lines(answer: "Answer") -> "Iterator[str]":
+def iter_yaw_inertia_lines(answer: "Answer") -> "Iterator[str]":
     """Line with the yaw inertia of the joint fit, or else of the first method that has one."""
     from recordings.report.number_text import format_plus_minus
 
@@ -340,7 +340,7 @@ def _print_estimates_by_method(console: "Console", answer: "Answer") -> None:
             print_table_uncut(console, _make_table_of_method_estimates(row, verdict))
 
 
-def _print_weighing_verdict(console: "Console", answer: "Answer", verbosity: int) -> None:
+def print_weighing_verdict(console: "Console", answer: "Answer", verbosity: int) -> None:
     """Print whether the log can weigh: failed and near checks in full, the others counted."""
     verdict = answer.verdict
     failed = (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))

@@ -93,7 +93,7 @@ def command(
     if reference_kg is not None and not 0.0 < reference_kg < math.inf:
         raise typer.BadParameter(f"--reference {reference_kg:g}: give a mass in kg, above 0")
     wanted = FrameFormat.json if as_json else output_format
-    weighs = _run_and_print_sweep(
+    weighs = run_and_print_sweep(
         (logs, machine, overrides or [], over),
         reference_kg=reference_kg,
         calibration=make_calibration_request(
@@ -108,7 +108,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _run_and_print_sweep(
+def run_and_print_sweep(
     sweep_inputs: tuple[list[Path], Path, list[str], list[str]],
     *,
     reference_kg: float | None,

@@ -91,7 +91,7 @@ class ProposalTrial:
         if self.finding.cause != "wheel_radius" or nearer:
             return ""
         if (
-            _does_accelerometer_read_gravity(self.after)
+            does_accelerometer_read_gravity(self.after)
             and "imu_loose" not in self.finding.alternatives
         ):
             return ""
@@ -186,7 +186,7 @@ def _find_lightest_load_mass_and_u_kg(answer: Answer) -> _LoadMass | None:
     return min(known, default=None)
 
 
-def _does_accelerometer_read_gravity(run: Run) -> bool:
+def does_accelerometer_read_gravity(run: Run) -> bool:
     """Whether the z axis reads gravity at rest, so that the accelerometer's scale is right."""
     frame = run.frames["excitation"]
     if "specific_force_z_m_s2" not in frame.columns:

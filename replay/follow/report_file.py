@@ -60,7 +60,7 @@ class ReportFile:
         size = 0
         is_empty = path.is_file() and path.stat().st_size == 0
         if path.is_file() and not force:
-            reported, size = _read_complete_reports(path, identity)
+            reported, size = read_complete_reports(path, identity)
         require_writable_output(path, force=force or is_empty or size > 0)
         self.path = path
         self.until_unix_ns, self.replayed = 0, (0, False)
@@ -172,7 +172,7 @@ class _StoredReports(NamedTuple):
     complete_bytes: int
 
 
-def _read_complete_reports(path: Path, input_identity: str) -> _StoredReports:
+def read_complete_reports(path: Path, input_identity: str) -> _StoredReports:
     """Complete reports of a file of the same log by topic, and their length; else none, 0."""
     data = path.read_bytes()
     size = _count_complete_bytes(data)

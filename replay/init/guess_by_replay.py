@@ -46,7 +46,7 @@ def propose_settings_by_replaying_draft(log: Log, draft_text: str) -> list[str]:
         it; priors are comments, empty if the log adds nothing to the defaults.
     """
     replayed = _replay_with_draft_machine(log, draft_text)
-    braking = [] if replayed is None else _propose_braking_settings(replayed)
+    braking = [] if replayed is None else propose_braking_settings(replayed)
     if braking:
         tried = _replay_with_draft_machine(log, "\n".join([draft_text, *braking]))
         if tried is not None and _can_weigh_replayed_log(tried):
@@ -71,7 +71,7 @@ def _can_weigh_replayed_log(replayed_run: Run) -> bool:
     return Verdict.from_frame(replayed_run.frames["verdict"]).can_weigh
 
 
-def _propose_braking_settings(replayed_run: Run) -> list[str]:
+def propose_braking_settings(replayed_run: Run) -> list[str]:
     """Lines that keep samples with braking, if a finding shows that the force includes it."""
     found = replayed_run.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
     if found.is_empty() or found["value"][0] != "false":

@@ -337,10 +337,10 @@ def make_imu_mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str
     except LogError:
         return []
     guess = estimate_imu_mounting(t_ns, force, speed) if t_ns.size else None
-    return [] if guess is None else _format_mounting_angle_lines(guess)
+    return [] if guess is None else format_mounting_angle_lines(guess)
 
 
-def _format_mounting_angle_lines(guess: MountingGuess) -> list[str]:
+def format_mounting_angle_lines(guess: MountingGuess) -> list[str]:
     """Lines of the mounting angles with their reasons; comments if a slope may explain them."""
     where = "at standstill" if guess.stood else "on average over the drive"
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"

@@ -126,7 +126,7 @@ def migrate_toml_text(toml_text: str) -> MigratedText:
     renamed = rename_old_keys_in_content(wanted)
     lines = toml_text.splitlines(keepends=True)
     for old, new in renamed.items():
-        _rename_key_in_lines(lines, old, new)
+        rename_key_in_lines(lines, old, new)
     migrated = "".join(lines)
     try:
         is_equal = tomllib.loads(migrated) == wanted
@@ -176,7 +176,7 @@ def _find_table_of_content(content: dict[str, Any], sections: list[str]) -> dict
     return here if isinstance(here, dict) else None
 
 
-def _rename_key_in_lines(lines: list[str], old_key: str, new_key: str) -> None:
+def rename_key_in_lines(lines: list[str], old_key: str, new_key: str) -> None:
     """Rename one key, or move it to the table of its new name; do nothing if it is absent."""
     tables = list(_iter_tables_of_lines(lines))
     for table in tables:
@@ -220,7 +220,7 @@ def _iter_tables_of_lines(lines: list[str]) -> Iterator[_TableLines]:
     heads = [
         at
         for at, line in enumerate(lines)
-        if line.lstrip()[:1] == "[" and _is_table_header_line(line)
+        if line.lstrip()[:1] == "[" and is_table_header_line(line)
     ]
     yield _TableLines("", 0, heads[0] if heads else len(lines))
     for at, end in pairwise([*heads, len(lines)]):
@@ -228,7 +228,7 @@ def _iter_tables_of_lines(lines: list[str]) -> Iterator[_TableLines]:
         yield _TableLines(f"{unquote_dotted_key(name)}.", at + 1, end)
 
 
-def _is_table_header_line(line: str) -> bool:
+def is_table_header_line(line: str) -> bool:
     """Whether a line that begins with a bracket is a table header, not part of nested lists."""
     try:
         return bool(tomllib.loads(line))

@@ -239,7 +239,7 @@ def make_list_entry_of_log(
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = _read_begin_end_and_machine_of_log(log.path)
+    begins, ends, machine = read_begin_end_and_machine_of_log(log.path)
     if any(
         read_size_and_modification_time(inside / name) != about for name, about in log.files.items()
     ):
@@ -270,7 +270,7 @@ class _LogSummary(NamedTuple):
     machine_id: str
 
 
-def _read_begin_end_and_machine_of_log(log_path: Path) -> _LogSummary:
+def read_begin_end_and_machine_of_log(log_path: Path) -> _LogSummary:
     """Begin, end and machine of a log; "" for what is unknown.
 
     A damaged log is listed as well.

@@ -213,7 +213,7 @@ def add_correlations_with_slope_as_remarks(
             if is_acceleration:
                 ask_if_units_contradict_derivative(reader, each, speed, recognition)
             if is_force:
-                _ask_for_sign_of_nonnegative_force(reader, each, speed, recognition)
+                ask_for_sign_of_nonnegative_force(reader, each, speed, recognition)
         if each is speed and place is not None:
             ask_if_units_contradict_derivative(reader, each, place, recognition)
             goes = correlate_column_with_slope(reader, each, place)
@@ -314,7 +314,7 @@ def ask_if_integers_wrap_to_negative(
             )
 
 
-def _ask_for_sign_of_nonnegative_force(
+def ask_for_sign_of_nonnegative_force(
     reader: ColumnReader,
     force_proposal: ChannelProposal,
     speed_proposal: ChannelProposal,

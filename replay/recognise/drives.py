@@ -38,7 +38,7 @@ def propose_force_and_speed_of_drives(
             _propose_force_of_engine,
             propose_force_of_motors_of_both_sides,
             propose_force_of_motor,
-            _propose_force_of_pressures,
+            propose_force_of_pressures,
             _propose_force_of_power,
         )
         any(propose(columns, recognition) for propose in sketches)
@@ -207,11 +207,11 @@ def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognit
     return True
 
 
-def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
     drive = [
         c for c in columns if c.quantity == "pressure" and c.unit and not c.name_meaning.is_linkage
-    ] or _find_pressure_port_pair(columns)
+    ] or find_pressure_port_pair(columns)
     if not drive or len(drive) > 2:
         return False
     names = ["pressure_high_bar", "pressure_low_bar"][: len(drive)]
@@ -237,7 +237,7 @@ def _propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recog
     return True
 
 
-def _find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
+def find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
     """The two columns in a unit of pressure whose names differ in one letter, such as p_a and p_b.
 
     No name says that they are pressures; one alone may be that of a tyre or of oil.

@@ -62,7 +62,7 @@ def iter_readable_topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
-        fields = list(_iter_imported_field_paths(log, row))
+        fields = list(iter_imported_field_paths(log, row))
         if not fields:
             continue
         try:
@@ -73,7 +73,7 @@ def iter_readable_topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
         yield row["topic"], placed[row["topic"]]
 
 
-def _iter_imported_field_paths(log: Log, topic_row: dict[str, object]) -> Iterator[str]:
+def iter_imported_field_paths(log: Log, topic_row: dict[str, object]) -> Iterator[str]:
     """Yield the paths of the fields that are imported; list elements by name, if they have one."""
     fields, topic = topic_row["fields"], str(topic_row["topic"])
     assert isinstance(fields, list)

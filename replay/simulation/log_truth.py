@@ -53,8 +53,7 @@ def write_truth_of_shift(
 def have_logs_truth_of_trials(logs: Sequence[Path]) -> bool:
     """Whether every log has the truth of its trials next to it; a shift has no trials."""
     return all(
-        make_truth_path_of_log(log).is_file()
-        and _has_truth_file_trials(make_truth_path_of_log(log))
+        make_truth_path_of_log(log).is_file() and has_truth_file_trials(make_truth_path_of_log(log))
         for log in logs
     )
 
@@ -74,7 +73,7 @@ def read_true_trials_of_logs(logs: Sequence[Path]) -> pl.DataFrame:
     return pl.concat([_read_trials_of_truth_file(make_truth_path_of_log(log)) for log in logs])
 
 
-def _has_truth_file_trials(path: Path) -> bool:
+def has_truth_file_trials(path: Path) -> bool:
     """Whether a truth file is of trials; `read_true_trials_of_logs` reports unreadable files."""
     try:
         return json.loads(path.read_text(encoding="utf-8")).get("runs") != []

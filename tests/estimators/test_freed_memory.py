@@ -41,7 +41,7 @@ def test_blocks_come_from_the_heap_up_to_what_the_library_allows(
 ) -> None:
     library = Library(largest)
     monkeypatch.setattr(ctypes, "CDLL", lambda _: library)
-    threads._keep_freed_memory_in_glibc()
+    threads.keep_freed_memory_in_glibc()
     assert library.thresholds == {threads._MMAP_THRESHOLD: taken, TRIM: KEPT}
 
 
@@ -49,7 +49,7 @@ def test_without_a_threshold_of_blocks_nothing_is_set(monkeypatch: pytest.Monkey
     """The other one alone would make each block of 128 KiB and more a mapping of its own."""
     library = Library(0)
     monkeypatch.setattr(ctypes, "CDLL", lambda _: library)
-    threads._keep_freed_memory_in_glibc()
+    threads.keep_freed_memory_in_glibc()
     assert library.thresholds == {}
 
 
@@ -60,5 +60,5 @@ def test_an_allocator_that_the_environment_sets_is_left_alone(
     library = Library(2 * LARGE)
     monkeypatch.setattr(ctypes, "CDLL", lambda _: library)
     monkeypatch.setenv(name, "1")
-    threads._keep_freed_memory_in_glibc()
+    threads.keep_freed_memory_in_glibc()
     assert library.thresholds == {}

@@ -39,7 +39,7 @@ def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFr
     Returns:
         `digging`: a row per digging start.
     """
-    met = _find_starts_with_changed_resistance(excitation, machine) if machine.machine.digs else []
+    met = find_starts_with_changed_resistance(excitation, machine) if machine.machine.digs else []
     found = [each.row for each in select_pile_contacts(met)]
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
@@ -64,7 +64,7 @@ class _PileContact:
     stops: bool
 
 
-def _find_starts_with_changed_resistance(
+def find_starts_with_changed_resistance(
     excitation: pl.DataFrame, machine: Machine
 ) -> list[_PileContact]:
     """Starts whose resistance significantly changes by the size of a pile's, in order of time."""

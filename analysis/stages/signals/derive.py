@@ -53,7 +53,7 @@ def derive(
     settings = machine.settings
     notes: list[str] = []
     filtering = any(channel.is_derivative for channel in machine.channels.values())
-    picked = _low_pass_fast_channels(measured, settings, notes) if filtering else dict(measured)
+    picked = low_pass_fast_channels(measured, settings, notes) if filtering else dict(measured)
 
     series = mounting.rotate_imu_to_machine_axes(picked, machine.machine.imu, settings.align)
     for name in machine.order_channels_by_derivation():
@@ -66,7 +66,7 @@ def derive(
             first, second = channel.averaged_channels
             t, x = average_two_channels(series[first], series[second], settings.align)
         elif channel.expression is not None:
-            t, x = _compute_arithmetic_channel(name, series, machine, notes)
+            t, x = compute_arithmetic_channel(name, series, machine, notes)
         else:
             continue
         series[name] = _fill_unresolved_samples(name, t, x * channel.scale + channel.offset)
@@ -126,7 +126,7 @@ def find_unit_in_name(name: str) -> str:
     return unit or ""
 
 
-def _compute_arithmetic_channel(
+def compute_arithmetic_channel(
     name: str, series: Mapping[str, mounting.Series], machine: Machine, notes: list[str]
 ) -> mounting.Series:
     """Compute a channel from others at the stamps of the slowest, with interpolation.
@@ -198,7 +198,7 @@ def share_equal_stamp_arrays(channels: Mapping[str, mounting.Series]) -> dict[st
     return out
 
 
-def _low_pass_fast_channels(
+def low_pass_fast_channels(
     measured: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
 ) -> dict[str, mounting.Series]:
     """Apply the low-pass to every channel whose rate allows it.

@@ -58,7 +58,7 @@ def parse_bag_record(
 
 
 @compiled_for_many_iterations(estimate_scan_iterations)
-def _scan_bag_records(
+def scan_bag_records(
     data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
 ) -> CountAndStop:
     """Find the rows of messages and connections; see `slabs.RecordGrammar`.
@@ -102,4 +102,4 @@ def _find_next_bag_record(data: NDArray[np.uint8], begin: int, end: int, limit: 
     return -1
 
 
-GRAMMAR: Final = RecordGrammar(_scan_bag_records, _find_next_bag_record)
+GRAMMAR: Final = RecordGrammar(scan_bag_records, _find_next_bag_record)

@@ -197,7 +197,7 @@ class BlockStore:
             unknown: list[Block] = []
             for block, read_times in self._unread:
                 times = read_times()
-                if times is None or not _do_indexed_times_match_block(block, times):
+                if times is None or not do_indexed_times_match_block(block, times):
                     unknown.append(block)
                     continue
                 for key, values in times.items():
@@ -316,7 +316,7 @@ def complete_block_by_log_times(
     )
 
 
-def _do_indexed_times_match_block(block: Block, log_times: Mapping[int, NDArray[np.int64]]) -> bool:
+def do_indexed_times_match_block(block: Block, log_times: Mapping[int, NDArray[np.int64]]) -> bool:
     """Whether an index lists as many messages as its block holds, all within its time span."""
     whole = np.concatenate([make_empty_log_times(), *log_times.values()])
     in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True

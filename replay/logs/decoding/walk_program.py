@@ -182,7 +182,7 @@ def walk_messages(
                     notes, check_count, note_count, mark, element - int(kept[node]), place, count
                 )
                 _write_marks(table, marks, mark, element, place, count, begin)
-            step, depth = _find_next_step(steps, step, filled, left, depth, count)
+            step, depth = find_next_step(steps, step, filled, left, depth, count)
         if fault == 0 and size - at > (3 if encoding.cdr else 0):
             fault = _GOES_ON
         faults[message] = fault
@@ -300,7 +300,7 @@ StepAndDepth: TypeAlias = tuple[int, int]
 
 
 @compiled_inline
-def _find_next_step(
+def find_next_step(
     steps: Ints, step: int, filled_counts: Ints, elements_left: Ints, depth: int, count: int
 ) -> StepAndDepth:
     """The step after this one, and its depth of nested lists; counts the elements of lists."""

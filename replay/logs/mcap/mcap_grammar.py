@@ -23,7 +23,7 @@ _PROVEN: Final = 4
 
 
 @compiled_for_many_iterations(estimate_scan_iterations)
-def _scan_mcap_records(
+def scan_mcap_records(
     data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
 ) -> CountAndStop:
     """Find the rows of messages, schemas and channels; see `slabs.RecordGrammar`.
@@ -106,4 +106,4 @@ def _find_next_mcap_record(data: NDArray[np.uint8], begin: int, end: int, limit:
     return -1
 
 
-GRAMMAR: Final = RecordGrammar(_scan_mcap_records, _find_next_mcap_record)
+GRAMMAR: Final = RecordGrammar(scan_mcap_records, _find_next_mcap_record)

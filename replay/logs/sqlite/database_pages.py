@@ -85,7 +85,7 @@ def read_page_layout_of_messages_table(
         and head[24:28] == head[92:96]
         and pages * page_bytes == file.size
     )
-    record = _find_messages_table(database)
+    record = find_messages_table(database)
     if not whole or record is None or not 1 < record[0] <= pages:
         return None
     return PageLayout(page_bytes, usable, pages, _LOCKED_BYTE // page_bytes + 1, *record)
@@ -107,7 +107,7 @@ class _TableLayout(NamedTuple):
     message_index: int
 
 
-def _find_messages_table(database: sqlite3.Connection) -> _TableLayout | None:
+def find_messages_table(database: sqlite3.Connection) -> _TableLayout | None:
     """Root page of table `messages`, its columns, and the places of topic, time and message."""
     found = fetch_all_rows(
         database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"

@@ -133,7 +133,7 @@ def convert_numbers_to_python_notation(
     form = (
         make_grouped_number_pattern(decimal_sign)
         if is_grouped
-        else _make_unambiguous_grouping_pattern(decimal_sign)
+        else make_unambiguous_grouping_pattern(decimal_sign)
     )
     has_groups = cell.str.contains(f"^(?:{form})$")
     cell = (
@@ -153,7 +153,7 @@ def make_grouped_number_pattern(decimal_sign: str) -> str:
     return rf"[+-]?(?:{groups})(?:[{decimal_sign}]\d*)?"
 
 
-def _make_unambiguous_grouping_pattern(decimal_sign: str) -> str:
+def make_unambiguous_grouping_pattern(decimal_sign: str) -> str:
     """Pattern of numbers whose separators are certain: several, blanks, or a decimal sign after."""
     signs = _GROUPS[decimal_sign]
     ambiguous, blanks = signs[0], signs[1:]
@@ -165,4 +165,4 @@ def _make_unambiguous_grouping_pattern(decimal_sign: str) -> str:
 
 
 _GROUPED: Final = {sign: re.compile(make_grouped_number_pattern(sign)) for sign in ".,"}
-_SURELY: Final = {sign: re.compile(_make_unambiguous_grouping_pattern(sign)) for sign in ".,"}
+_SURELY: Final = {sign: re.compile(make_unambiguous_grouping_pattern(sign)) for sign in ".,"}

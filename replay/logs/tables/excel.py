@@ -37,7 +37,7 @@ def write_sheet_as_csv(path: Path, sheet: str | None, copies: ExitStack) -> Path
             "Excel files need another library: pip install 'payscope[excel]', or save the sheet as "
             "CSV; nothing can be set"
         ) from None
-    _refuse_oversized_workbook(path)
+    refuse_oversized_workbook(path)
     try:
         with path.open("rb") as file:
             book = CalamineWorkbook.from_object(file)
@@ -107,7 +107,7 @@ class _SheetExtent:
             )
 
 
-def _refuse_oversized_workbook(path: Path) -> None:
+def refuse_oversized_workbook(path: Path) -> None:
     """Unpack the file once without storing it, since the declared size of a bomb may be false."""
     try:
         with ZipFile(path) as archive:

@@ -56,10 +56,10 @@ def iter_records_in_time_order(topics: Sequence[RecordedTopic]) -> Iterator[Reco
     done = [0] * len(topics)
     for begin in range(0, times.size, BLOCK_ROWS):
         here = slice(begin, begin + BLOCK_ROWS)
-        yield _make_next_record_block(topics, times[here], kinds[here], done)
+        yield make_next_record_block(topics, times[here], kinds[here], done)
 
 
-def _make_next_record_block(
+def make_next_record_block(
     topics: Sequence[RecordedTopic], times: Ints, topic_ids: Ints, messages_done: list[int]
 ) -> RecordBlock:
     """Next block of messages; `messages_done` counts the messages of each topic that precede it."""
