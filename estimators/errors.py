@@ -67,6 +67,10 @@ class DataError(PayscopeError):
     """The samples cannot be used."""
 
 
+class NoReadingError(DataError):
+    """A channel without any number in the log."""
+
+
 class OutputError(PayscopeError):
     """An output cannot be written, or already exists."""
 

@@ -108,7 +108,7 @@ def estimate_min_detectable_load_kg(manoeuvres: pl.DataFrame, loads: pl.DataFram
     """
     noise_kg = manoeuvres["mass_std_kg"].drop_nulls().to_numpy()
     scatter_kg = loads["scatter_kg"].drop_nulls().to_numpy()
-    if not noise_kg.size or not scatter_kg.size:
+    if not noise_kg.size or not scatter_kg.size or not loads["scatter_known"].any():
         return None
     return LIMITS.min_detectable_std * float(np.hypot(np.median(noise_kg), scatter_kg.max()))
 

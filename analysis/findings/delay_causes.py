@@ -29,6 +29,7 @@ from analysis.model.windows import flag_windows
 from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.signals.derive import find_unit_in_name
 from analysis.stages.signals.grid_rate import count_rows_in_duration
+from analysis.stages.signals.rates import find_source_channels
 from analysis.weighing.friction_warming import WARMING
 from estimators.arrays import Bools, Floats
 
@@ -43,7 +44,7 @@ EXPLAINED_BY_LONG: Final = (
 #: Causes that a delay between two sensors of the force makes show, besides those of any delay.
 EXPLAINED_BY_SOURCE: Final = ("braking_inside", "braking_left_out", "unlike_sides")
 #: Units of channels of which several make up a force.
-_FORCE_UNITS: Final = ("N", "N*m", "A", "Pa")
+_FORCE_UNITS: Final = ("N", "kN", "N*m", "kN*m", "A", "percent", "Pa", "bar")
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 
@@ -195,21 +196,20 @@ def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, 
 
 def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
     """Find late channels by the likelihood of f(t - d) = m a + b v, with m and b refitted."""
+    of_sources = find_delays_between_force_sources(inputs)
+    is_source_late = any(each.strength >= 1.0 for each in of_sources)
     late = find_channel_with_long_delay(inputs)
-    if late is not None:
+    if late is not None and not (is_source_late and late.channel == "force"):
         # of a speed without its sign, half of the log is late by half of a start
         return [] if find_unsigned_speed(inputs) else [_make_long_delay_symptom(inputs, late)]
+    # a part of the force that is late looks like a delay of the whole
     found = [
-        pick for name, pick in rank_causes_by_likelihood(inputs).items() if name.startswith("delay")
+        pick
+        for name, pick in rank_causes_by_likelihood(inputs).items()
+        if name.startswith("delay") and not (is_source_late and name == "delay:force")
     ]
-    return [
-        *find_delays_between_force_sources(inputs),
-        *(
-            _make_delay_symptom(inputs, pick)
-            for pick in found
-            if not is_filter_delay_likelier(pick)
-        ),
-    ]
+    whole = (_make_delay_symptom(inputs, p) for p in found if not is_filter_delay_likelier(p))
+    return [*of_sources, *whole]
 
 
 def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
@@ -240,10 +240,12 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
 
 def list_force_sources(inputs: FindingInputs) -> tuple[str, ...]:
     """Channels that add up to the force, all forces, torques, currents or pressures; else none."""
-    force = inputs.machine.channels.get("force_x_N")
-    names = FORCES if force is None else force.direct_source_channels
-    measured = inputs.select_measured_channels(*names)
-    by_unit = ([n for n in measured if find_unit_in_name(n) == unit] for unit in _FORCE_UNITS)
+    machine = inputs.machine
+    whole = ("force_x_N",) if "force_x_N" in machine.channels else FORCES
+    sources = frozenset[str]().union(*(find_source_channels(each, machine) for each in whole))
+    measured = inputs.select_measured_channels(*sorted(sources))
+    units = {name: find_unit_in_name(name).replace("·", "*") for name in measured}
+    by_unit = ([n for n in measured if units[n] == unit] for unit in _FORCE_UNITS)
     return next((tuple(each) for each in by_unit if len(each) > 1), ())
 
 

@@ -67,7 +67,11 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             if of_force < -LIMITS.signed_correlation
             else inputs.speed_channels
         )
-    elif driving_share < LIMITS.opposed_driving_share:
+    elif (
+        driving_share < LIMITS.opposed_driving_share
+        and of_force > LIMITS.signed_correlation
+        and not by_imu
+    ):
         # every start is against the force that causes it
         names = inputs.speed_channels
     # a speed without its sign makes every drive in reverse look like one of the wrong sign

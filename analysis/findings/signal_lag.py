@@ -44,7 +44,9 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
     both = (delayed, reference)
     if any(stamps_ns.size < 2 for stamps_ns, _ in both):
         return None
-    step_ns = max(float(np.median(np.diff(stamps_ns))) for stamps_ns, _ in both)
+    # a quarter of what is reported is fine enough, and the cost goes with the square of the rate
+    least_ns = LIMITS.source_delay_s * NS_PER_S / 4.0
+    step_ns = max(least_ns, *(float(np.median(np.diff(stamps_ns))) for stamps_ns, _ in both))
     begin_ns, end_ns = max(each[0][0] for each in both), min(each[0][-1] for each in both)
     end_ns = min(end_ns, begin_ns + round(LIMITS.delay_search_span_s * NS_PER_S))
     longest = round(LIMITS.longest_source_delay_s * NS_PER_S / step_ns)

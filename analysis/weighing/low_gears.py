@@ -43,10 +43,9 @@ def do_speeds_span_several_gears(motion: MotionSamples) -> bool:
 def has_several_gear_ratios(motion: MotionSamples) -> bool:
     """Whether the measured gear ratio differs by enough to determine what it adds to the mass."""
     ratio = motion.relative_gear_ratio
-    return ratio is not None and bool(
-        np.quantile(ratio[motion.is_fittable], LIMITS.gear_ratio_quantile)
-        < LIMITS.gear_ratio_min_change
-    )
+    if ratio is None or not motion.is_fittable.any():
+        return False
+    return float(ratio[motion.is_fittable].min()) < LIMITS.gear_ratio_min_change
 
 
 def _low_gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:

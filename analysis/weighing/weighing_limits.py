@@ -178,10 +178,9 @@ class WeighingLimits:
     #: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a
     #: lorry's low gears end at 4 m/s, a car's at 10.
     gear_quarter_speeds_m_s: tuple[float, float] = (4.0, 10.0)
-    #: Of a measured gear ratio: smallest over largest up to which a log determines what it adds,
+    #: Of a measured gear ratio: smallest over largest of the fitted samples up to which there is a
+    #: term of it,
     gear_ratio_min_change: float = 0.8
-    #: the quantile that is the smallest: a moment in a gear determines nothing,
-    gear_ratio_quantile: float = 0.05
     #: time in s within which a gear changes,
     gear_change_s: float = 0.1
     #: logarithm of the smallest step of a gearbox, 1.15,

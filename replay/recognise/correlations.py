@@ -44,7 +44,10 @@ _WRAPPED: Final = (
     "where(x > {2}, x - {3}, x)"
 )
 #: Both sides of a machine, in m/s or as turns.
-_OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
+_OF_SIDES: Final = (
+    *("speed_{}_m_s", "wheel_{}_rpm"),
+    *("{}_motor_torque_N_m", "{}_torque_percent", "{}_motor_current_A"),
+)
 
 
 def find_accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
@@ -195,7 +198,8 @@ def add_correlations_with_slope_as_remarks(
     for each in recognition.channels:
         reason = each.reason
         ask_if_integers_wrap_to_negative(reader, each, recognition)
-        is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
+        quantity = each.column.removeprefix("left_").removeprefix("right_")
+        is_force = quantity.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
             goes = correlate_column_with_slope(reader, each, speed)

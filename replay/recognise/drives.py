@@ -9,8 +9,9 @@ from replay.recognise.recognise_limits import LIMITS
 
 _GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
 _GEAR_RATIOS: Final = (
-    "which ratio each gear of '{0}' has, where engine or turbine give the force: they add to the "
-    'mass with its square; channels.gear_ratio_1, derive = "where({0} > 1.5, RATIO_2, RATIO_1)"'
+    "which ratio each gear of '{0}' has: engine or turbine add to the mass with its square; with "
+    "'{0}' as channels.gear_1, channels.gear_ratio_1 is "
+    'derive = "where(gear_1 > 1.5, RATIO_2, RATIO_1)"'
 )
 _RADIUS: Final = "machine.wheel_radius_m"
 _EFFICIENCY: Final = "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
@@ -97,7 +98,7 @@ def propose_force_of_motors_of_both_sides(
                 if c.quantity == quantity
                 and (c.name_meaning.part, c.name_meaning.side) == ("motor", side)
                 and not (quantity == "current" and c.name_meaning.is_of_supply)
-                and c.has_dimension_of_unit(unit)
+                and (c.has_dimension_of_unit(unit) or (unit, c.unit) == ("A", None))
             ]
             for side in _SIDES
         ]
@@ -120,7 +121,8 @@ def propose_force_of_motors_of_both_sides(
 def ask_for_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Ask for the ratio of each gear if a column has the number of the gear, but none its ratio."""
     gear = next((each for each in columns if each.name_meaning.quantity == "gear"), None)
-    if gear is not None and "gear_ratio_1" not in recognition.recognised_channels:
+    in_front_of_gearbox = "force_x_N" not in recognition.recognised_channels
+    if gear and in_front_of_gearbox and "gear_ratio_1" not in recognition.recognised_channels:
         recognition.add_question_of_subject("column", _GEAR_RATIOS.format(gear.source_text))
 
 

@@ -126,10 +126,10 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
     for channel, each in claims.items():
         fill_only_candidate_or_ask(reader, channel, each, recognition)
     _ask_if_other_wheels_drive(columns, recognition)
-    ask_for_gear_ratios(columns, recognition)
     propose_columns_by_unit(columns, recognition)
     propose_columns_without_unit(columns, recognition)
     propose_force_and_speed_of_drives(columns, recognition)
+    ask_for_gear_ratios(columns, recognition)
     return add_correlations_with_slope_as_remarks(reader, columns, recognition)
 
 

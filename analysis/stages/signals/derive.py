@@ -25,7 +25,7 @@ from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings, Settings
 from analysis.stages.signals import filters, mounting
 from analysis.stages.signals.signal_limits import LIMITS
-from estimators.errors import DataError, MachineError
+from estimators.errors import DataError, MachineError, NoReadingError
 
 _SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
 #: Angles and places are not in the regressor, so they are not filtered with it.
@@ -70,8 +70,8 @@ def derive(
         else:
             continue
         series[name] = _fill_unresolved_samples(name, t, x * channel.scale + channel.offset)
-    # what arithmetic alone needed
-    series = {name: each for name, each in series.items() if name in _SI}
+    # of what arithmetic alone needed, a causal grid takes when it was known
+    whole, series = series, {name: each for name, each in series.items() if name in _SI}
     t, speed = series["speed_x_m_s"]
     # the sign of a standing machine's noise is a regressor of pure noise
     moves = np.abs(speed) > settings.forces.direction_deadband_m_s
@@ -80,10 +80,10 @@ def derive(
         name: [pl.Series("unix_ns", t), pl.Series(name, x)] for name, (t, x) in series.items()
     }
     if settings.filter.causal:
-        for name, known_ns in find_known_times_of_samples_ns(
-            measured, picked, series, machine
-        ).items():
-            columns[name].append(pl.Series("known_ns", known_ns))
+        known = find_known_times_of_samples_ns(measured, picked, whole, machine)
+        for name, each in columns.items():
+            if name in known:
+                each.append(pl.Series("known_ns", known[name]))
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
 
 
@@ -181,12 +181,19 @@ def read_measured_channels(
         topic = channel.topic or "table"
         if channel.direct_source_channels or (name in HINTS and topic not in stamped_topics):
             continue
-        if channel.angle_and_quaternion_field:
-            read[name] = compute_angle_from_orientation(
-                name, channel, stamped_topics[topic], machine, losses
+        try:
+            read[name] = (
+                compute_angle_from_orientation(
+                    name, channel, stamped_topics[topic], machine, losses
+                )
+                if channel.angle_and_quaternion_field
+                else read_field_of_channel(name, channel, stamped_topics[topic], losses)
             )
-        else:
-            read[name] = read_field_of_channel(name, channel, stamped_topics[topic], losses)
+        except NoReadingError as error:
+            # a hint that holds nothing is one that is not there
+            if name not in HINTS:
+                raise
+            losses.append(Loss(source=name, what=str(error).removeprefix(f"{name}: ")))
     return share_equal_stamp_arrays(read), losses
 
 
@@ -285,7 +292,7 @@ def select_usable_readings(
         return t - delay_ns, set_unresolved_to_zero(readings)
     finite = np.isfinite(readings)
     if not finite.any():
-        raise DataError(f"{name}: {where} holds no number in {readings.size} samples")
+        raise NoReadingError(f"{name}: {where} holds no number in {readings.size} samples")
     told = finite & (np.abs(readings) <= LIMITS.largest_si)
     limit = f"beyond {LIMITS.largest_si:g} {find_unit_in_name(name)}, which cannot be a reading"
     if not told.any():

@@ -187,7 +187,9 @@ def test_a_tenth_may_be_above_110_percent_none_above_120_and_the_mean_at_the_tar
 def test_the_smallest_detectable_load_is_told_from_none_in_nineteen_of_twenty_starts() -> None:
     noise_kg, scatter_kg = 300.0, 400.0
     manoeuvres = pl.DataFrame({"mass_std_kg": [noise_kg] * 5})
-    least_kg = estimate_min_detectable_load_kg(manoeuvres, pl.DataFrame({"scatter_kg": scatter_kg}))
+    least_kg = estimate_min_detectable_load_kg(
+        manoeuvres, pl.DataFrame({"scatter_kg": scatter_kg, "scatter_known": True})
+    )
     assert least_kg is not None
     one_start_kg = np.hypot(noise_kg, scatter_kg) * np.random.default_rng(8).normal(size=100_000)
     limit_kg = least_kg / 2.0
@@ -197,4 +199,8 @@ def test_the_smallest_detectable_load_is_told_from_none_in_nineteen_of_twenty_st
 
 def test_without_masses_no_load_is_the_smallest_that_shows() -> None:
     nothing = pl.DataFrame({"mass_std_kg": [None]}, {"mass_std_kg": pl.Float64})
-    assert estimate_min_detectable_load_kg(nothing, pl.DataFrame({"scatter_kg": 0.0})) is None
+    loads = pl.DataFrame({"scatter_kg": 0.0, "scatter_known": True})
+    assert estimate_min_detectable_load_kg(nothing, loads) is None
+    some = pl.DataFrame({"mass_std_kg": [300.0]})
+    unknown = loads.with_columns(scatter_known=False)
+    assert estimate_min_detectable_load_kg(some, unknown) is None

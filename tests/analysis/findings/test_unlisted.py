@@ -3,7 +3,8 @@
 import pytest
 
 from benchmarks.unlisted_faults import try_fault
-from benchmarks.unlisted_rows import UNLISTED
+from benchmarks.unlisted_rows import UNLISTED, drawn_log, memory_log
+from replay.pipeline import run
 from tests.twins import mark_slow_after
 
 BY_NAME = {fault.name: fault for fault in UNLISTED}
@@ -19,8 +20,6 @@ SIMULATED, INDEPENDENT = 2_800_000, 2_800_001
         ("left wheel high", 1.15, INDEPENDENT),
         ("left wheel slips in hard starts", 0.1, SIMULATED),
         ("speed late", 0.3, SIMULATED),
-        ("left torque late", 0.04, INDEPENDENT),
-        ("left torque late", 0.3, SIMULATED),
         ("speed late", 1.0, INDEPENDENT),
         ("speed in another unit", 9.5493, INDEPENDENT),
         ("speed in another unit", 1.0, INDEPENDENT),
@@ -56,3 +55,14 @@ def test_a_sound_machine_on_a_cross_slope_in_curves_has_no_finding(seed: int) ->
     assert found.mass_kg is not None
     assert found.causes == []
     assert "side_difference" not in found.failed
+
+
+@pytest.mark.parametrize(("late_s", "seed"), [(0.04, INDEPENDENT), (0.1, SIMULATED)])
+def test_the_late_one_of_two_torques_is_named_with_its_delay(late_s: float, seed: int) -> None:
+    fault = BY_NAME["left torque late"]
+    log = fault.put_into(drawn_log(seed, both_ways=fault.both_ways), late_s, seed)
+    findings = run([memory_log(log)], log.machine).frames["findings"]
+    (delay,) = findings.filter(cause="delay").to_dicts()
+    assert delay["rank"] == 1
+    assert delay["setting"] == "channels.torque_left_N_m.delay_s"
+    assert float(delay["value"]) == pytest.approx(late_s, abs=0.003)

@@ -310,6 +310,17 @@ def test_a_signal_of_j1939_has_its_unit(tmp_path: Path, name: str, unit: str) ->
     assert questions == []
 
 
+def test_motors_that_turn_against_one_another_are_asked_about(tmp_path: Path) -> None:
+    sides = {"left_motor_torque__Nm": A, "right_motor_torque__Nm": -A}
+    _, questions = proposed(tmp_path, speed__kmh=V, **sides)
+    assert any("is positive: they correlate negatively" in each for each in questions)
+
+
+def test_a_force_that_is_complete_asks_for_no_gears(tmp_path: Path) -> None:
+    _, questions = proposed(tmp_path, speed__kmh=V, force__N=A, CurrentGear=np.round(V))
+    assert not any("gear" in each for each in questions)
+
+
 @pytest.mark.parametrize("name", ["TransmissionActualGearRatio", "gear_ratio", "Drive ratio"])
 def test_a_gear_ratio_is_one_and_no_gear_is_asked_for(tmp_path: Path, name: str) -> None:
     channels, questions = proposed(

@@ -118,6 +118,30 @@ def test_a_field_without_numbers_is_an_error_that_names_channel_field_and_topic(
     assert str(error.value) == f"specific_force_x_m_s2: x of /imu {fault}"
 
 
+def test_a_hint_without_numbers_is_a_loss_and_one_of_the_wrong_type_an_error(raw_topic, machine):
+    hinted = machine(
+        {"acceleration": "kinematic"},
+        gear_ratio_1={"topic": "/imu", "field": "x"},
+        acc_x_m_s2={"derive": "d/dt speed_x_m_s"},
+        specific_force_x_m_s2=None,
+    )
+    channels, losses, _ = derived(loader(raw_topic, x=[None] * 500), hinted)
+    assert "gear_ratio_1" not in channels
+    assert str(losses[0]) == "gear_ratio_1: x of /imu holds no number in 500 samples"
+    with pytest.raises(DataError, match="gear_ratio_1: x of /imu is String"):
+        derived(loader(raw_topic, x=["first"] * 500), hinted)
+
+
+def test_a_causal_force_derived_of_a_channel_of_ones_own_is_known_when_that_is(raw_topic, machine):
+    own = {
+        "drive_A": {"topic": "/can", "field": "force"},
+        "force_x_N": {"derive": "drive_A * 1 [N/A]"},
+    }
+    channels, _, _ = derived(loader(raw_topic), machine({"causal": True}, **own))
+    assert "drive_A" not in channels
+    assert (channels["force_x_N"]["known_ns"] >= channels["force_x_N"]["unix_ns"]).all()
+
+
 POSITION = {
     "position_x_m": {"topic": "/can", "field": "speed"},
     "speed_x_m_s": {"derive": "d/dt position_x_m"},
