@@ -13,7 +13,7 @@ def test_every_error_is_a_payscope_error_with_a_docstring():
     found = [
         c for _, c in inspect.getmembers(errors, inspect.isclass) if c.__module__ == errors.__name__
     ]
-    assert len(found) == 12
+    assert len(found) == 13
     for error in found:
         assert issubclass(error, errors.PayscopeError)
         assert error.__doc__
