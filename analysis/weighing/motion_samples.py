@@ -8,7 +8,7 @@ samples as they are, from the break-away on, and averages inside a manoeuvre onl
 import math
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import polars as pl
@@ -46,6 +46,12 @@ _LEAST_GROUND: Final = 0.5
 _ARMS: Final = ("boom_rad", "bucket_rad")
 #: Samples that are worked on together, so that they stay in the processor's cache,
 _PIECE: Final = 32_768
+
+
+def select_rows_of_arrays(record: Any, rows: slice | Ints) -> dict[str, Any]:
+    """Rows of each array of a dataclass, by the name of its field."""
+    values = {each.name: getattr(record, each.name) for each in fields(record)}
+    return {name: x[rows] for name, x in values.items() if isinstance(x, np.ndarray)}
 
 
 class ColumnNoiseModel(Protocol):
@@ -151,8 +157,7 @@ class MotionSamples:
 
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
-        channels = {each.name: getattr(self, each.name) for each in fields(self)}
-        own = {n: x[selection] for n, x in channels.items() if isinstance(x, np.ndarray)}
+        own = select_rows_of_arrays(self, selection)
         return replace(self, arms=tuple(each[selection] for each in self.arms), **own)
 
     @cached_property

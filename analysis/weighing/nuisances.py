@@ -5,7 +5,7 @@ where no calibration learnt another (`settings.priors.learnt`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Self
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, select_rows_of_arrays
 from analysis.weighing.weighing_limits import LIMITS
 
 
@@ -75,9 +75,7 @@ class ColumnInputs:
 
     def select_rows(self, row_indices: Ints) -> "ColumnInputs":
         """Select some of the samples."""
-        channels = {each.name: getattr(self, each.name) for each in fields(self)}
-        own = {n: x[row_indices] for n, x in channels.items() if isinstance(x, np.ndarray)}
-        return replace(self, **own)
+        return replace(self, **select_rows_of_arrays(self, row_indices))
 
     @cached_property
     def loaded_direction(self) -> Floats:

@@ -27,6 +27,11 @@ class ReportLimits:
     #: Fraction of the variance below which a source is not listed.
     small_variance_fraction: float = 0.005
 
+    # shift_text
+    #: Smallest detectable load, over the mean one, from which loads may be missing: starts of half
+    #: a load are common at the end of a heap.
+    missed_load_fraction: float = 0.5
+
     # svg_shapes
     #: Ticks of an axis, about.
     ticks: int = 5

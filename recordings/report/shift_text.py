@@ -5,12 +5,10 @@ from typing import Any, Final
 
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
+from recordings.report.report_limits import LIMITS
 
 #: Of an interval with a confidence of 95 %.
 K: Final = 2.0
-#: Smallest detectable load, over the mean one, from which loads may be missing: starts of half a
-#: load are common at the end of a heap.
-_LOADS_MISSED_FRACTION: Final = 0.5
 
 
 def describe_shift_payload(shift: Mapping[str, Any]) -> str:
@@ -38,7 +36,7 @@ def describe_min_detectable_load(shift: Mapping[str, Any]) -> str:
 
 def may_miss_small_loads(shift: Mapping[str, Any]) -> bool:
     """Whether loads of half the mean payload may count as empty."""
-    return (shift.get("min_detectable_kg") or 0.0) > _LOADS_MISSED_FRACTION * (
+    return (shift.get("min_detectable_kg") or 0.0) > LIMITS.missed_load_fraction * (
         shift["payload_mean_kg"] or 0.0
     )
 

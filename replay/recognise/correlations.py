@@ -90,16 +90,21 @@ class ColumnReader:
         Raises:
             LogError: the column cannot be read.
         """
-        named = self._named.get(topic, [])
-        try:
-            frame = self._read_fields(topic, tuple(named) if field in named else (field,))
-        except (LogError, pl.exceptions.PolarsError):
-            # another column of the topic may be what cannot be read
-            frame = self._read_fields(topic, (field,))
+        frame = self._read_with_others(topic, field)
         x = frame[field].cast(pl.Float64).to_numpy()
         t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
         known = np.isfinite(x)
         return Readings(t[known], x[known])
+
+    def _read_with_others(self, topic: str | None, field: str) -> pl.DataFrame:
+        named = self._named.get(topic, [])
+        if field in named:
+            try:
+                return self._read_fields(topic, tuple(named))
+            except (LogError, pl.exceptions.PolarsError):
+                # another column of the topic may be what cannot be read: each by itself from now on
+                self._named[topic] = []
+        return self._read_fields(topic, (field,))
 
     def _read_fields(self, topic: str | None, fields: tuple[str, ...]) -> pl.DataFrame:
         if (topic, fields) not in self._frames:

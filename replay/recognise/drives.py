@@ -86,6 +86,15 @@ def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Re
     return True
 
 
+def is_drive_output(column: LogColumn, quantity: str, unit: str) -> bool:
+    """Whether a column is of this quantity and unit, and not what flows into a drive."""
+    # what flows into a drive is power over voltage, not torque
+    is_supply = quantity == "current" and column.name_meaning.is_of_supply
+    # a current is in amperes where nothing is stated, as motor controllers write it
+    has_unit = column.has_dimension_of_unit(unit) or (unit, column.unit) == ("A", None)
+    return column.quantity == quantity and has_unit and not is_supply
+
+
 def propose_force_of_motors_of_both_sides(
     columns: Sequence[LogColumn], recognition: Recognition
 ) -> bool:
@@ -95,10 +104,8 @@ def propose_force_of_motors_of_both_sides(
             [
                 c
                 for c in columns
-                if c.quantity == quantity
+                if is_drive_output(c, quantity, unit)
                 and (c.name_meaning.part, c.name_meaning.side) == ("motor", side)
-                and not (quantity == "current" and c.name_meaning.is_of_supply)
-                and (c.has_dimension_of_unit(unit) or (unit, c.unit) == ("A", None))
             ]
             for side in _SIDES
         ]
@@ -146,14 +153,7 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
     """Propose a force from a motor's torque or current; whether there is any."""
     for quantity, unit, name, factor in _MOTOR_OUTPUTS:
         fitting = [
-            c
-            for c in columns
-            if c.quantity == quantity
-            and c.name_meaning.side is None
-            # what flows into a drive is power over voltage, not torque
-            and not (quantity == "current" and c.name_meaning.is_of_supply)
-            # a current is in amperes where nothing is stated, as motor controllers write it
-            and (c.has_dimension_of_unit(unit) or (unit, c.unit) == ("A", None))
+            c for c in columns if is_drive_output(c, quantity, unit) and c.name_meaning.side is None
         ]
         fitting.sort(key=lambda c: c.name_meaning.part != "motor")
         if not fitting:
