@@ -208,14 +208,17 @@ def read_gear_ratio(aligned: pl.DataFrame) -> Floats | None:
     return None if known.is_empty() or known.null_count() else known.to_numpy()
 
 
-def mark_gear_changes(ratio: Floats | None, rows: int, rate_hz: float) -> Bools:
-    """Samples in which the gear changes, (rows,)."""
-    changes = np.zeros(rows, np.bool_)
+def mark_gear_changes(aligned: pl.DataFrame, rate_hz: float) -> Bools:
+    """Samples in which the gear changes or may have changed, (rows,)."""
+    changes = np.zeros(aligned.height, np.bool_)
+    ratio = read_gear_ratio(aligned)
     if ratio is None:
         return changes
     step = count_rows_in_duration(LIMITS.gear_change_s, rate_hz)
     changes[step:] = np.abs(np.log(ratio[step:] / ratio[:-step])) > LIMITS.gear_step_log
-    return changes
+    gear = aligned.get_column("gear_ratio_1").fill_nan(None)
+    is_between_gears = gear.is_null() & (gear.forward_fill() != gear.backward_fill())
+    return changes | is_between_gears.fill_null(value=False).to_numpy()
 
 
 def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:

@@ -312,7 +312,7 @@ def collect_motion_samples(
     clear = count_rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
     ratio = read_gear_ratio(aligned)
     silent = ~known | mark_rows_without_data(aligned)
-    silent |= mark_gear_changes(ratio, speed.size, settings.align.rate_hz)
+    silent |= mark_gear_changes(aligned, settings.align.rate_hz)
     near_gap = flag_windows(silent, clear) | flag_windows(silent[::-1], clear)[::-1]
     group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = exclude_stretches_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)

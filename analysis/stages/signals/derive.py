@@ -24,6 +24,7 @@ from analysis.model.physical_units import gain_and_offset_to_si, split_unit_from
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings, Settings
 from analysis.stages.signals import filters, mounting
+from analysis.stages.signals.piecewise_constant import interpolate_channel, is_piecewise_constant
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.errors import DataError, MachineError, NoReadingError
 
@@ -131,7 +132,8 @@ def compute_arithmetic_channel(
 ) -> mounting.Series:
     """Compute a channel from others at the stamps of the slowest, with interpolation.
 
-    Samples without a value are left out, as where a divisor is near zero.
+    A gear or a switch among them does not set the stamps: it is held between equal readings.
+    Samples without a value are left out, as where a divisor is near zero or a gear changes.
     """
     tree, settings = parse_derivation_in_si(name, machine), machine.settings
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
@@ -141,13 +143,15 @@ def compute_arithmetic_channel(
         own[f"{SLOPE} {each}"] = filters.differentiate_signal(
             t, x, longest_ns, causal=settings.filter.causal
         )
-    at = max((t for t, _ in own.values()), key=lambda t: (filters.median_period_ns(t), -t.size))
+    continuous = [t for each, (t, x) in own.items() if not is_piecewise_constant(each, x)]
+    at = max(
+        continuous or [t for t, _ in own.values()],
+        key=lambda t: (filters.median_period_ns(t), -t.size),
+    )
     values = {
-        each: filters.interpolate_in_stretches(
-            t, x, at, filters.gap_threshold_ns(t, settings.align)
-        )
-        if not np.array_equal(t, at)
-        else x
+        each: x
+        if np.array_equal(t, at)
+        else interpolate_channel(each, t, x, at, filters.gap_threshold_ns(t, settings.align))
         for each, (t, x) in own.items()
     }
     for each in BODY_NUMBERS:
@@ -215,8 +219,8 @@ def low_pass_fast_channels(
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
     rates_hz = {
         n: 1e9 / filters.median_period_ns(t)
-        for n, (t, _) in measured.items()
-        if n not in UNFILTERED
+        for n, (t, x) in measured.items()
+        if n not in UNFILTERED and not is_piecewise_constant(n, x)
     }
     slow = {
         name: hz

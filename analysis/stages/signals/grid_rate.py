@@ -12,6 +12,7 @@ from typing import Final
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings, GateSettings, SmoothSettings
 from analysis.stages.signals import mounting, rates
+from analysis.stages.signals.piecewise_constant import is_piecewise_constant
 from analysis.stages.signals.signal_limits import LIMITS
 
 #: The paper's rate, in Hz: the highest that is chosen, and that of a log that is not much slower.
@@ -67,13 +68,16 @@ def count_rows_in_duration(seconds: float, rate_hz: float, min_rows: int = 1) ->
 def find_slowest_channel_and_rate_hz(
     channels: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[str, float]:
-    """Name and rate in Hz of the slowest channel of the regressor."""
+    """Name and rate in Hz of the slowest channel of the regressor.
+
+    A gear or a switch, which is constant between its steps, does not count.
+    """
     names = {
         source
         for regressor in rates.list_channel_sets_of_equations(machine)
         for name in regressor - {"direction_x_1"}
         for source in rates.find_source_channels(name, machine)
-        if source in channels
+        if source in channels and not is_piecewise_constant(source, channels[source][1])
     }
     periods = {
         name: rates.mean_period_without_gaps_ns(channels[name][0], 1e9 / PAPER_HZ) for name in names

@@ -10,6 +10,10 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
+from analysis.stages.signals.piecewise_constant import (
+    drop_values_between_steps,
+    is_piecewise_constant,
+)
 from analysis.stages.signals.resample import average_about_instants, interpolate_in_stretches
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
@@ -29,6 +33,7 @@ class ChannelSeries:
         longest_ns: longest step that is not a gap.
         period_ns: mean of the steps that are not gaps.
         width_ns: averaging time of a value; 0 if values are interpolated.
+        is_piecewise_constant: whether it has no value between two unlike readings.
     """
 
     t_ns: Ints
@@ -37,14 +42,19 @@ class ChannelSeries:
     longest_ns: float
     period_ns: float
     width_ns: int
+    is_piecewise_constant: bool
 
     def interpolate_values(self, instants_ns: Ints) -> Floats:
         """Values (rows,) at ascending instants, NaN in gaps."""
         if self.width_ns:
-            return average_about_instants(
+            values = average_about_instants(
                 self.t_ns, self.x, instants_ns, self.width_ns, self.longest_ns
             )
-        return interpolate_in_stretches(self.t_ns, self.x, instants_ns, self.longest_ns)
+        else:
+            values = interpolate_in_stretches(self.t_ns, self.x, instants_ns, self.longest_ns)
+        if self.is_piecewise_constant:
+            return drop_values_between_steps(self.t_ns, self.x, instants_ns, values)
+        return values
 
     def find_known_times_ns(self, instants_ns: Ints) -> Ints:
         """Times (rows,) at which the values at ascending instants are known."""
@@ -75,7 +85,16 @@ def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings)
     longest_ns = filters.gap_threshold_ns(t_ns, settings)
     period_ns = mean_step_up_to_longest_ns(t_ns, longest_ns, step_ns)
     faster = period_ns * LIMITS.other_rate_ratio < step_ns
-    return ChannelSeries(t_ns, x, known_ns, longest_ns, period_ns, round(step_ns) if faster else 0)
+    return ChannelSeries(
+        t_ns,
+        x,
+        known_ns,
+        longest_ns,
+        period_ns,
+        width_ns=round(step_ns) if faster else 0,
+        # of a ratio that slips there are all values
+        is_piecewise_constant=name == "gear_ratio_1" and is_piecewise_constant(name, x),
+    )
 
 
 def mean_period_without_gaps_ns(t_ns: Ints, step_ns: float) -> float:

@@ -112,6 +112,13 @@ class SignalLimits:
     #: Smallest correlation of specific force and wheel acceleration that determines a direction.
     yaw_min_correlation: float = 0.5
 
+    # piecewise_constant
+    #: Most values of a gear or a switch: the gearboxes of lorries have up to 18 gears.
+    step_max_values: int = 24
+    #: Largest fraction of its readings that are unlike the one before: a lorry that is read once a
+    #: second shifts every four seconds at most.
+    step_max_fraction: float = 0.25
+
     # rates
     #: Steps of so many ns are short compared with all that a machine does.
     fine_step_ns: float = 1e7

@@ -9,6 +9,7 @@ import pytest
 from analysis.model.machine import Machine
 from analysis.weighing.fitted_stretches import mark_gear_changes, read_gear_ratio
 from analysis.weighing.low_gears import LOW_GEARS
+from estimators.arrays import Floats
 from replay import open_log
 from replay import run as replay
 from tests.analysis.other_machine_logs import replayed
@@ -49,10 +50,11 @@ EMPTY_KG, PAYLOAD_KG = 16_000.0, 6_000.0
 STARTS = 15
 
 
-def lorry_log(seed: int, path: Path) -> Path:
+def lorry_log(seed: int, path: Path, rows_per_ratio: int = 1) -> Path:
     """Five starts empty, five loaded, five empty; the force is the engine's torque at the wheels.
 
-    Resistance is 1.2 % of the weight and 5 N·s²/m². A change of gear takes half a second.
+    Resistance is 1.2 % of the weight and 5 N·s²/m². A change of gear takes half a second. The ratio
+    is in every row, or in one of so many.
     """
     draw, step_s = np.random.default_rng(seed), 0.004
     rows: list[tuple[float, float, float]] = []
@@ -78,8 +80,10 @@ def lorry_log(seed: int, path: Path) -> Path:
             "t": 0.04 * np.arange(speed.size),
             "speed": speed + draw.normal(0.0, 0.01, speed.size),
             "force": force + draw.normal(0.0, 100.0, speed.size),
-            "ratio": ratio,
-        }
+            "torque": (force + draw.normal(0.0, 100.0, speed.size)) * RADIUS_M / ratio,
+            "ratio": np.where(np.arange(ratio.size) % rows_per_ratio, np.nan, ratio),
+        },
+        nan_to_null=True,
     ).write_csv(path)
     return path
 
@@ -118,6 +122,28 @@ def test_with_its_gear_ratio_a_lorry_weighs_as_much_in_every_gear(
     assert min(usual_u_kg) > 3.0 * max(load["u_kg"] for load in loads[True])
 
 
+def test_a_ratio_read_five_times_a_second_leaves_the_grid_at_the_rate_of_the_torque(
+    tmp_path: Path,
+) -> None:
+    log = lorry_log(1, tmp_path / "lorry.csv", rows_per_ratio=5)
+    machine = lorry(with_ratio=True)
+    sources = {
+        "engine_torque_N_m": {"field": "torque"},
+        "force_x_N": {"derive": "engine_torque_N_m * gear_ratio_1 / wheel_radius_m"},
+    }
+    machine = Machine.model_validate(
+        machine.model_dump(exclude_unset=True)
+        | {"machine": {"name": "lorry", "digs": False, "wheel_radius_m": RADIUS_M}}
+        | {"channels": machine.model_dump(exclude_unset=True)["channels"] | sources}
+    )
+    frames = replay(open_log(log), machine).frames
+    assert np.median(np.diff(frames["aligned"]["t_ns"])) == 40_000_000
+    loads = frames["loads"].to_dicts()
+    assert len(loads) == 3
+    for load, true_kg in zip(loads, (EMPTY_KG, EMPTY_KG + PAYLOAD_KG, EMPTY_KG), strict=True):
+        assert abs(load["mass_kg"] - true_kg) < 2.0 * load["u_kg"] < 0.1 * true_kg
+
+
 def test_a_ratio_of_neutral_is_that_of_the_gear_before() -> None:
     aligned = pl.DataFrame({"gear_ratio_1": [np.nan, -40.0, 0.0, np.nan, 20.0, 20.0]})
     ratio = read_gear_ratio(aligned)
@@ -128,7 +154,12 @@ def test_a_ratio_of_neutral_is_that_of_the_gear_before() -> None:
 
 
 def test_a_gear_changes_in_a_step_and_a_continuous_one_never_does() -> None:
-    steps = np.repeat([40.0, 25.0], 20)
-    assert np.flatnonzero(mark_gear_changes(steps, 40, 10.0)).tolist() == [20]
-    assert not mark_gear_changes(np.geomspace(40.0, 25.0, 40), 40, 10.0).any()
-    assert not mark_gear_changes(None, 40, 10.0).any()
+    def changes(ratios: Floats) -> list[int]:
+        aligned = pl.DataFrame({"gear_ratio_1": ratios}, nan_to_null=True)
+        return np.flatnonzero(mark_gear_changes(aligned, 10.0)).tolist()
+
+    assert changes(np.repeat([40.0, 25.0], 20)) == [20]
+    assert changes(np.geomspace(40.0, 25.0, 40)) == []
+    # read once a second, it may have changed at any time between two readings
+    assert changes(np.array([40.0, np.nan, np.nan, 40.0, np.nan, np.nan, 25.0])) == [4, 5, 6]
+    assert not mark_gear_changes(pl.DataFrame({"t_ns": [1, 2]}), 10.0).any()
