@@ -35,6 +35,7 @@ def propose_force_and_speed_of_drives(
         and not _has_left_and_right_channel(recognition, "torque_{}_N_m")
     ):
         sketches = (
+            add_forces_of_both_sides,
             propose_force_of_unnamed_sides,
             _propose_force_of_engine,
             propose_force_of_motors_of_both_sides,
@@ -55,6 +56,31 @@ def propose_force_and_speed_of_drives(
 
 def _has_left_and_right_channel(recognition: Recognition, channel: str) -> bool:
     return {channel.format(side) for side in _SIDES} <= recognition.filled_or_proposed_channels
+
+
+def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+    """Add the forces of the left and the right side, as of two tracks; whether there are any."""
+    sides = [
+        [
+            c
+            for c in columns
+            if c.name_meaning.side == side
+            and c.quantity == "force"
+            and c.has_dimension_of_channel("force_x_N")
+            and c.name_meaning.axis in (None, "x")
+            # a wheel's force is its load more often than what drives it
+            and c.name_meaning.part != "wheel"
+            and not (c.name_meaning.is_linkage or c.name_meaning.is_elsewhere)
+        ]
+        for side in _SIDES
+    ]
+    if any(len(each) != 1 for each in sides):
+        return False
+    names = " and ".join(f"'{column.source_text}'" for (column,) in sides)
+    for side, (column,) in zip(_SIDES, sides, strict=True):
+        recognition.fill_channel_if_empty(column, f"force_{side}_N", f"the {side} of {names}")
+    recognition.add_derived_channel("force_x_N", "force_left_N + force_right_N", names)
+    return True
 
 
 def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:

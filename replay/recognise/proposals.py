@@ -120,6 +120,10 @@ class Recognition:
         stated = return_unit_unless_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
+    def add_derived_channel(self, channel: str, derivation: str, reason: str) -> None:
+        """Add a derived channel that needs no answer."""
+        self.channels.append(ChannelProposal(channel, None, None, None, reason, derivation))
+
     def propose_derived_channel_as_comment(
         self, channel: str, derivation: str, reason: str
     ) -> None:

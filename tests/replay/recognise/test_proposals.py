@@ -353,6 +353,32 @@ def test_motors_of_both_sides_make_one_force(
     assert "the gear ratio between motor and wheel: GEAR in channels.force_x_N.derive" in questions
 
 
+@pytest.mark.parametrize(
+    "names", [("lForce_kN", "rForce_kN"), ("Left track force [kN]", "Right track force [kN]")]
+)
+def test_forces_of_both_tracks_are_one_force(tmp_path: Path, names: tuple[str, str]) -> None:
+    channels, questions = proposed(tmp_path, speed__kmh=V, **dict.fromkeys(names, A))
+    assert channels["force_x_N"].derive == "force_left_N + force_right_N"
+    assert [channels[f"force_{side}_N"].field for side in ("left", "right")] == list(names)
+    assert not any(channels[each].is_comment for each in ("force_x_N", "force_left_N"))
+    assert not questions
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("left_wheel_force_kN", "right_wheel_force_kN"),
+        ("left_lift_force_kN", "right_lift_force_kN"),
+        ("left_force_z_kN", "right_force_z_kN"),
+    ],
+)
+def test_forces_that_do_not_drive_are_no_force_of_both_sides(
+    tmp_path: Path, names: tuple[str, str]
+) -> None:
+    channels, _ = proposed(tmp_path, speed__kmh=V, **dict.fromkeys(names, A))
+    assert "force_x_N" not in channels
+
+
 def test_an_engine_gives_a_force_in_any_gear(tmp_path: Path) -> None:
     channels, questions = proposed(
         tmp_path,
