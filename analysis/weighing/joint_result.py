@@ -19,6 +19,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
 from estimators.joint.map_fit import MapFit
 from estimators.joint.prior_fit import Solution
+from estimators.numerics.small_systems import factor_covariance
 
 
 @dataclass(frozen=True)
@@ -312,7 +313,7 @@ class JointFit:
             return {}
         moves = self._wheel_sensitivities_of_sum_kg(coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
-        found = moves @ np.linalg.cholesky(wheels.covariance)
+        found = moves @ factor_covariance(wheels.covariance)
         of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
         beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
         parts = {"slip": float(np.hypot(found[0], beside))}

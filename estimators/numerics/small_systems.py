@@ -27,6 +27,17 @@ def solve_least_squares_by_svd(A: Floats, f: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(A, f, rcond=None)[0], np.float64)
 
 
+def factor_covariance(covariance: Floats) -> Floats:
+    """Lower triangular L with L Lᵀ = the covariance (p, p), which may be singular."""
+    try:
+        return np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        # of a combination without variance, rounding makes a negative one
+        variances, directions = np.linalg.eigh(covariance)
+        upper = np.linalg.qr((directions * np.sqrt(np.maximum(variances, 0.0))).T)[1]
+        return upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
+
+
 @compiled_unless_short_log
 def find_packed_index(i: int, j: int, size: int) -> int:
     """Row of entry (i, j), i <= j, in a packed symmetric matrix of `size` columns."""

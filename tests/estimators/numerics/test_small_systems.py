@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from estimators.numerics.small_systems import (
     compute_scaled_condition,
+    factor_covariance,
     invert_positive_definite,
     solve_positive_definite,
 )
@@ -49,3 +50,13 @@ def test_a_singular_matrix_has_no_solution_and_an_infinite_condition(G):
     assert np.isnan(solve_positive_definite(G, np.ones(len(G)))).all()
     assert np.isnan(invert_positive_definite(G)).all()
     assert compute_scaled_condition(G) > 1e7
+
+
+@pytest.mark.parametrize("rank", [1, 2, 3])
+def test_a_covariance_is_factored_also_where_a_combination_has_no_variance(rank: int) -> None:
+    draws = np.random.default_rng(rank).normal(size=(3, rank)) * np.array([[1e3], [1.0], [1e-4]])
+    covariance = draws @ draws.T
+    lower = factor_covariance(covariance)
+    np.testing.assert_allclose(lower @ lower.T, covariance, rtol=1e-6, atol=1e-12)
+    assert not np.triu(lower, 1).any()
+    assert (np.diag(lower) >= 0.0).all()
