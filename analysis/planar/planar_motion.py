@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 import polars as pl
-from scipy.ndimage import uniform_filter1d
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
@@ -160,6 +159,8 @@ def make_planar_drive(
         return out
 
     def averaged(x: Floats) -> Floats:
+        from scipy.ndimage import uniform_filter1d  # slow to import
+
         rows = max(round(LIMITS.model_mean_s * rate_hz), 1)
         return uniform_filter1d(np.nan_to_num(x), rows, mode="nearest")
 
