@@ -77,7 +77,7 @@ def main(hours: float = 8.0, rate: float = 20.0) -> None:
                         f"{second / 3600:g} h",
                         f"{follower.rows_stepped:,}",
                         f"{follower.manoeuvres:,}",
-                        f"{follower.log.samples_kept:,}",
+                        f"{follower.log.kept_sample_count:,}",
                         f"{resident_mb():.1f}",
                     ]
                 )

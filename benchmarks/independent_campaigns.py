@@ -20,8 +20,8 @@ import typer
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
+    make_readings_of_campaign_runs,
     make_run_responses_to_learnt_means,
-    read_campaign_runs,
 )
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration_line
@@ -214,7 +214,9 @@ def calibrated(
         for k in range(len(loads_1))
     ]
     tables = [
-        read_campaign_runs(each, [about], "joint_mass").with_columns(load_id=pl.lit(about.log))
+        make_readings_of_campaign_runs(each, [about], "joint_mass").with_columns(
+            load_id=pl.lit(about.log)
+        )
         for each, about in zip(again, runs, strict=True)
     ]
     responses = [
@@ -325,9 +327,7 @@ def table(found: list[dict[str, Any]]) -> str:
 
 
 def main(
-    campaigns: int = 60,
-    first: int = 0,
-    kept: Annotated[Path | None, typer.Option("--json")] = None,
+    campaigns: int = 60, first: int = 0, kept: Annotated[Path | None, typer.Option("--json")] = None
 ) -> None:
     lines = kept.read_text().splitlines() if kept and kept.exists() else []
     found = {each["seed"]: each for each in map(json.loads, lines)}

@@ -27,9 +27,9 @@ from analysis.simulation import Scenario
 from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import pool_by_manoeuvre
+from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from recordings import write_recording
 from replay import load_machine, open_log, run
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
@@ -70,14 +70,14 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     peak("imports")
     aligned = aligned_shift(machine, hours)
     peak(f"aligned, {aligned.height:,} rows")
-    excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
+    excitation = compute_excitation(smooth_by_trailing_mean(aligned, settings.smooth), machine)
     peak("excitation")
     gated = gate_windows(excitation, settings)
     accepted = int(gated["accepted_x"].sum())
     peak(f"gate, {accepted / excitation.height:.0%} of the windows accepted")
     estimates = trace_estimates(excitation, gated, settings)
     peak(f"trace, {len(METHODS)} methods")
-    table = pool_by_manoeuvre(excitation, gated, settings)
+    table = estimate_each_manoeuvre_by_pooling(excitation, gated, settings)
     judged = judge_log_by_checks(CheckInputs(excitation, gated, machine))
     totals = summarise_masses(excitation, gated, estimates, machine)
     peak("segments, verdict, masses")

@@ -17,7 +17,7 @@ from scipy.linalg import eigh
 
 from analysis.model.axes import X, make_straight_regressor_and_force
 from analysis.model.machine import Channel, Machine
-from analysis.model.windows import mark_samples_in_windows
+from analysis.model.windows import mark_samples_in_accepted_windows
 from analysis.simulation import simulate_campaign
 from analysis.stages.gating.gate import mark_settled_windows
 from analysis.stages.noise.column_noise import collect_axis_noise
@@ -76,7 +76,7 @@ def main(logs: int = 40) -> None:
             # what `rtls` is fed
             excitation, settings = frames["excitation"], machine.settings
             settled = mark_settled_windows(excitation, frames["gate"], settings)
-            fed = mark_samples_in_windows(settled, settings.gate.window_samples)
+            fed = mark_samples_in_accepted_windows(settled, settings.gate.window_samples)
             mass = restricted(excitation, fed, machine, frames["noise"])
             errors.setdefault("restricted TLS", []).append(mass - truth)
         for method, found in errors.items():

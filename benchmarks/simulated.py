@@ -10,8 +10,8 @@ from analysis import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import align
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
+from analysis.stages.signals.align import align_channels_on_grid
 
 
 def scenario(seed: int, **campaign: object) -> Scenario:
@@ -57,8 +57,8 @@ def excitation(
         for name in topic.columns
         if name in machine.channels
     }
-    aligned, _ = align(wanted, machine)
-    return compute_excitation(smooth(aligned, machine.settings.smooth), machine)
+    aligned, _ = align_channels_on_grid(wanted, machine)
+    return compute_excitation(smooth_by_trailing_mean(aligned, machine.settings.smooth), machine)
 
 
 def cut(frame: pl.DataFrame, log: SimulatedLog, runs: int) -> Iterator[pl.DataFrame]:

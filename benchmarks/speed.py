@@ -26,7 +26,7 @@ from estimators.numerics.normal_equations import solve_packed_equations
 from estimators.numerics.recursive import (
     accumulate_discounted_products,
     iter_sample_chunks,
-    list_samples_fed_after_window,
+    list_samples_fed_after_first_window,
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import sum_window_products
@@ -152,7 +152,7 @@ def weighted(data: Data) -> Floats:
 
 def recursive(data: Data) -> Floats:
     """θ alone, from P₀ = I / ε and no first window, as padasip starts."""
-    fed, seen = list_samples_fed_after_window(np.arange(1, data.f.size), 2)
+    fed, seen = list_samples_fed_after_first_window(np.arange(1, data.f.size), 2)
     theta = np.empty((seen.size, 2))
     past = pad_entries_to_lanes(pack_symmetric_matrix(np.diag([EPSILON, EPSILON, 0.0])))
     accumulate_discounted_products(data.A, data.f, np.arange(2), 0.998, past)

@@ -25,10 +25,10 @@ from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.noise.channel_noise import estimate_channel_noise
-from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from benchmarks.independent.turning_logs import FAULTS, TurnLog, turn_log
 from benchmarks.kept_trials import run_trials
 from benchmarks.page import markdown
@@ -71,9 +71,9 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     """Every stage from the topics to `planar`."""
     machine = Machine.model_validate(log.machine)
     settings = machine.settings
-    channels, _ = derive(read_measured_channels(log.topics, machine)[0], machine)
-    aligned, _ = align(channels, machine)
-    excitation = compute_excitation(smooth(aligned, settings.smooth), machine)
+    channels, _ = derive_channels_in_si(read_measured_channels(log.topics, machine)[0], machine)
+    aligned, _ = align_channels_on_grid(channels, machine)
+    excitation = compute_excitation(smooth_by_trailing_mean(aligned, settings.smooth), machine)
     noise = estimate_channel_noise(aligned, excitation, machine)
     gated = gate_windows(excitation, settings, noise)
     opinion = Verdict.from_frame(judge_log_by_checks(CheckInputs(excitation, gated, machine)))

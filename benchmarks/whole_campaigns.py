@@ -16,8 +16,8 @@ from scipy.stats import t as student_t
 
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
+    make_readings_of_campaign_runs,
     make_run_responses_to_learnt_means,
-    read_campaign_runs,
 )
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration_line
@@ -115,7 +115,7 @@ def run_of(load_kg: float) -> CampaignRun:
 
 def readings_of(replayed: Run, load_kg: float) -> pl.DataFrame:
     """Frame `readings` of a log."""
-    found = read_campaign_runs(replayed, [run_of(load_kg)], "joint_mass")
+    found = make_readings_of_campaign_runs(replayed, [run_of(load_kg)], "joint_mass")
     return found.with_columns(load_id=pl.lit(f"{load_kg:g}"))
 
 

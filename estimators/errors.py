@@ -24,7 +24,7 @@ class PayscopeError(Exception):
     """Root of all errors: one line a user can act on; `args` keeps the original text."""
 
     def __str__(self) -> str:
-        return one_line(super().__str__())
+        return join_to_one_line(super().__str__())
 
 
 class LogError(PayscopeError):
@@ -75,20 +75,20 @@ class OutputError(PayscopeError):
     """An output cannot be written, or already exists."""
 
 
-def one_line(text: str) -> str:
+def join_to_one_line(text: str) -> str:
     """Join a text to one line, replacing line breaks in quoted bytes and names."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "�" for c in text)
 
 
-def list_some(names: Sequence[object], max_count: int) -> str:
+def join_first_names(names: Sequence[object], max_count: int) -> str:
     """The first `max_count` names, separated by commas, and how many more there are."""
     more = f" and {len(names) - max_count} more" if len(names) > max_count else ""
     return ", ".join(map(str, names[:max_count])) + more
 
 
-def counted(count: int, thing: str) -> str:
+def format_count(count: int, singular_noun: str) -> str:
     """Number and noun, with a plural s unless the number is 1."""
-    return f"{count:,} {thing}{'' if count == 1 else 's'}"
+    return f"{count:,} {singular_noun}{'' if count == 1 else 's'}"
 
 
 def suggest_choice(word: str, choices: Iterable[str]) -> str:

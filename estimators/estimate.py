@@ -45,8 +45,8 @@ class Trace:
     autocorrelation: Floats
 
     @classmethod
-    def empty(cls, parameters: int) -> "Trace":
+    def empty(cls, parameter_count: int) -> "Trace":
         """The trace of a log without an accepted row."""
         none = np.empty(0)
-        wide = np.empty((0, parameters))
+        wide = np.empty((0, parameter_count))
         return cls(np.empty(0, np.int64), wide, wide.copy(), none, none.copy(), np.ones(1))

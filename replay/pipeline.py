@@ -40,12 +40,12 @@ from analysis.stages.gating.digging import (
     reject_windows_with_digging,
 )
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import pool_by_manoeuvre
+from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.noise.channel_noise import estimate_channel_noise
 from analysis.stages.noise.channel_noise import list_noise_source_notes as noise_notes
-from analysis.stages.signals.align import align
+from analysis.stages.signals.align import align_channels_on_grid
 from analysis.stages.signals.align import list_alignment_notes as grid_notes
 from analysis.stages.signals.copied_rows import (
     Copy,
@@ -53,7 +53,7 @@ from analysis.stages.signals.copied_rows import (
     find_copied_rows_by_topic,
     list_copied_row_notes,
 )
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
     drop_rows_with_held_readings,
@@ -254,19 +254,19 @@ def run(
 
 def _run_stages(
     raw_frames: Mapping[str, pl.DataFrame],
-    placed: _TopicChannels,
+    topic_channels: _TopicChannels,
     machine: Machine,
     on_stage: Callable[[str], None],
 ) -> _Stages:
-    settings, read = machine.settings, placed.read
+    settings, read = machine.settings, topic_channels.read
     on_stage("derive")  # one filter on all of them where one is differentiated
-    channels, notes = derive(read, machine)
+    channels, notes = derive_channels_in_si(read, machine)
     on_stage("align")  # one grid, on the line between two samples, never over a gap
-    aligned, t0_unix_ns = align(channels, machine)
+    aligned, t0_unix_ns = align_channels_on_grid(channels, machine)
     notes += grid_notes(channels, machine)
     del channels  # of a shift they are half a gigabyte
     on_stage("smooth")  # the trailing moving mean, alike on every column
-    smoothed = smooth(aligned, settings.smooth)
+    smoothed = smooth_by_trailing_mean(aligned, settings.smooth)
     on_stage("forces")  # (17), (18), gravity as specific force; the phase of motion
     excitation = compute_excitation(smoothed, machine)
     del smoothed
@@ -290,21 +290,13 @@ def _run_stages(
     weighing, gated = told.weighing, told.gated
     release_freed_memory()  # of a shift a gigabyte
     on_stage("segments")  # pooled over each manoeuvre
-    table = pool_by_manoeuvre(excitation, gated, settings, noise)
+    table = estimate_each_manoeuvre_by_pooling(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
     estimates = trace_estimates(excitation, gated, settings, noise, find_load_change_rows(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = summarise_masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(
-        excitation,
-        gated,
-        machine,
-        weighing,
-        seen,
-        everything,
-        t0_unix_ns,
-        noise,
-        told.named,
+        excitation, gated, machine, weighing, seen, everything, t0_unix_ns, noise, told.named
     )
     judged = judge_log_by_checks(evidence)
     contradicted = [
@@ -321,11 +313,13 @@ def _run_stages(
             "segments": table,
         },
         weighing,
-        FindingInputs(evidence, aligned, noise, raw_frames, digs, judged, placed.copied, estimates),
+        FindingInputs(
+            evidence, aligned, noise, raw_frames, digs, judged, topic_channels.copied, estimates
+        ),
         everything,
         contradicted,
-        placed.stamps,
-        placed.doubts,
+        topic_channels.stamps,
+        topic_channels.doubts,
         notes,
     )
 
@@ -345,5 +339,5 @@ def _find_causes_of_log(
 
     whole = all(part[topic].height == frame.height for topic, frame in raw_frames.items())
     return add_masked_findings(
-        find_causes(stages.case), machine, find_causes_with, is_whole_log=whole
+        find_causes(stages.case), machine, find_causes_with, is_complete_log=whole
     )

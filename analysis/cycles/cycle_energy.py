@@ -29,8 +29,8 @@ from analysis.cycles.energy_integrals import (
 from analysis.cycles.energy_terms import (
     ForceModel,
     perturb_terms_one_by_one,
+    relative_common_and_individual_mass_u,
     relative_work_u_and_missing_settings,
-    split_mass_u_into_common_and_own,
 )
 from analysis.cycles.fitted_drive import FittedDrive, collect_fitted_drive
 from analysis.model.machine import Machine
@@ -125,7 +125,7 @@ def compute_shift_energy(
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
     gain_u_1, unknown = relative_work_u_and_missing_settings(machine)
-    common_1, random_1 = split_mass_u_into_common_and_own(frames)
+    common_1, random_1 = relative_common_and_individual_mass_u(frames)
     common = [*compute_energy_sensitivities(drive, spans, found, value), gain_u_1 * value]
     common.append(common_1 * compute_energy_change_by_mass_error(found))
     random = estimate_random_energy_u(found, value, drive.model, random_1, spans)
@@ -207,7 +207,7 @@ def split_energy_by_phase_and_part(integrals: PhaseIntegrals, model: ForceModel)
     slope = drive["mass"] - integrals.kinetic_J + model.acting_constant_force * drive["offset"]
     digging = compute_drive_work(dig, model) - compute_friction_work(dig, model)
     friction = work - integrals.kinetic_J - slope - digging
-    braking = -compute_mass_and_friction_work(slow, model)
+    braking = -sum_inertia_and_friction_work(slow, model)
     return np.stack([work, integrals.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
@@ -221,7 +221,7 @@ def compute_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     )
 
 
-def compute_mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def sum_inertia_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
         integrals["mass"]
@@ -235,7 +235,7 @@ def compute_mass_and_friction_work(integrals: EnergyIntegrals, model: ForceModel
 
 def compute_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive against friction and slip without a pile, (phases,) in J."""
-    return compute_mass_and_friction_work(integrals, model) + integrals["slip"]
+    return sum_inertia_and_friction_work(integrals, model) + integrals["slip"]
 
 
 def compute_energy_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:

@@ -134,7 +134,7 @@ class CycleParts:
             return "no empty pass to compare with"
         return ""
 
-    def pass_coefficients(self, tare_coefficient_before: Floats, pass_count: int) -> Floats:
+    def weights_of_passes(self, tare_coefficient_before: Floats, pass_count: int) -> Floats:
         """(passes,) weights of the passes' masses in the payload.
 
         Args:
@@ -321,7 +321,7 @@ def choose_standstill_of_dump(
     if not begins.size:
         return None
     moves = np.array(
-        [_peak_to_peak_of_known(boom_rad[b : e + 1]) for b, e in zip(begins, ends, strict=True)]
+        [_peak_to_peak_without_nan(boom_rad[b : e + 1]) for b, e in zip(begins, ends, strict=True)]
     )
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
     by_boom = bool(moves.max() > LIMITS.boom_min_reach_rad)
@@ -346,8 +346,8 @@ def find_middle_of_boom_out_time_ns(
     return int(dump[0] + dump[-1]) // 2
 
 
-def _peak_to_peak_of_known(x: NDArray[np.float64]) -> float:
-    known = x[np.isfinite(x)]
+def _peak_to_peak_without_nan(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
     return float(np.ptp(known)) if known.size else 0.0
 
 

@@ -23,7 +23,7 @@ from analysis.cycles.empty_machine import (
     ShiftScale,
     estimate_carry_back_variance_kg2,
     estimate_clean_machine_mass_and_u_kg,
-    pass_mass_coefficients,
+    state_weights_of_passes,
     weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
@@ -136,14 +136,14 @@ def weigh_cycles(
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
     )
-    of_states = pass_mass_coefficients(weighing.fit, found) if weighing and known_sums else None
+    of_states = state_weights_of_passes(weighing.fit, found) if weighing and known_sums else None
     sums, ready_ns = dict[int, Floats](), int(motion[1]["t_ns"][0])
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_make_cycle_time_columns(part, ready_ns)}
         reason = withheld or part.missing_mass_reason
         if not reason:
-            weights = part.pass_coefficients(share, found.mass_kg.size)
+            weights = part.weights_of_passes(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
             row |= make_payload_uncertainty_columns(row, worth, weights)
             if of_states is not None:
@@ -210,7 +210,7 @@ def _make_payload_row(
             row[f"{name}_id"] = number
             row[f"{name}_kg"] = float(passes.mass_kg[number])
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
-    weights = cycle.pass_coefficients(tare_coefficients, passes.mass_kg.size)
+    weights = cycle.weights_of_passes(tare_coefficients, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
     carry_back_kg2 = carry_back_variance_kg2(cycle, passes, tare_coefficients)
     variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_kg2
@@ -300,7 +300,7 @@ def make_payload_sum_coefficients(
         for p in cycle_parts
         if p.loaded_pass is not None and (p.empty_pass_before, p.empty_pass_after) != (None, None)
     ]
-    weights = [part.pass_coefficients(tare_coefficients, passes.mass_kg.size) for part in whole]
+    weights = [part.weights_of_passes(tare_coefficients, passes.mass_kg.size) for part in whole]
     return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
 
 
@@ -342,7 +342,7 @@ def compute_shared_payload_uncertainty(
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
-    datum = empty.make_payload_datum(pass_mass_coefficients(weighing.fit, passes) @ coefficients)
+    datum = empty.make_payload_datum(state_weights_of_passes(weighing.fit, passes) @ coefficients)
     own = compute_common_payload_uncertainty(weighing, machine, passes, coefficients, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
     sources = list_payload_uncertainties(weighing, machine, datum, empty.weights)
@@ -372,7 +372,7 @@ def compute_common_payload_uncertainty(
     single payload also has nuisance errors of its own starts.
     """
     fit = weighing.fit
-    of_states = pass_mass_coefficients(fit, passes)
+    of_states = state_weights_of_passes(fit, passes)
     summed = of_states @ coefficients
     sources = list_payload_uncertainties(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
@@ -386,7 +386,7 @@ def compute_common_payload_uncertainty(
         responses_kg = np.vstack([responses_kg, drift.mass_responses_to_gain_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.mass_count)
-    covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states
+    covariance = of_states.T @ (fit.map_fit.noise + fit.map_fit.scatter)[masses, masses] @ of_states
     empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
         share = np.where(passes.loaded, 0.0, 1.0 / passes.u_kg**2)

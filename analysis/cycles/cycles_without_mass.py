@@ -44,7 +44,7 @@ def does_digging_contradict_boom(passes: Passes, digs: pl.DataFrame) -> bool:
 
 
 def add_boom_cycles(
-    parts: list[CycleParts],
+    cycle_parts: list[CycleParts],
     passes: Passes,
     digs: pl.DataFrame,
     aligned: pl.DataFrame,
@@ -53,7 +53,7 @@ def add_boom_cycles(
     """Add cycles that the boom shows; if it contradicts the masses, these are discarded.
 
     Args:
-        parts: cycles by masses, with their dumps.
+        cycle_parts: cycles by masses, with their dumps.
         passes: the passes.
         digs: the frame `digging`.
         aligned: frame with `boom_rad`, if measured.
@@ -64,9 +64,10 @@ def add_boom_cycles(
     """
     seen = find_boom_dumps(aligned, excitation)
     times = np.array(
-        [part.bucket_emptied_ns for part in parts if part.bucket_emptied_ns is not None], np.int64
+        [part.bucket_emptied_ns for part in cycle_parts if part.bucket_emptied_ns is not None],
+        np.int64,
     )
-    told = any(part.loaded_pass is not None for part in parts)
+    told = any(part.loaded_pass is not None for part in cycle_parts)
     # no mass can change where none is known on either side: before the first pass, after the last
     agree = [
         each.is_near_any_time(times, LIMITS.dump_match_ns)
@@ -75,7 +76,7 @@ def add_boom_cycles(
     ]
     contradicts = bool(agree) and float(np.mean(agree)) < LIMITS.dump_match_fraction
     if contradicts or not told:
-        return _make_cycles_from_dumps(seen, digs) or parts, contradicts
+        return _make_cycles_from_dumps(seen, digs) or cycle_parts, contradicts
     # sooner after a dump than half a cycle the machine is empty
     apart_ns = (
         int(LIMITS.min_dump_interval_cycles * float(np.median(np.diff(times))))
@@ -87,10 +88,10 @@ def add_boom_cycles(
         for each in passes.dumps.dumps
         if not each.is_near_any_time(times, max(LIMITS.one_dump_ns, apart_ns))
     ]
-    return sorted([*parts, *missed], key=_find_first_evidence_ns), False
+    return sorted([*cycle_parts, *missed], key=_find_begin_of_earliest_part_ns), False
 
 
-def _find_first_evidence_ns(cycle: CycleParts) -> int:
+def _find_begin_of_earliest_part_ns(cycle: CycleParts) -> int:
     """Time of the first evidence of a cycle."""
     return next(span[0] for span in (cycle.dig_ns, cycle.haul_ns, cycle.dump_ns) if span)
 

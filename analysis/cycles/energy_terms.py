@@ -75,7 +75,7 @@ def read_force_model_and_u(
     offset, offset_u = term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * high_quantile_of_force(excitation)
+    wrong_N = priors.const_share * high_quantile_of_driving_force_newtons(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
@@ -119,10 +119,12 @@ def estimate_unfitted_coulomb_std_newtons(
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return friction_force_prior_std(high_quantile_of_force(frames["excitation"]), weight_N, priors)
+    return friction_force_prior_std(
+        high_quantile_of_driving_force_newtons(frames["excitation"]), weight_N, priors
+    )
 
 
-def high_quantile_of_force(excitation: pl.DataFrame) -> float:
+def high_quantile_of_driving_force_newtons(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(column_values(driving, "force_x_N"))
@@ -136,7 +138,7 @@ def combine_fitted_and_standstill_force_offset(
 
     If they contradict each other, the fit's offset is used.
     """
-    at_rest = measure_standstill_force_offset_and_u(excitation, mass_kg)
+    at_rest = estimate_standstill_force_offset_and_u(excitation, mass_kg)
     if at_rest is None or not fitted_offset_and_u[1]:
         return fitted_offset_and_u
     (fit_N, fit_u), (rest_N, rest_u) = fitted_offset_and_u, at_rest
@@ -146,7 +148,7 @@ def combine_fitted_and_standstill_force_offset(
     return float(np.average([fit_N, rest_N], weights=weights)), float(weights.sum() ** -0.5)
 
 
-def measure_standstill_force_offset_and_u(
+def estimate_standstill_force_offset_and_u(
     excitation: pl.DataFrame, mass_kg: Floats
 ) -> tuple[float, float] | None:
     """Force measured at standstill on level ground, in N, and its uncertainty.
@@ -227,7 +229,9 @@ def relative_work_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
 
 
-def split_mass_u_into_common_and_own(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
+def relative_common_and_individual_mass_u(
+    frames: Mapping[str, pl.DataFrame],
+) -> tuple[float, float]:
     """Relative standard uncertainty of masses on the force's scale: common, and individual."""
     loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
     budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")

@@ -247,20 +247,20 @@ def correct_loaded_flags_at_dumps(
 
 
 def mark_spilled_loads(
-    loaded: Bools, membership: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
+    loaded: Bools, pass_of_manoeuvre: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
 ) -> Bools:
     """Mark manoeuvres with a load that is spilled before the dump, (manoeuvres,).
 
     Args:
         loaded: (manoeuvres,) whether each is loaded and not dumping.
-        membership: (manoeuvres,) pass of each.
+        pass_of_manoeuvre: (manoeuvres,) pass of each.
         state: (manoeuvres,) load state of each.
         mass_kg: (states,).
         u_kg: (states,).
     """
-    spilled = np.zeros(membership.size, np.bool_)
-    for number in np.unique(membership[loaded]):
-        inside = loaded & (membership == number)
+    spilled = np.zeros(pass_of_manoeuvre.size, np.bool_)
+    for number in np.unique(pass_of_manoeuvre[loaded]):
+        inside = loaded & (pass_of_manoeuvre == number)
         last = int(state[inside][-1])
         for each in np.unique(state[inside]):
             apart = float(np.hypot(u_kg[each], u_kg[last]))
@@ -358,11 +358,11 @@ def label_state_loaded_by_alternation(mass_kg: Floats) -> Ints:
     return np.append(not rises[0], rises).astype(np.int64)
 
 
-def do_class_means_differ(light_kg: Floats, heavy_kg: Floats, least_kg: float) -> bool:
+def do_class_means_differ(light_kg: Floats, heavy_kg: Floats, min_spread_kg: float) -> bool:
     """Whether the means of two classes differ, with enough states in each."""
     if min(light_kg.size, heavy_kg.size) < LIMITS.own_spread_min_states:
         return False
-    variances = (robust_std(each, least_kg) ** 2 / each.size for each in (light_kg, heavy_kg))
+    variances = (robust_std(each, min_spread_kg) ** 2 / each.size for each in (light_kg, heavy_kg))
     return float(np.mean(heavy_kg) - np.mean(light_kg)) > LIMITS.digging_class_distance_std * float(
         np.sqrt(sum(variances))
     )

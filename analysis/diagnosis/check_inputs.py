@@ -16,7 +16,7 @@ import polars as pl
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import RawSignals
-from analysis.diagnosis.side_comparison import SideDifference, compare_sides
+from analysis.diagnosis.side_comparison import SideDifference, compare_left_and_right_sides
 from analysis.model.axes import (
     Z,
     list_axes_allowed_by_channels,
@@ -87,7 +87,7 @@ class EmptyMassDifference:
         )
 
     @property
-    def text(self) -> str:
+    def difference_and_causes_text(self) -> str:
         """The factor and its possible causes, as text."""
         scale = (
             ""
@@ -199,7 +199,9 @@ class CheckInputs:
     @cached_property
     def side_differences(self) -> Mapping[str, SideDifference]:
         """Differences of right and left by kind: torque, speed, slip."""
-        return compare_sides(self.excitation, self.signals, self.machine, self.t0_unix_ns)
+        return compare_left_and_right_sides(
+            self.excitation, self.signals, self.machine, self.t0_unix_ns
+        )
 
     @cached_property
     def straight_motion(self) -> AxisMotion:

@@ -9,15 +9,15 @@ from analysis.model.verdict import Consequence, EvidenceSubject
 from analysis.model.verdict_limits import VerdictLimits
 
 
-def _is_always_applicable(_: CheckInputs, __: AxisMotion) -> bool:
+def _is_always_applicable(_inputs: CheckInputs, _motion: AxisMotion) -> bool:
     return True
 
 
-def _return_no_mass_change(_: CheckInputs, __: AxisMotion) -> None:
+def _return_no_mass_change(_inputs: CheckInputs, _motion: AxisMotion) -> None:
     return None
 
 
-def _return_empty_text(_: CheckInputs, __: AxisMotion) -> str:
+def _return_empty_text(_inputs: CheckInputs, _motion: AxisMotion) -> str:
     return ""
 
 

@@ -81,7 +81,7 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
     return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-def _signed_force_acceleration_correlation(_: CheckInputs, motion: AxisMotion) -> float:
+def _signed_force_acceleration_correlation(_inputs: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
@@ -95,23 +95,23 @@ def driving_force_correlation(inputs: CheckInputs, motion: AxisMotion) -> float:
     return np.nan if few else _signed_force_acceleration_correlation(inputs, motion)
 
 
-def _relative_ungated_mass_std(_: CheckInputs, motion: AxisMotion) -> float:
+def _relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> float:
     fit = motion.fit
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _explained_force_variance_fraction(_: CheckInputs, motion: AxisMotion) -> float:
+def _explained_force_variance_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.r_squared
 
 
-def _opposing_force_fraction(_: CheckInputs, motion: AxisMotion) -> float:
+def _opposing_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of samples braked by the drive whose force opposes the motion."""
     return fit_quality.force_fraction_against_motion(
         motion.A, motion.f, motion.braking, motion.speeding
     )
 
 
-def _driving_force_fraction(_: CheckInputs, motion: AxisMotion) -> float:
+def _driving_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of accelerating samples whose force acts along the motion."""
     return fit_quality.force_fraction_along_motion(motion.speed, motion.f, motion.speeding)
 
@@ -142,7 +142,7 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
     return 2.0 * of_mean * (settings.align.rate_hz / count_rows_of_speed_rate_span(settings)) ** 2
 
 
-def _count_accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
+def _count_accepted_stretches(inputs: CheckInputs, _motion: AxisMotion) -> float:
     accepted = mark_samples_for_pooling(inputs.excitation, inputs.gated, inputs.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
@@ -152,13 +152,13 @@ def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.value / empty_kg if empty_kg else np.nan
 
 
-def _empty_mass_shortfall_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def _empty_mass_shortfall_over_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """How far the lightest load is below the empty mass, in u."""
     found = inputs.empty_mass
     return np.nan if found is None else -found.difference_over_u
 
 
-def empty_mass_difference_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def empty_mass_difference_over_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Distance from the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass
     if found is None or not found.can_test_scale:
@@ -168,12 +168,12 @@ def empty_mass_difference_over_u(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if withheld else abs(found.difference_over_u)
 
 
-def _describe_ratio_to_empty_mass(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_ratio_to_empty_mass(inputs: CheckInputs, _motion: AxisMotion) -> str:
     """Text on the ratio to the empty mass, if it is beyond its limit."""
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
     far = found is not None and found.can_test_scale and abs(found.difference_over_u) > limit_u
-    return found.text if found is not None and far else ""
+    return found.difference_and_causes_text if found is not None and far else ""
 
 
 def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:

@@ -15,8 +15,8 @@ from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.diagnosis.measured_channels import RawSignals, Spans
 from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
-from analysis.model.windows import flag_windows
-from analysis.stages.gating.gate import reject_windows_with_rows
+from analysis.model.windows import flag_windows_with_flagged_rows
+from analysis.stages.gating.gate import reject_windows_with_excluded_rows
 from analysis.stages.motion.phases import count_rows_of_speed_rate_span
 from analysis.weighing.weigh import Weighing, average_mass_difference_kg
 from estimators.arrays import Bools
@@ -36,17 +36,17 @@ class ExcludedStretches:
     moved_u: float
 
     @property
-    def is_harmless(self) -> bool:
+    def does_exclusion_keep_mass(self) -> bool:
         """Whether the answer stays the same without the stretches."""
         return self.moved_u <= LIMITS.harmless_change_u
 
     @property
-    def text(self) -> str:
+    def exclusion_effect_text(self) -> str:
         """The outcome as text."""
         if not self.fitted_s:
             return "none of it is among the weighed samples"
         part = f"{self.fitted_s:.1f} s of it among the weighed samples"
-        if self.is_harmless:
+        if self.does_exclusion_keep_mass:
             return f"{part}, excluded: this moves the mass by {self.moved_u:.1f} u"
         if not np.isfinite(self.moved_u):
             return f"{part}: without it no sample is left"
@@ -97,16 +97,16 @@ def refit_without_failing_stretches(
         if fitted:
             without = weigh_grid(aligned.with_columns(left_out=pl.Series(rows | held)))
             found = ExcludedStretches(found.fitted_s, compute_mass_change_over_u(weighing, without))
-            weighing = without if found.is_harmless else weighing
+            weighing = without if found.does_exclusion_keep_mass else weighing
         named[check] = found
-        if found.is_harmless:
+        if found.does_exclusion_keep_mass:
             rows |= held
             # the moving mean and the phase look back
-            seen = flag_windows(
+            seen = flag_windows_with_flagged_rows(
                 held,
                 count_rows_of_speed_rate_span(machine.settings) + machine.settings.smooth.samples,
             )
-            gated = reject_windows_with_rows(gated, seen, why, machine.settings)
+            gated = reject_windows_with_excluded_rows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 
 
@@ -114,9 +114,9 @@ def _iter_stretches_to_exclude_by_check(
     signals: RawSignals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Name, stretches by channel, and rejection reason of each failing check."""
-    if signals.frozen_s > limits.frozen_max_s:
+    if signals.longest_frozen_duration_s > limits.frozen_max_s:
         yield "frozen_s", signals.frozen_spans, "gap"  # what is frozen was not measured
-    if signals.clipped_share > limits.clipped_max:
+    if signals.largest_clipped_fraction > limits.clipped_max:
         yield "clipped_share", signals.clipped_spans, "saturated"
 
 

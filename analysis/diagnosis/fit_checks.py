@@ -40,7 +40,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     shows = any(
         t > LIMITS.term_min_std for term, t in fit.term_t_values.items() if term not in modelled
     )
-    shows = shows or bool(fit.fit.misfit.any())
+    shows = shows or bool(fit.map_fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.has_excess_scatter)
     out: list[Disagreement] = []
     columns = (
@@ -94,15 +94,15 @@ def _make_wheel_quantity_function(
     return compute_value
 
 
-def _has_joint_fit(inputs: CheckInputs, _: AxisMotion) -> bool:
+def _has_joint_fit(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     return inputs.weighing is not None
 
 
-def _has_wheel_kinematics(inputs: CheckInputs, _: AxisMotion) -> bool:
+def _has_wheel_kinematics(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
-def relative_mass_u_of_main_load(inputs: CheckInputs, _: AxisMotion) -> float:
+def relative_mass_u_of_main_load(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Relative standard uncertainty of the load with the most manoeuvres."""
     weighing = inputs.weighing
     if weighing is None:
@@ -110,16 +110,16 @@ def relative_mass_u_of_main_load(inputs: CheckInputs, _: AxisMotion) -> float:
     return relative_load_mass_u(weighing, inputs.machine, weighing.fit.most_frequent_state)
 
 
-def is_answer_expected(inputs: CheckInputs, _: AxisMotion) -> bool:
+def is_answer_expected(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     """Whether the inputs are complete enough for an answer; frames alone give none."""
     return inputs.totals is not None
 
 
-def _describe_missing_answer(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_missing_answer(inputs: CheckInputs, _motion: AxisMotion) -> str:
     return "" if inputs.weighing is not None else NOTHING_FITTED
 
 
-def _name_term_farthest_from_prior(inputs: CheckInputs, _: AxisMotion) -> str:
+def _name_term_farthest_from_prior(inputs: CheckInputs, _motion: AxisMotion) -> str:
     widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_deviations_by_term
     return max(widths, key=widths.__getitem__, default="")
 
@@ -143,14 +143,14 @@ def _manoeuvre_scatter_over_noise(weighing: Weighing) -> float:
     return np.nan if states is None else states.birge_ratio
 
 
-def _mass_change_by_swapped_motion_over_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
+def _mass_change_by_swapped_motion_over_u(inputs: CheckInputs, _motion: AxisMotion) -> float | None:
     """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
     return None if other is None else other.mass_shift_over_u
 
 
-def _describe_fit_by_swapped_motion(inputs: CheckInputs, _: AxisMotion) -> str:
+def _describe_fit_by_swapped_motion(inputs: CheckInputs, _motion: AxisMotion) -> str:
     weighing = inputs.weighing
     if weighing is None or weighing.other_motion is None:
         return ""
@@ -161,7 +161,7 @@ def _describe_fit_by_swapped_motion(inputs: CheckInputs, _: AxisMotion) -> str:
     )
 
 
-def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _: AxisMotion) -> float:
+def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _motion: AxisMotion) -> float:
     return float(sum(each.contradicted for each in compare_methods_with_joint_fit(inputs)))
 
 
@@ -250,7 +250,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "channel_noise",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.fit.noise_share),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.map_fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
         applies=_has_joint_fit,
@@ -259,7 +259,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "force_delay_s",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: abs(weighing.fit.lag_s)),
+        _make_joint_fit_quantity_function(lambda weighing: abs(weighing.fit.force_lag_s)),
         "estimated delay of the force, s, of either sign",
         maximum="lag_max_s",
         applies=_has_joint_fit,
@@ -315,11 +315,11 @@ FIT_CHECKS: Final = (
     CheckRow(
         "common_misfit",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.fit.misfit_ratio),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.map_fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
         maximum="misfit_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and inputs.weighing.fit.fit.groups > 2
+            inputs.weighing is not None and inputs.weighing.fit.map_fit.groups > 2
         ),
         consequence="widen",
         remedy="filters, brakes or tyres that the equation does not have",

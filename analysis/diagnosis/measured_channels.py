@@ -69,7 +69,7 @@ class RawSignals:
         }
 
     @cached_property
-    def force_limits(self) -> dict[str, dict[float, float]]:
+    def fraction_by_clipping_level_of_channel(self) -> dict[str, dict[float, float]]:
         """Limits of each force channel, and the fraction of its readings at each.
 
         Readings that accumulate at an extreme, or return to one value for long, indicate a clipping
@@ -91,7 +91,7 @@ class RawSignals:
             name: [
                 (run.begin_ns, run.end_ns)
                 for run in runs
-                if run.value not in self.force_limits.get(name, {})
+                if run.value not in self.fraction_by_clipping_level_of_channel.get(name, {})
             ]
             for name, runs in self._repeated_readings_by_channel.items()
         }
@@ -108,18 +108,18 @@ class RawSignals:
         return common
 
     @property
-    def frozen_s(self) -> float:
+    def longest_frozen_duration_s(self) -> float:
         """Total duration in s of frozen force or motion channels."""
         spans = self.frozen_spans.values()
         return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
 
     @cached_property
-    def clipped_fraction_and_limit(self) -> dict[str, tuple[float, float]]:
+    def clipped_fraction_and_limit_by_channel(self) -> dict[str, tuple[float, float]]:
         """Largest fraction of readings at one limit, and that limit, by force channel."""
         nothing = (0.0, float("nan"))
         return {
             name: max(((share, at) for at, share in found.items()), default=nothing)
-            for name, found in self.force_limits.items()
+            for name, found in self.fraction_by_clipping_level_of_channel.items()
         }
 
     @cached_property
@@ -127,14 +127,16 @@ class RawSignals:
         """Spans in ns in which a force channel stays at a limit, by channel."""
         return {
             name: find_spans_at_limits(list(found), *self.channels[name])
-            for name, found in self.force_limits.items()
+            for name, found in self.fraction_by_clipping_level_of_channel.items()
             if found
         }
 
     @property
-    def clipped_share(self) -> float:
+    def largest_clipped_fraction(self) -> float:
         """Largest fraction of a force channel's readings at its limit."""
-        return max((share for share, _ in self.clipped_fraction_and_limit.values()), default=0.0)
+        return max(
+            (share for share, _ in self.clipped_fraction_and_limit_by_channel.values()), default=0.0
+        )
 
     def interpolate_force(self, unix_ns: Ints) -> Floats | None:
         """Unfiltered force or sum of both torques at the stamps, (n,); None if it is derived."""
@@ -258,7 +260,7 @@ def find_repeated_readings(channel: str, channels: Mapping[str, Series]) -> list
     t, x = channels[channel]
     runs, never = find_unexplained_repeats(t, x)
     if runs and float(np.ptp(x)) == 0.0:
-        return runs if should_channel_have_changed(channel, channels) else []
+        return runs if should_constant_channel_have_changed(channel, channels) else []
     # a machine that stands has no speed, one that coasts no force
     runs = [run for run in runs if run.value != 0.0 or channel == "specific_force_x_m_s2"]
     if not runs:
@@ -279,7 +281,7 @@ def find_repeated_readings(channel: str, channels: Mapping[str, Series]) -> list
     return runs if surely and never else surely
 
 
-def should_channel_have_changed(channel: str, channels: Mapping[str, Series]) -> bool:
+def should_constant_channel_have_changed(channel: str, channels: Mapping[str, Series]) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
     of_motion = channel in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != channel]

@@ -61,7 +61,7 @@ class SideDifference:
         return (1.0 - half) / (1.0 + half)
 
 
-def compare_sides(
+def compare_left_and_right_sides(
     excitation: pl.DataFrame, signals: RawSignals | None, machine: Machine, t0_unix_ns: int
 ) -> Mapping[str, SideDifference]:
     """Compare the sides of a log that measures both.

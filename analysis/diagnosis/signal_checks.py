@@ -31,15 +31,15 @@ def interpolate_unfiltered_force(inputs: CheckInputs) -> Floats | None:
     )
 
 
-def _has_raw_signals(inputs: CheckInputs, _: AxisMotion) -> bool:
+def _has_raw_signals(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     return inputs.signals is not None
 
 
-def _imu_tilt_rad(inputs: CheckInputs, _: AxisMotion) -> float:
+def _imu_tilt_rad(inputs: CheckInputs, _motion: AxisMotion) -> float:
     return estimate_gravity_tilt_deg(inputs.excitation, inputs.machine)
 
 
-def _clock_drift_over_log_s(inputs: CheckInputs, _: AxisMotion) -> float:
+def _clock_drift_over_log_s(inputs: CheckInputs, _motion: AxisMotion) -> float:
     return np.nan if inputs.signals is None else inputs.signals.clock_drift_over_log_s
 
 
@@ -60,25 +60,25 @@ def _make_describer_of_exclusion(check_name: str) -> Callable[[CheckInputs, Axis
 
     def refit_outcome(inputs: CheckInputs, _: AxisMotion) -> str:
         found = inputs.left_out.get(check_name)
-        return "" if found is None else found.text
+        return "" if found is None else found.exclusion_effect_text
 
     return refit_outcome
 
 
-def _largest_side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
+def _largest_side_difference_1(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Largest relative difference of left and right; NaN without two sides."""
     return max(
         (each.difference_lower_bound_1 for each in inputs.side_differences.values()), default=np.nan
     )
 
 
-def torque_difference_lower_bound(inputs: CheckInputs, _: AxisMotion) -> float:
+def torque_difference_lower_bound(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Lower bound of the sides' torque difference; NaN without two."""
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.difference_lower_bound_1
 
 
-def _name_quantity_of_largest_side_difference(inputs: CheckInputs, _: AxisMotion) -> str:
+def _name_quantity_of_largest_side_difference(inputs: CheckInputs, _motion: AxisMotion) -> str:
     """Quantity in which the sides differ most: torque, speed or slip."""
     worst = max(
         inputs.side_differences.values(),
@@ -101,7 +101,9 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "frozen_s",
         "mass",
-        lambda inputs, _: np.nan if inputs.signals is None else inputs.signals.frozen_s,
+        lambda inputs, _: (
+            np.nan if inputs.signals is None else inputs.signals.longest_frozen_duration_s
+        ),
         "time that a channel repeats its value while another changes, s",
         maximum="frozen_max_s",
         applies=_has_raw_signals,
@@ -112,7 +114,9 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "clipped_share",
         "mass",
-        lambda inputs, _: np.nan if inputs.signals is None else inputs.signals.clipped_share,
+        lambda inputs, _: (
+            np.nan if inputs.signals is None else inputs.signals.largest_clipped_fraction
+        ),
         "fraction of a force channel's readings at a limit of the sensor or the engine",
         maximum="clipped_max",
         applies=_has_raw_signals,

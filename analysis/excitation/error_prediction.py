@@ -119,30 +119,30 @@ def filter_channel_without_ends(channel: Floats, weights: Floats) -> Floats:
 
 
 def make_whitened_window_system(
-    drive: Drive, filters: Filters, raw_channels: MeasuredSignals, noise: MeasuredSignals
+    motion_kind: Drive, filters: Filters, raw_channels: MeasuredSignals, noise: MeasuredSignals
 ) -> tuple[Floats, Floats]:
     """System of least squares: regressor (rows, p) and right side (rows,), over the noise.
 
     Args:
-        drive: axes that are fitted, which select rows and columns.
+        motion_kind: axes that are fitted, which select rows and columns.
         filters: moving mean and difference applied to every channel.
         raw_channels: the channels, true or noisy.
         noise: noise of one sample; only that of force and torque is used.
     """
     A, y = filters.filter_to_regressor_rows(raw_channels)
-    rows, weights = _ROWS[drive], compute_reciprocal_row_noise(drive, noise)
-    part = A[:, rows][:, :, COLUMNS[drive]] * weights[:, None]
+    rows, weights = _ROWS[motion_kind], compute_reciprocal_row_noise(motion_kind, noise)
+    part = A[:, rows][:, :, COLUMNS[motion_kind]] * weights[:, None]
     return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
 
 
-def compute_reciprocal_row_noise(drive: Drive, noise: MeasuredSignals) -> Floats:
+def compute_reciprocal_row_noise(motion_kind: Drive, noise: MeasuredSignals) -> Floats:
     """Reciprocal noise (rows,) of force and torque; 1 if they have none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
-    return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[drive]]
+    return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[motion_kind]]
 
 
 @dataclass(frozen=True)
-class Prediction:
+class ErrorPrediction:
     """Predicted error of one estimated quantity.
 
     Attributes:
@@ -177,12 +177,16 @@ class Prediction:
 
 
 def predict_errors_of_drive(
-    drive: Drive, filters: Filters, truth: MeasuredSignals, body: RigidBody, noise: MeasuredSignals
-) -> dict[str, Prediction]:
+    motion_kind: Drive,
+    filters: Filters,
+    truth: MeasuredSignals,
+    body: RigidBody,
+    noise: MeasuredSignals,
+) -> dict[str, ErrorPrediction]:
     """Predict the errors of the mass, the yaw inertia and the centre of mass that a drive fits.
 
     Args:
-        drive: axes whose equations are fitted.
+        motion_kind: axes whose equations are fitted.
         filters: filters applied to every channel.
         truth: (n + margin,) the noise-free channels of the window.
         body: the machine.
@@ -191,26 +195,26 @@ def predict_errors_of_drive(
     Returns:
         Predictions by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
     """
-    columns, rows = COLUMNS[drive], _ROWS[drive]
-    A, y = make_whitened_window_system(drive, filters, truth, noise)
+    columns, rows = COLUMNS[motion_kind], _ROWS[motion_kind]
+    A, y = make_whitened_window_system(motion_kind, filters, truth, noise)
     # noise in the regressor adds E[NᵀN] to AᵀA
-    gram = A.T @ A + np.diag(compute_regressor_noise_squares(drive, filters, truth, noise))
+    gram = A.T @ A + np.diag(compute_regressor_noise_squares(motion_kind, filters, truth, noise))
     inverse = np.linalg.solve(gram, A.T)
     theta = compute_true_parameters(body)[columns]
     bias = inverse @ y - theta
     phi = np.zeros(len(planar_rows.PARAMETERS))
     phi[columns] = theta
     full = filters.filter_to_regressor_rows(truth)[0]
-    predictions: dict[str, Prediction] = {}
+    predictions: dict[str, ErrorPrediction] = {}
     for name, (value, gradient) in list_predicted_quantities(body).items():
         if set(np.flatnonzero(gradient)) <= set(columns):
             weight = (gradient[columns] @ inverse).reshape(
                 -1, len(rows)
-            ) * compute_reciprocal_row_noise(drive, noise)
+            ) * compute_reciprocal_row_noise(motion_kind, noise)
             both = np.zeros((weight.shape[0], 2))
             both[:, rows] = weight
             shares = predict_variance_by_source(filters, both, phi, full, noise)
-            predictions[name] = Prediction(
+            predictions[name] = ErrorPrediction(
                 value=value,
                 variance_per_force=shares[0] / float(noise.force_x_N) ** 2,
                 variance_rest=shares[1],
@@ -262,7 +266,7 @@ def predict_variance_by_source(
 
 
 def compute_regressor_noise_squares(
-    drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
+    motion_kind: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> Floats:
     """Diagonal (p,) of E[NᵀN] over a window; mean and central difference are uncorrelated."""
     mean, difference = (
@@ -276,17 +280,17 @@ def compute_regressor_noise_squares(
     omega = A[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     square = 4.0 * float(omega @ omega) / samples * yaw_rate
     each = np.array([[s_x, 0.0, square, turn, speed, 0.0], [0.0, turn, s_y, s_x, 0.0, yaw_rate]])
-    rows = _ROWS[drive]
-    weighted = each[rows] * compute_reciprocal_row_noise(drive, noise)[:, None] ** 2
-    return samples * weighted.sum(0)[COLUMNS[drive]]
+    rows = _ROWS[motion_kind]
+    weighted = each[rows] * compute_reciprocal_row_noise(motion_kind, noise)[:, None] ** 2
+    return samples * weighted.sum(0)[COLUMNS[motion_kind]]
 
 
 def predict_noise_scaled_condition(
-    drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
+    motion_kind: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""
-    A, _ = make_whitened_window_system(drive, filters, truth, noise)
-    inside = np.sqrt(compute_regressor_noise_squares(drive, filters, truth, noise))
+    A, _ = make_whitened_window_system(motion_kind, filters, truth, noise)
+    inside = np.sqrt(compute_regressor_noise_squares(motion_kind, filters, truth, noise))
     if not (inside > 0.0).all():
         inside = np.linalg.norm(A, axis=0)
     return float(np.linalg.cond(A / inside)) ** 2

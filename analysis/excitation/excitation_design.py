@@ -13,9 +13,9 @@ import numpy as np
 
 from analysis.excitation.error_prediction import (
     Drive,
+    ErrorPrediction,
     Filters,
     MeasuredSignals,
-    Prediction,
     compute_sensor_noise,
     predict_errors_of_drive,
     predict_noise_scaled_condition,
@@ -79,7 +79,7 @@ class WaveformScore:
     ways: Ways
     manoeuvre: Excite
     start_s: float
-    predictions: Mapping[str, Prediction]
+    predictions: Mapping[str, ErrorPrediction]
     rank: int
     condition: float
     snr: float
@@ -122,7 +122,7 @@ class ExcitationDesign:
     best: WaveformScore | None
 
     @property
-    def is_reached(self) -> bool:
+    def is_accuracy_reached(self) -> bool:
         """Whether the best waveform reaches the wanted accuracy."""
         return self.best is not None and self.best.relative_error <= self.accuracy
 
@@ -133,7 +133,7 @@ class ExcitationDesign:
             "response_s": dict(self.response_s),
             "window_s": self.window_s,
             "accuracy": self.accuracy,
-            "reached": self.is_reached,
+            "reached": self.is_accuracy_reached,
             "waveforms": [
                 {
                     "waveform": score.waveform,
@@ -209,7 +209,7 @@ def compute_settling_time_bound_s(
 
 def design_excitation(
     scenario: Scenario,
-    drive: Drive = "straight",
+    motion_kind: Drive = "straight",
     accuracy: float = 0.01,
     window_s: float | None = None,
     yard_m: float | None = None,
@@ -218,7 +218,7 @@ def design_excitation(
 
     Args:
         scenario: machine, sensors, ground; its first load.
-        drive: straight (force), spin (torque) or joint (both, full throttle shared).
+        motion_kind: straight (force), spin (torque) or joint (both, full throttle shared).
         accuracy: wanted r.m.s. error over the value: of the mass, the yaw inertia, or both.
         window_s: T_φ, between T and T_f of the slowest axis; default 2 T.
         yard_m: largest distance from the start that the yard allows.
@@ -233,7 +233,9 @@ def design_excitation(
             "sensors.force_noise_N: is 0, so that there is no signal-to-noise ratio; give a value "
             "above 0"
         )
-    response_s = {axis: compute_settling_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
+    response_s = {
+        axis: compute_settling_time_s(scenario, load_kg, axis) for axis in _AXES[motion_kind]
+    }
     slowest_s = max(response_s.values())
     window_s = 2.0 * slowest_s if window_s is None else window_s
     if not slowest_s <= window_s <= _PERIOD_OVER_RESPONSE * slowest_s:
@@ -242,16 +244,23 @@ def design_excitation(
             f"T = {slowest_s:.2f} s and the period 3 T = {_PERIOD_OVER_RESPONSE * slowest_s:.2f} s"
         )
     scores = [
-        score_waveform(scenario, drive, shape, ways, response_s, window_s, accuracy)
+        score_waveform(scenario, motion_kind, shape, ways, response_s, window_s, accuracy)
         for shape in get_args(Shape)
         for ways in get_args(Ways)
     ]
     return ExcitationDesign(
-        drive, response_s, window_s, accuracy, scores, find_best_score(scores, yard_m)
+        motion_kind,
+        response_s,
+        window_s,
+        accuracy,
+        scores,
+        choose_best_waveform_score(scores, yard_m),
     )
 
 
-def find_best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> WaveformScore | None:
+def choose_best_waveform_score(
+    scores: Sequence[WaveformScore], yard_m: float | None
+) -> WaveformScore | None:
     """Score with the smallest error that fits the yard; None if none fits."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     return min(fitting, key=lambda score: score.relative_error, default=None)
@@ -259,17 +268,18 @@ def find_best_score(scores: Sequence[WaveformScore], yard_m: float | None) -> Wa
 
 def _make_excite_manoeuvre(
     scenario: Scenario,
-    drive: Drive,
+    motion_kind: Drive,
     wave_shape: Shape,
     directions: Ways,
     response_s: Mapping[str, float],
 ) -> Excite:
     force_N, torque_N_m = (
-        full / 2.0 if drive == "joint" else full for full in scenario.full_throttle_force_and_torque
+        full / 2.0 if motion_kind == "joint" else full
+        for full in scenario.full_throttle_force_and_torque
     )
     # to the millisecond, so that a person can read the scenario
     periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}
-    if drive == "joint":
+    if motion_kind == "joint":
         ratio = periods["force"] / periods["torque"]
         if max(ratio, 1.0 / ratio) < _LEAST_PERIOD_RATIO:
             periods["torque"] = round(periods["force"] * _OUT_OF_STEP, 3)
@@ -294,7 +304,7 @@ def _make_excite_manoeuvre(
 
 def score_waveform(
     scenario: Scenario,
-    drive: Drive,
+    motion_kind: Drive,
     wave_shape: Shape,
     directions: Ways,
     response_s: Mapping[str, float],
@@ -303,7 +313,7 @@ def score_waveform(
 ) -> WaveformScore:
     """Drive a waveform, and predict the errors in its worst window."""
     load_kg = scenario.campaign.loads_kg[0]
-    manoeuvre = _make_excite_manoeuvre(scenario, drive, wave_shape, directions, response_s)
+    manoeuvre = _make_excite_manoeuvre(scenario, motion_kind, wave_shape, directions, response_s)
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = compute_sensor_noise(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
@@ -314,22 +324,22 @@ def score_waveform(
     motion = solve_motion(with_trial_of_manoeuvres(scenario, longer), load_kg)
     driven = motion.sample_channels(np.arange(round(last_s * rate_hz)) / rate_hz)
     truth = MeasuredSignals.from_motion(driven)
-    asked = _ASKED[drive]
+    asked = _ASKED[motion_kind]
 
-    def largest_relative_rms(predictions: Mapping[str, Prediction]) -> float:
+    def largest_relative_rms(predictions: Mapping[str, ErrorPrediction]) -> float:
         return max(predictions[name].rms / predictions[name].value for name in asked)
 
-    windows: list[tuple[int, MeasuredSignals, dict[str, Prediction]]] = []
+    windows: list[tuple[int, MeasuredSignals, dict[str, ErrorPrediction]]] = []
     for place in range(_PLACES):
         first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
         part = MeasuredSignals(*(each[first : first + samples] for each in truth))
         windows.append(
-            (first, part, predict_errors_of_drive(drive, filters, part, motion.body, noise))
+            (first, part, predict_errors_of_drive(motion_kind, filters, part, motion.body, noise))
         )
     first, part, predictions = max(windows, key=lambda window: largest_relative_rms(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))
-    applied = truth.torque_z_N_m if drive == "spin" else truth.force_x_N
-    noisy = float(noise.torque_z_N_m if drive == "spin" else noise.force_x_N)
+    applied = truth.torque_z_N_m if motion_kind == "spin" else truth.force_x_N
+    noisy = float(noise.torque_z_N_m if motion_kind == "spin" else noise.force_x_N)
     varies = float(applied[repeats].std())
     allowed = [
         predictions[name].allowed_force_noise_std(accuracy * predictions[name].value)
@@ -349,7 +359,7 @@ def score_waveform(
         rank=count_parameters_determined_by_motion(
             Channels._make(each[first : first + samples] for each in driven)
         ),
-        condition=predict_noise_scaled_condition(drive, filters, part, noise),
+        condition=predict_noise_scaled_condition(motion_kind, filters, part, noise),
         snr=varies / noisy,
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),

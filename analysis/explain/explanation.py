@@ -20,7 +20,7 @@ from analysis.explain.worst_manoeuvres import (
 from analysis.model.answer import Answer, make_answer
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
-from analysis.model.windows import mark_samples_in_windows
+from analysis.model.windows import mark_samples_in_accepted_windows
 
 #: Columns that an explanation looks at, by frame; all of a frame that is not here.
 COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -179,7 +179,7 @@ def determine_parameters_at_moment(
         rows = np.ones(excitation.height, np.bool_)
     elif gate is not None and "accepted_x" in gate.columns and gate.height == excitation.height:
         accepted = gate["accepted_x"].fill_null(value=False).to_numpy()
-        rows = mark_samples_in_windows(accepted, settings.gate.window_samples)
+        rows = mark_samples_in_accepted_windows(accepted, settings.gate.window_samples)
         if not rows.any():
             rows = _select_moving_rows(excitation)
     else:

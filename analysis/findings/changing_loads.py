@@ -26,7 +26,7 @@ from analysis.findings.whitened_rows import (
     sum_blocks,
 )
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
-from estimators.errors import counted
+from estimators.errors import format_count
 from estimators.numerics.fit_loss import list_rows_by_group
 
 #: What every log may have besides; columns of more noise would leave it in this one's way.
@@ -58,7 +58,11 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
     Returns:
         None if the answer has one load, or the machine drives one way only.
     """
-    fit, noise, motion = inputs.own_fit, inputs.column_noise, explain_constant_force(inputs).motion
+    fit, noise, motion = (
+        inputs.log_only_fit,
+        inputs.column_noise,
+        explain_constant_force(inputs).motion,
+    )
     if (
         fit is None
         or noise is None
@@ -104,10 +108,10 @@ def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
             "the two. A boom or bucket channel, settings.loads.empty_from_s and empty_to_s, "
             "machine.digs or machine.force_gain_in_reverse (1: both directions alike) can"
         )
-    of_mass_kg = found.u_1 * abs(weighing.fit.mass_kg)
+    of_mass_kg = found.relative_mass_u * abs(weighing.fit.mass_kg)
     return [
         Symptom(
-            abs(apart) / found.threshold_1,
+            abs(apart) / found.significance_threshold_1,
             says,
             channel=inputs.force_channel,
             # which of the two directions is right is not known
@@ -149,7 +153,7 @@ def _find_fitted_load_changes(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             worst.deviations * len(found) ** 0.5,
-            f"in {counted(len(found), 'manoeuvre')} the load changes, by up to "
+            f"in {format_count(len(found), 'manoeuvre')} the load changes, by up to "
             f"{worst.kg_s:+.0f} kg/s",
             span_ns=(begin, begin),
         )
@@ -175,7 +179,7 @@ def _report_excluded_load_changes(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(growing))),
-            f"in {counted(len(growing), 'manoeuvre')} the load changes, by up to "
+            f"in {format_count(len(growing), 'manoeuvre')} the load changes, by up to "
             f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; these manoeuvres are excluded",
             span_ns=(begin, begin),
         )
@@ -184,7 +188,11 @@ def _report_excluded_load_changes(inputs: FindingInputs) -> list[Symptom]:
 
 def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRate]:
     """Manoeuvres whose load changes by more than noise explains."""
-    fit, noise, motion = inputs.own_fit, inputs.column_noise, explain_constant_force(inputs).motion
+    fit, noise, motion = (
+        inputs.log_only_fit,
+        inputs.column_noise,
+        explain_constant_force(inputs).motion,
+    )
     if fit is None or noise is None or motion is None:
         return []
     parts = [
@@ -253,7 +261,7 @@ def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     u_kg = drift.gain_u_1 * abs(weighing.fit.mass_kg)
     return [
         Symptom(
-            abs(drift.change_1) / drift.threshold_1,
+            abs(drift.change_1) / drift.significance_threshold_1,
             f"the empty machine weighs {abs(drift.change_1):.1%} ± {drift.u_1:.1%} "
             f"{'more' if drift.change_1 > 0.0 else 'less'} at the end of the log than at its "
             "beginning: the force's gain drifts, or the machine loses mass",

@@ -21,7 +21,7 @@ from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.refit import refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.model.windows import flag_windows
+from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.signals.filters import median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
@@ -78,7 +78,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _format_mass_change_by_exclusion(exclusion: ExcludedStretches | None) -> str:
-    return "" if exclusion is None else f"; {exclusion.text}"
+    return "" if exclusion is None else f"; {exclusion.exclusion_effect_text}"
 
 
 def does_exclusion_keep_answer(
@@ -87,15 +87,15 @@ def does_exclusion_keep_answer(
     refit: Callable[[], MassChange | None] | None = None,
 ) -> bool | None:
     """Whether the answer stays the same without the stretches; None if that is not known."""
-    if inputs.own_fit is None:
+    if inputs.log_only_fit is None:
         return None
     if exclusion is not None:
-        return exclusion.is_harmless
+        return exclusion.does_exclusion_keep_mass
     # of several loads a stretch may move the others
-    change = refit() if refit is not None and inputs.own_fit.mass_count == 1 else None
+    change = refit() if refit is not None and inputs.log_only_fit.mass_count == 1 else None
     if change is None:
         return None
-    return abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.own_fit.u_kg
+    return abs(change.kg) <= DIAGNOSIS_LIMITS.harmless_change_u * inputs.log_only_fit.u_kg
 
 
 def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tuple[int, int]]:
@@ -103,7 +103,7 @@ def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tup
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
-    limits = signals.force_limits.get(channel, {})
+    limits = signals.fraction_by_clipping_level_of_channel.get(channel, {})
     runs, never = find_unexplained_repeats(*inputs.unfiltered_readings[channel])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
@@ -122,7 +122,7 @@ def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tup
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Find force readings that accumulate at an extreme value."""
     signals = inputs.check_inputs.signals
-    if signals is None or not (clipped := signals.clipped_fraction_and_limit):
+    if signals is None or not (clipped := signals.clipped_fraction_and_limit_by_channel):
         return []
     name = max(clipped, key=lambda each: clipped[each][0])
     share, extreme = clipped[name]
@@ -134,11 +134,13 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     limit_N = 0.98 * at * max(count, 1)
 
     def refit_without_saturated_rows() -> MassChange | None:
-        if inputs.own_fit is None:
+        if inputs.log_only_fit is None:
             return None
-        near = np.abs(inputs.own_fit.motion.force) > limit_N
+        near = np.abs(inputs.log_only_fit.motion.force) > limit_N
         return refit_without_samples(
-            inputs, flag_windows(near, 5) | flag_windows(near[::-1], 5)[::-1]
+            inputs,
+            flag_windows_with_flagged_rows(near, 5)
+            | flag_windows_with_flagged_rows(near[::-1], 5)[::-1],
         )
 
     return [
@@ -278,8 +280,8 @@ def mark_samples_near_stamps(inputs: FindingInputs, stamps_unix_ns: Ints) -> Boo
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, stamps_unix_ns), 0, t.size - 1)] = True
     return (
-        flag_windows(at, LIMITS.spike_margin_samples)
-        | flag_windows(at[::-1], LIMITS.spike_margin_samples)[::-1]
+        flag_windows_with_flagged_rows(at, LIMITS.spike_margin_samples)
+        | flag_windows_with_flagged_rows(at[::-1], LIMITS.spike_margin_samples)[::-1]
     )
 
 
@@ -355,7 +357,7 @@ def find_contradicted_wheel_speed_and_scale(
     inputs: FindingInputs, difference: SideDifference
 ) -> tuple[str, float] | None:
     """Wheel speed that the accelerometer contradicts, and the factor for its scale."""
-    wheels = None if inputs.own_fit is None else inputs.own_fit.kinematics
+    wheels = None if inputs.log_only_fit is None else inputs.log_only_fit.kinematics
     if wheels is None or not wheels.is_consistent:
         return None
     gains = [(1.0 + wheels.gain[0]) * (1.0 + way * difference.value_1 / 2.0) for way in (-1.0, 1.0)]
@@ -372,15 +374,15 @@ def estimate_mass_change_by_smaller_side(
     inputs: FindingInputs, difference: SideDifference
 ) -> MassChange | None:
     """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
-    if inputs.own_fit is None or difference.side_ratio_1 <= -1.0:
+    if inputs.log_only_fit is None or difference.side_ratio_1 <= -1.0:
         return None
-    kg = abs(inputs.own_fit.mass_kg) * (2.0 / (1.0 + max(difference.side_ratio_1, 0.0)) - 1.0)
+    kg = abs(inputs.log_only_fit.mass_kg) * (2.0 / (1.0 + max(difference.side_ratio_1, 0.0)) - 1.0)
     return MassChange(kg, kg)
 
 
 def bound_mass_change_by_wheel_speed_error(inputs: FindingInputs) -> MassChange | None:
     """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     return (
         None if fit is None or not fit.motion.by_accelerometer else MassChange(0.0, 0.5 * fit.u_kg)
     )

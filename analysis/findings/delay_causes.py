@@ -19,14 +19,10 @@ from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, rank_causes_by_likelihood
 from analysis.findings.refit import refit_corrected
-from analysis.findings.signal_lag import (
-    SignalLag,
-    estimate_lag_and_std_s,
-    estimate_lag_of_signal,
-)
+from analysis.findings.signal_lag import SignalLag, estimate_lag_and_std_s, estimate_lag_of_signal
 from analysis.findings.unsigned_channels import find_unsigned_speed
 from analysis.model.schema import column_values
-from analysis.model.windows import flag_windows
+from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.signals.derive import find_unit_in_name
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -91,7 +87,7 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
     if _does_long_shift_restore_correlation(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
-        rows = flag_windows(drives[::-1], before)[::-1]
+        rows = flag_windows_with_flagged_rows(drives[::-1], before)[::-1]
         v = channels["v"]
         later = np.interp(np.arange(v.size) + seen.lag_s / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
@@ -129,7 +125,7 @@ def _sum_squared_force_residuals(force: Floats, columns: Floats, used_rows: Bool
     return float(left @ left)
 
 
-def force_acceleration_correlation(force: Floats, acceleration: Floats, speed: Floats) -> float:
+def correlate_force_with_acceleration(force: Floats, acceleration: Floats, speed: Floats) -> float:
     """Partial correlation of force and acceleration about 0, given the speed.
 
     Friction in the force follows the speed, which is the integral of the acceleration.
@@ -149,7 +145,7 @@ def _estimate_force_lag_while_driving(
     inside = is_driving.copy()
     inside[:longest] = inside[-longest:] = False
     seen = [
-        force_acceleration_correlation(
+        correlate_force_with_acceleration(
             force[inside], np.roll(acceleration, k)[inside], np.roll(speed, k)[inside]
         )
         for k in range(-longest, longest + 1)

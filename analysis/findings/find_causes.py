@@ -115,12 +115,12 @@ def _does_finding_affect_mass(finding_row: Mapping[str, object], inputs: Finding
     if (
         finding_row["severity"] != "tell"
         or not isinstance(change_kg, float)
-        or inputs.own_fit is None
+        or inputs.log_only_fit is None
     ):
         return True
     u_kg = finding_row["mass_change_u_kg"]
     may_kg = abs(change_kg) + (u_kg if isinstance(u_kg, float) else 0.0)
-    return may_kg > LIMITS.accounting_change_u * inputs.own_fit.u_kg
+    return may_kg > LIMITS.accounting_change_u * inputs.log_only_fit.u_kg
 
 
 def _judge_consequence_of_finding(
@@ -131,9 +131,11 @@ def _judge_consequence_of_finding(
         return "tell"
     if cause.withholds and symptom.invalidates and not (cause.as_judged and inputs.can_weigh):
         return "withhold"
-    if change is None or inputs.own_fit is None:
+    if change is None or inputs.log_only_fit is None:
         return "tell"
-    return "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.own_fit.u_kg else "tell"
+    return (
+        "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.log_only_fit.u_kg else "tell"
+    )
 
 
 def drop_findings_explained_by_work_cycles(
@@ -176,7 +178,7 @@ def add_masked_findings(
     machine: Machine,
     find_with_machine: Callable[[Machine], pl.DataFrame | None],
     *,
-    is_whole_log: bool,
+    is_complete_log: bool,
 ) -> pl.DataFrame:
     """Add the findings that remain after a masking cause is corrected.
 
@@ -185,7 +187,8 @@ def add_masked_findings(
         machine: machine file of the replay.
         find_with_machine: finds causes with another machine file; None if the log cannot be
             replayed.
-        is_whole_log: whether `find_with_machine` replays the whole log rather than its beginning.
+        is_complete_log: whether `find_with_machine` replays the whole log rather than its
+            beginning.
 
     Returns:
         `findings`: the masking causes, then those of the corrected log. Unchanged if no cause masks
@@ -209,7 +212,7 @@ def add_masked_findings(
     )
     both = pl.concat(
         [*hiding, seen]
-        if is_whole_log
+        if is_complete_log
         else [*hiding, seen, drop_repeated_findings(findings, hiding, seen)]
     )
     return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))
@@ -220,22 +223,26 @@ def _has_finding_of_cause(findings: pl.DataFrame, cause: str) -> bool:
 
 
 def drop_repeated_findings(
-    findings: pl.DataFrame, masking: list[pl.DataFrame], unmasked: pl.DataFrame
+    findings: pl.DataFrame, masking_findings: list[pl.DataFrame], unmasked_findings: pl.DataFrame
 ) -> pl.DataFrame:
     """Keep the findings of the whole log that the second search neither repeats nor explains.
 
     Args:
         findings: findings of the whole log.
-        masking: the masking causes that were corrected, a row each.
-        unmasked: findings of the second search, once they are corrected.
+        masking_findings: the masking causes that were corrected, a row each.
+        unmasked_findings: findings of the second search, once they are corrected.
     """
     explained = [
         key
         for each in CAUSES
         for key in each.explains
-        if any(_has_finding_of_cause(first, each.key) for first in masking)
+        if any(_has_finding_of_cause(first, each.key) for first in masking_findings)
     ]
-    known = [*explained, *unmasked["cause"], *(each["cause"][0] for each in masking)]
+    known = [
+        *explained,
+        *unmasked_findings["cause"],
+        *(each["cause"][0] for each in masking_findings),
+    ]
     return findings.filter(~pl.col("cause").is_in(known))
 
 

@@ -15,7 +15,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
-from analysis.model.windows import flag_windows
+from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.copied_rows import Copy
 from analysis.weighing.joint_result import JointFit
@@ -62,7 +62,7 @@ class FindingInputs:
         return self.check_inputs.machine
 
     @property
-    def own_fit(self) -> JointFit | None:
+    def log_only_fit(self) -> JointFit | None:
         """The joint fit of this log alone; None if nothing could be fitted."""
         weighing = self.check_inputs.weighing
         return None if weighing is None else weighing.own_fit
@@ -73,7 +73,7 @@ class FindingInputs:
         return Verdict.from_frame(self.judged).can_weigh
 
     @cached_property
-    def check_values(self) -> dict[str, float]:
+    def value_by_check(self) -> dict[str, float]:
         """Numbers of the verdict by check; NaN for checks that do not apply."""
         numbers = self.judged["value"].fill_null(np.nan).to_list()
         return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
@@ -104,7 +104,10 @@ class FindingInputs:
             round(s * self.machine.settings.align.rate_hz)
             for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
-        return ~(flag_windows(near, after) | flag_windows(near[::-1], before)[::-1])
+        return ~(
+            flag_windows_with_flagged_rows(near, after)
+            | flag_windows_with_flagged_rows(near[::-1], before)[::-1]
+        )
 
     @property
     def unfiltered_readings(self) -> Mapping[str, Series]:
@@ -206,7 +209,7 @@ class FindingInputs:
 
     def look_up_mass_of_samples_kg(self, motion: MotionSamples) -> Floats:
         """Mass of the load of each sample by the joint fit, (n,) in kg."""
-        fit = self.own_fit
+        fit = self.log_only_fit
         assert fit is not None
         if fit.states is None or fit.mass_count == 1:
             return np.full(motion.force.size, fit.mass_kg)

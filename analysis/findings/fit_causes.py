@@ -25,7 +25,7 @@ from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.stage_limits import LIMITS as STAGE_LIMITS
 from analysis.weighing.joint_result import find_term_index
 from analysis.weighing.motion_samples import MotionSamples
-from estimators.errors import counted
+from estimators.errors import format_count
 
 
 def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
@@ -77,11 +77,11 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
     rest, std = seen.rest_N
     if not np.isfinite(rest):
         return _find_constant_force(inputs)
-    if seen.offset is False or inputs.own_fit is None:
+    if seen.offset is False or inputs.log_only_fit is None:
         return []
     strength = abs(rest) / max(
         LIMITS.standing_reading_std * std,
-        LIMITS.standing_reading_fraction * inputs.own_fit.motion.force_95_percent,
+        LIMITS.standing_reading_fraction * inputs.log_only_fit.motion.force_95_percent,
     )
     names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
         "torque_left_N_m", "torque_right_N_m"
@@ -120,7 +120,7 @@ def _format_offset_setting(inputs: FindingInputs, name: str, reading_at_rest: fl
 
 def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     """Report a constant force whose cause is open because the machine never stands."""
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     if fit is None:
         return []
     const, std = (float(each[find_term_index("const", fit.terms)]) for each in fit.term_posteriors)
@@ -137,7 +137,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
 
 def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     """Find a constant force against the direction of motion."""
-    fit, found = inputs.own_fit, rank_causes_by_likelihood(inputs)
+    fit, found = inputs.log_only_fit, rank_causes_by_likelihood(inputs)
     if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
@@ -178,7 +178,7 @@ def read_picked_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> P
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
     """
-    fit, seen = inputs.own_fit, explain_constant_force(inputs)
+    fit, seen = inputs.log_only_fit, explain_constant_force(inputs)
     names = [] if fit is None else [term.name for term in fit.terms]
     if fit is None or term_name not in names or not np.isfinite(seen.rest_N[0]):
         return None
@@ -205,13 +205,13 @@ def estimate_mass_change_without_coulomb(
 
 
 def _bound_mass_change_by_wheel_slip(inputs: FindingInputs) -> MassChange | None:
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     return None if fit is None else MassChange(0.0, 0.5 * fit.u_kg)
 
 
 def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     """Find wheels that turn faster than the ground speed while they pull."""
-    pick, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.own_fit
+    pick, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.log_only_fit
     if pick is None or fit is None or pick.value <= 0.0:
         return []
     at = pick.value * fit.motion.force_95_percent
@@ -257,7 +257,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
 
 def find_force_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     """Find a force gain that changes over the log, or a load that changes steadily."""
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     if fit is None or fit.mass_count > 1:
         return find_drift_of_empty_mass(inputs)
     pick = rank_causes_by_likelihood(inputs).get("gain_drift")
@@ -316,7 +316,7 @@ def relative_mass_uncertainty_of_answer(inputs: FindingInputs) -> float:
 def find_lack_of_excitation(inputs: FindingInputs) -> list[Symptom]:
     """Find logs without an accepted stretch, or with a very uncertain answer."""
     if inputs.check_inputs.weighing is None:
-        stretches = inputs.check_values.get("accepted_stretches", 0.0)
+        stretches = inputs.value_by_check.get("accepted_stretches", 0.0)
         return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
     share = relative_mass_uncertainty_of_answer(inputs)
     return [
@@ -329,7 +329,7 @@ def find_lack_of_excitation(inputs: FindingInputs) -> list[Symptom]:
 
 def find_terms_inseparable_from_mass(inputs: FindingInputs) -> list[Symptom]:
     """Find terms that the motion cannot separate from the mass."""
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     if fit is None:
         return []
     parts = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
@@ -389,8 +389,8 @@ def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             float(excess[worst]) / STAGE_LIMITS.pile_min_growth_std * np.sqrt(digs.height),
-            f"in {counted(digs.height, 'start')} a resistance grows, by up to {growth[worst]:.0f} "
-            f"± {std[worst]:.0f} N; these starts are excluded",
+            f"in {format_count(digs.height, 'start')} a resistance grows, by up to "
+            f"{growth[worst]:.0f} ± {std[worst]:.0f} N; these starts are excluded",
             channel=inputs.force_channel,
             span_ns=(begin, end),
         )

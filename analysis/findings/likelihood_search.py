@@ -67,7 +67,7 @@ def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause
 
 
 def _pick_causes_stepwise(inputs: FindingInputs) -> dict[str, PickedCause]:
-    fit, noise = inputs.own_fit, inputs.column_noise
+    fit, noise = inputs.log_only_fit, inputs.column_noise
     if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
     motion = explain_constant_force(inputs).motion or fit.motion
@@ -158,10 +158,10 @@ def _test_delay_beyond_linearisation(
     inputs: FindingInputs, motion: MotionSamples
 ) -> PickedCause | None:
     """Test a delay that is too long to be linearised, with the lag of the joint fit."""
-    fit = inputs.own_fit
-    if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
+    fit = inputs.log_only_fit
+    if fit is None or abs(fit.force_lag_s) < LIMITS.long_delay_s:
         return None
-    late = correct_channel_delay(motion, "force", fit.lag_s)
+    late = correct_channel_delay(motion, "force", fit.force_lag_s)
     before, without = project_out_picked_causes(build_whitened_equations(inputs, motion))
     after, _ = project_out_picked_causes(build_whitened_equations(inputs, late))
     if (
@@ -170,7 +170,7 @@ def _test_delay_beyond_linearisation(
     ):
         return None
     # the wheels tell whether it is the accelerometer that is early or late
-    turned = correct_channel_delay(motion, "imu", -fit.lag_s)
+    turned = correct_channel_delay(motion, "imu", -fit.force_lag_s)
     _, with_it = project_out_picked_causes(build_whitened_equations(inputs, turned))
     by_imu = (
         without is not None
@@ -179,8 +179,8 @@ def _test_delay_beyond_linearisation(
     )
     gain = before.square_left * before.variance / after.variance - after.square_left
     if by_imu:
-        return PickedCause("delay:imu", -fit.lag_s, 1e-3, gain, ())
-    return PickedCause("delay:force", fit.lag_s, 1e-3, gain, ())
+        return PickedCause("delay:imu", -fit.force_lag_s, 1e-3, gain, ())
+    return PickedCause("delay:force", fit.force_lag_s, 1e-3, gain, ())
 
 
 def correct_delay_iteratively(
@@ -266,7 +266,7 @@ def score_remaining_causes(
 
 def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
     """Rows of the force and of the wheels; those of the wheels need an accelerometer."""
-    fit, noise = inputs.own_fit, inputs.column_noise
+    fit, noise = inputs.log_only_fit, inputs.column_noise
     assert fit is not None
     assert noise is not None
     force = build_whitened_force_rows(
@@ -274,7 +274,7 @@ def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Eq
         noise,
         inputs.look_up_mass_of_samples_kg(motion),
         max(fit.viscous_friction, 0.0),
-        brakes=not inputs.machine.settings.gate.exclude_braking,
+        includes_braking=not inputs.machine.settings.gate.exclude_braking,
     )
     if not inputs.has_accelerometer:
         # derived from the speed, an acceleration is late with it alone

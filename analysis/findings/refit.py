@@ -49,9 +49,9 @@ def refit_and_add_answer_u(
         relative_u: see `refit_corrected`.
     """
     change = refit_corrected(inputs, correct_motion, relative_u)
-    if change is None or inputs.own_fit is None:
+    if change is None or inputs.log_only_fit is None:
         return None
-    return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.own_fit.u_kg)))
+    return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.log_only_fit.u_kg)))
 
 
 def refit_corrected(
@@ -64,7 +64,7 @@ def refit_corrected(
         correct_motion: returns the corrected motion.
         relative_u: relative standard uncertainty of the correction.
     """
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     if fit is None:
         return None
     before, after = (
@@ -99,7 +99,7 @@ def uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
 
 def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     """Mass of the corrected motion, by the first stretches of a long log."""
-    fit, noise = inputs.own_fit, inputs.column_noise
+    fit, noise = inputs.log_only_fit, inputs.column_noise
     if fit is None or noise is None:
         return None
     priors = inputs.machine.settings.priors
@@ -123,7 +123,7 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     if known:
         inputs.cache["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    found = refit_from_earlier_fit(begun, noise, priors, known=known).mass_kg
+    found = refit_from_earlier_fit(begun, noise, priors, is_lag_known=known).mass_kg
     return found if np.isfinite(found) else None
 
 
@@ -158,28 +158,30 @@ def _do_signals_differ_by_constant(signal_a: Floats, signal_b: Floats) -> bool:
 
 
 def refit_from_earlier_fit(
-    earlier: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
+    earlier_fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, is_lag_known: bool
 ) -> JointFit:
     """Refit from the parameters of an earlier fit; a long log's lag uses its first stretches.
 
     Args:
-        earlier: the earlier fit.
+        earlier_fit: the earlier fit.
         noise: noise of the columns.
         priors: priors of the nuisances.
-        known: whether force and speed are unchanged, so that the lag is known.
+        is_lag_known: whether force and speed are unchanged, so that the lag is known.
     """
-    part = earlier.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
-    if part is earlier.motion or not part.has_enough_motion:
-        return refit_with_changes(earlier, noise, priors, rounds=LIMITS.refit_rounds - known)
-    if known:
-        return refit_with_changes(earlier, noise, priors)
-    states = None if earlier.states is None else earlier.states.renumber_for_motion(part)
-    pilot = refit_with_changes(replace(earlier, motion=part, states=states), noise, priors)
-    if abs(pilot.found.lag_s - earlier.found.lag_s) > LIMITS.refit_lag_moves_s:
+    part = earlier_fit.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
+    if part is earlier_fit.motion or not part.has_enough_motion:
+        return refit_with_changes(
+            earlier_fit, noise, priors, rounds=LIMITS.refit_rounds - is_lag_known
+        )
+    if is_lag_known:
+        return refit_with_changes(earlier_fit, noise, priors)
+    states = None if earlier_fit.states is None else earlier_fit.states.renumber_for_motion(part)
+    pilot = refit_with_changes(replace(earlier_fit, motion=part, states=states), noise, priors)
+    if abs(pilot.found.lag_s - earlier_fit.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit_with_changes(pilot, noise, priors)
-    theta = earlier.theta.copy()
-    theta[earlier.mass_count] = pilot.viscous_friction
-    return refit_with_changes(replace(earlier, found=pilot.found, theta=theta), noise, priors)
+    theta = earlier_fit.theta.copy()
+    theta[earlier_fit.mass_count] = pilot.viscous_friction
+    return refit_with_changes(replace(earlier_fit, found=pilot.found, theta=theta), noise, priors)
 
 
 def exclude_and_renumber_short_stretches(motion: MotionSamples) -> MotionSamples:

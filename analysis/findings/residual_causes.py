@@ -35,13 +35,13 @@ def residual_spectra(inputs: FindingInputs) -> Spectra | None:
 
 
 def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
-    fit, aligned, machine = inputs.own_fit, inputs.aligned, inputs.machine
+    fit, aligned, machine = inputs.log_only_fit, inputs.aligned, inputs.machine
     rate_hz = machine.settings.align.rate_hz
     if rate_hz <= 2.0 * LIMITS.reference_band_hz[0]:
         return None
     straight = inputs.check_inputs.straight_motion
     mass_kg, viscous = fit_pooled_mass_and_friction(inputs)
-    lag = fit.lag_s if fit is not None and fit.shifted else 0.0
+    lag = fit.force_lag_s if fit is not None and fit.shifted else 0.0
     used = straight.moving if fit is None else fit.motion.is_fittable
     rows = np.arange(aligned.height, dtype=np.float64)
     force = compute_longitudinal_force(aligned, machine.machine)
@@ -73,8 +73,8 @@ def fit_pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
         both = [column_values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
         if pooled.height and np.isfinite(both).all():
             return float(both[0][0]), float(both[1][0])
-    if inputs.own_fit is not None:
-        return inputs.own_fit.mass_kg, inputs.own_fit.viscous_friction
+    if inputs.log_only_fit is not None:
+        return (inputs.log_only_fit.mass_kg, inputs.log_only_fit.viscous_friction)
     return inputs.check_inputs.straight_motion.fit.value, 0.0
 
 
@@ -173,7 +173,7 @@ def find_slow_noise_at_standstill(inputs: FindingInputs) -> list[Symptom]:
 
 def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     """Report hysteresis of the force, for which the fit has corrected the mass."""
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     if fit is None or fit.hysteresis_kg is None:
         return []
     half_N = fit.estimate_of_term(HYSTERESIS.name)
@@ -193,7 +193,7 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
 
 def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
     """Report the term with the largest effect on a mass among those that the model lacks."""
-    fit, named = inputs.own_fit, inputs.reportable_missing_terms
+    fit, named = inputs.log_only_fit, inputs.reportable_missing_terms
     if fit is None or not named:
         return []
     found = named[0]

@@ -16,7 +16,7 @@ from analysis.stages.signals.filters import median_period_ns
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, measure_relative_step_scatter
 from estimators.arrays import Bools, Floats, Ints
-from estimators.errors import counted
+from estimators.errors import format_count
 
 
 class LatencyStep(NamedTuple):
@@ -45,8 +45,8 @@ def find_topic_gaps(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 1.0 + missing / LIMITS.missing_step_fraction,
-                f"{counted(holes.size, 'gap')}, the longest {steps[longest] / 1e9:.2f} s, together "
-                f"{missing:.1%} of the log",
+                f"{format_count(holes.size, 'gap')}, the longest {steps[longest] / 1e9:.2f} s, "
+                f"together {missing:.1%} of the log",
                 channel=name,
                 span_ns=inputs.convert_to_relative_ns(t[longest], t[longest + 1]),
             )
@@ -226,7 +226,7 @@ def find_header_clock_drift(inputs: FindingInputs) -> list[Symptom]:
         drift.drift_ppm / (LIMITS.clock_drift_std * drift.drift_std_ppm),
         apart_s / LIMITS.clock_drift_s,
     )
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     # which of the two is wrong the force tells: it becomes late, or does not
     wrong = attribute_clock_drift_to_channel(inputs, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"

@@ -26,11 +26,7 @@ _SPEED_UNITS: Final = {
     57.2958: "degrees/s as rad/s",
 }
 #: Likewise of wheels, over their radius.
-_WHEEL_UNITS: Final = {
-    1.0: "rad/s as m/s",
-    9.5493: "rpm as m/s",
-    57.2958: "degrees/s as m/s",
-}
+_WHEEL_UNITS: Final = {1.0: "rad/s as m/s", 9.5493: "rpm as m/s", 57.2958: "degrees/s as m/s"}
 _ACC_AXES: Final = (ACC, "specific_force_y_m_s2", "specific_force_z_m_s2")
 _ACC_UNITS: Final = {1.0 / 9.80665: "g as m/s²", 1000.0: "mm/s² as m/s²"}
 _FORCE_UNITS: Final = {
@@ -50,8 +46,8 @@ def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     """Find a force, speed or accelerometer of the opposite sign."""
-    of_force = inputs.check_values.get("force_sign", np.nan)
-    driving_share = inputs.check_values.get("driving_share", np.nan)
+    of_force = inputs.value_by_check.get("force_sign", np.nan)
+    driving_share = inputs.value_by_check.get("driving_share", np.nan)
     gain, std = fit_accelerometer_gain_and_std(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
     if not np.isfinite(of_force):
@@ -233,7 +229,7 @@ def list_unit_mistakes_by_ratio(inputs: FindingInputs) -> dict[float, str]:
 
 def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer with the wheels and with gravity."""
-    gain = inputs.check_values.get("acceleration_gain", np.nan)
+    gain = inputs.value_by_check.get("acceleration_gain", np.nan)
     seen = fit_accelerometer_gain_and_std(inputs)
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
@@ -280,19 +276,19 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Compare the mass with that of the empty machine."""
-    ratio = inputs.check_values.get("empty_mass_ratio", np.nan)
+    ratio = inputs.value_by_check.get("empty_mass_ratio", np.nan)
     empty_kg = inputs.machine.machine.empty_mass_kg
-    fit = inputs.own_fit
+    fit = inputs.log_only_fit
     if fit is not None and empty_kg and fit.mass_kg > 0:
         ratio = fit.mass_kg / empty_kg
     names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
         "torque_left_N_m", "torque_right_N_m"
     )
     if fit is None:
-        poor = not inputs.check_values.get("relative_std", np.inf) < LIMITS.known_ratio_u
+        poor = not inputs.value_by_check.get("relative_std", np.inf) < LIMITS.known_ratio_u
     else:
         # with all that is uncertain of it: a lag that is beyond its prior leaves any ratio
-        poor = not inputs.check_values.get("relative_u", np.inf) < LIMITS.known_mass_u
+        poor = not inputs.value_by_check.get("relative_u", np.inf) < LIMITS.known_mass_u
     if not np.isfinite(ratio) or ratio <= 0.0 or poor or not names:
         return []
     near = min(_FORCE_UNITS, key=lambda times: abs(np.log(ratio / times)))
@@ -342,7 +338,7 @@ def find_lightest_load_off_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(found.difference_over_u) / LIMITS.wrong_scale_u,
-            found.text,
+            found.difference_and_causes_text,
             channel=inputs.force_channel,
         )
     ]

@@ -60,7 +60,9 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
     shifts = range(-longest, longest + 1)
     lags: list[float] = []
     for begin, end in pairwise(begins.tolist()):
-        seen = np.array([_correlation(x[begin:end], y[begin - k : end - k]) for k in shifts])
+        seen = np.array(
+            [_correlation_coefficient(x[begin:end], y[begin - k : end - k]) for k in shifts]
+        )
         at = int(np.argmax(seen))
         if seen[at] > LIMITS.source_correlation and 0 < at < seen.size - 1:
             lags.append((at - longest + find_parabola_peak(seen[at - 1 : at + 2])) * step_ns)
@@ -70,7 +72,7 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
     return float(lag_s.mean()), float(lag_s.std(ddof=1) / np.sqrt(lag_s.size))
 
 
-def _correlation(x: Floats, y: Floats) -> float:
+def _correlation_coefficient(x: Floats, y: Floats) -> float:
     size = float(x.std() * y.std())
     return float((x - x.mean()) @ (y - y.mean())) / (x.size * size) if size else 0.0
 

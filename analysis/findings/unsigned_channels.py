@@ -50,9 +50,9 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     name = inputs.force_channel
     if name is None:
         return []
-    opposing = inputs.check_values.get("raw_opposing_share", np.nan)
+    opposing = inputs.value_by_check.get("raw_opposing_share", np.nan)
     if not np.isfinite(opposing):
-        opposing = inputs.check_values.get("opposing_share", np.nan)
+        opposing = inputs.value_by_check.get("opposing_share", np.nan)
     straight = inputs.check_inputs.straight_motion
     if not straight.complete.any():
         return []

@@ -46,7 +46,7 @@ def build_whitened_force_rows(
     mass_kg: Floats,
     friction: float,
     *,
-    brakes: bool = False,
+    includes_braking: bool = False,
 ) -> EquationRows:
     """Build the whitened rows of the force equation.
 
@@ -55,7 +55,7 @@ def build_whitened_force_rows(
         noise: noise of the columns.
         mass_kg: (n,) mass of the load of each sample; differences between loads are removed.
         friction: viscous friction in N·s/m, for the effect of slip.
-        brakes: whether braking counts as driving.
+        includes_braking: whether braking counts as driving.
     """
     taken = index_samples_of_whole_blocks(motion.group, LIMITS.force_mean_samples)
     usual_kg = float(np.median(mass_kg[motion.is_fittable]))
@@ -84,7 +84,7 @@ def build_whitened_force_rows(
     }
     if motion.drives_both_ways:
         columns["direction"] = motion.direction[taken]
-    if brakes:
+    if includes_braking:
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def block_means(x: Floats) -> Floats:

@@ -101,19 +101,23 @@ def find_line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChan
     return found
 
 
-def compare_calibration_lines(earlier: FleetCalibration, later: FleetCalibration) -> LineChange:
+def compare_calibration_lines(
+    earlier_calibration: FleetCalibration, later_calibration: FleetCalibration
+) -> LineChange:
     """Change of offset and slope between two calibrations."""
-    middle = (earlier.centre_kg + later.centre_kg) / 2.0
+    middle = (earlier_calibration.centre_kg + later_calibration.centre_kg) / 2.0
     (old, old_kg2), (new, new_kg2) = (
-        earlier.predict_estimate_and_variance_kg(middle),
-        later.predict_estimate_and_variance_kg(middle),
+        earlier_calibration.predict_estimate_and_variance_kg(middle),
+        later_calibration.predict_estimate_and_variance_kg(middle),
     )
-    slope = np.sqrt(earlier.covariance[2] + later.covariance[2]) / abs(earlier.c1_1)
+    slope = np.sqrt(earlier_calibration.covariance[2] + later_calibration.covariance[2]) / abs(
+        earlier_calibration.c1_1
+    )
     return LineChange(
-        earlier,
-        later,
+        earlier_calibration,
+        later_calibration,
         new - old,
         LIMITS.change_coverage_factor * float(np.sqrt(old_kg2 + new_kg2)),
-        later.c1_1 / earlier.c1_1 - 1.0,
+        later_calibration.c1_1 / earlier_calibration.c1_1 - 1.0,
         LIMITS.change_coverage_factor * float(slope),
     )

@@ -8,7 +8,7 @@ import polars as pl
 UNDATED: Final = "undated"
 
 
-def make_daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
+def summarise_results_by_day(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
     """Summarise each machine and day, in order of time.
 
     Args:
@@ -83,7 +83,7 @@ def sum_tonnes_by_group(results: pl.DataFrame, group_columns: list[str]) -> pl.D
     )
 
 
-def sum_daily_figures_over_machines(machines: pl.DataFrame) -> Mapping[str, float]:
+def sum_daily_results_over_machines(machines: pl.DataFrame) -> Mapping[str, float]:
     """Sum over machines; errors of different machines are independent.
 
     Args:

@@ -127,14 +127,14 @@ def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
         parts = rows.with_columns(part=pl.col("calibration").rle_id())
         for _, part in parts.group_by("part", maintain_order=True):
             found += [
-                chart_quantity(part.drop_nulls(signal.column), signal, limit)
+                make_machine_chart_of_quantity(part.drop_nulls(signal.column), signal, limit)
                 for signal in SIGNALS
                 if part[signal.column].count() > 0
             ]
     return found
 
 
-def chart_quantity(
+def make_machine_chart_of_quantity(
     days: pl.DataFrame, quantity: ChartedQuantity, cusum_limit: float
 ) -> MachineChart:
     """Chart of one quantity of a machine between two calibrations."""

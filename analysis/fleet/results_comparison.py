@@ -37,7 +37,7 @@ class FleetComparison(NamedTuple):
 _ADDED: Final = ("payload_kg", "payload_b_kg", "change_kg", "loads", "loads_b")
 
 
-def compare_results(a: pl.DataFrame, b: pl.DataFrame) -> FleetComparison:
+def compare_fleet_results(a: pl.DataFrame, b: pl.DataFrame) -> FleetComparison:
     """Compare two tables `results`, log by log."""
     columns = ("key", "payload_kg", "cycles_counted", "can_weigh")
     both = (

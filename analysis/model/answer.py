@@ -11,7 +11,7 @@ from analysis.model.fingerprint import Fingerprint
 from analysis.model.loss import Loss
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
-from analysis.model.windows import mark_samples_in_windows
+from analysis.model.windows import mark_samples_in_accepted_windows
 
 #: What the joint fit is called among the methods.
 JOINT: Final = "joint"
@@ -155,7 +155,9 @@ def make_answer(run: Run, recording: str | None = None) -> Answer:
     share = 0.0
     if gated is not None and gated.height and "accepted_x" in gated.columns:
         window = about.settings.gate.window_samples
-        share = float(mark_samples_in_windows(gated["accepted_x"].to_numpy(), window).mean())
+        share = float(
+            mark_samples_in_accepted_windows(gated["accepted_x"].to_numpy(), window).mean()
+        )
     loads = _rows_of_frame_as_dicts(run, "loads")
     shift = _rows_of_frame_as_dicts(run, "shift")
     one = loads[0] if len(loads) == 1 else None

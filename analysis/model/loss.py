@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 
-from estimators.errors import one_line
+from estimators.errors import join_to_one_line
 
 
 # no pydantic: importing it takes as long as opening a log does
@@ -19,7 +19,7 @@ class Loss:
 
     def __post_init__(self) -> None:
         for each in fields(self):
-            object.__setattr__(self, each.name, one_line(getattr(self, each.name)))
+            object.__setattr__(self, each.name, join_to_one_line(getattr(self, each.name)))
 
     def __str__(self) -> str:
         """Place and sentence."""

@@ -132,7 +132,7 @@ class Body(BaseModel):
         return self.wheel_radius_u_m / self.wheel_radius_m
 
     @property
-    def zone(self) -> ZoneInfo:
+    def time_zone(self) -> ZoneInfo:
         """The time zone that a person reads times in."""
         return ZoneInfo(self.timezone)
 

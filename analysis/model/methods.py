@@ -122,35 +122,35 @@ class Method:
         return attrgetter(name)(import_module(f"estimators.methods.{module}"))
 
 
-def _make_ls_options(_: MethodOptions, __: AxisNoise) -> "LsOptions":
+def _make_ls_options(_options: MethodOptions, _noise: AxisNoise) -> "LsOptions":
     from estimators.methods.ls import LsOptions
 
     return LsOptions()
 
 
-def _make_rls_options(chosen: MethodOptions, _: AxisNoise) -> "RlsOptions":
+def _make_rls_options(chosen: MethodOptions, _noise: AxisNoise) -> "RlsOptions":
     from estimators.methods.rls import RlsOptions
 
     return RlsOptions(chosen.forgetting, chosen.directional_forgetting)
 
 
-def _make_fgls_options(chosen: MethodOptions, _: AxisNoise) -> "FglsOptions":
+def _make_fgls_options(chosen: MethodOptions, _noise: AxisNoise) -> "FglsOptions":
     from estimators.methods.fgls import FglsOptions
 
     return FglsOptions(chosen.fgls_floor)
 
 
-def _make_tls_options(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
+def _make_tls_options(_options: MethodOptions, noise: AxisNoise) -> "TlsOptions":
     return noise.ratios
 
 
-def _make_pooled_options(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
+def _make_pooled_options(_options: MethodOptions, noise: AxisNoise) -> "PooledOptions":
     from estimators.methods.pooled import PooledOptions
 
     return PooledOptions(noise.mean)
 
 
-def _make_huber_options(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
+def _make_huber_options(chosen: MethodOptions, _noise: AxisNoise) -> "HuberOptions":
     from estimators.methods.huber import HuberOptions
 
     return HuberOptions(chosen.huber_bend)

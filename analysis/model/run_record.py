@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict
 from analysis.model.fingerprint import Fingerprint, make_run_fingerprint
 from analysis.model.loss import Loss
 from analysis.model.settings import Settings
-from estimators.errors import one_line
+from estimators.errors import join_to_one_line
 
 
 class InputFile(BaseModel):
@@ -40,7 +40,7 @@ class Provenance(BaseModel):
     #: What a reader of the answer should know, a sentence each.
     notes: tuple[str, ...] = ()
     #: The machine's serial number as the logs' own metadata have it; "" where they do not tell.
-    logged_machine_id: Annotated[str, AfterValidator(one_line)] = ""
+    logged_machine_id: Annotated[str, AfterValidator(join_to_one_line)] = ""
     #: Of the inputs, the settings and the frames, as `run` left them.
     fingerprint: Fingerprint | None = None
 

@@ -45,14 +45,14 @@ class Check:
     remedy: str = ""
 
     @property
-    def limit(self) -> str:
+    def limit_text(self) -> str:
         """The limits as text: `≥ 0.5`, `≤ 0.25`, `0.5 … 2`."""
         bounds = [f"{bound:g}" for bound in (self.minimum, self.maximum) if bound is not None]
         mark = "" if len(bounds) == 2 else "≤ " if self.minimum is None else "≥ "
         return mark + " … ".join(bounds) if bounds else "–"
 
     @property
-    def is_near(self) -> bool:
+    def is_near_limit(self) -> bool:
         """Whether it passed near a limit; never for negative limits."""
         if not self.passed or self.value is None:
             return False
@@ -78,9 +78,9 @@ class Verdict:
     checks: tuple[Check, ...] = ()
 
     @classmethod
-    def from_frame(cls, judged: pl.DataFrame) -> Self:
+    def from_frame(cls, verdict_frame: pl.DataFrame) -> Self:
         """Build the verdict from the frame `verdict`."""
-        return cls(tuple(Check(**row) for row in judged.iter_rows(named=True)))
+        return cls(tuple(Check(**row) for row in verdict_frame.iter_rows(named=True)))
 
     @property
     def can_weigh(self) -> bool:
@@ -99,7 +99,7 @@ class Verdict:
         return self.has_spins and not signless and not self.withholding_checks("inertia")
 
     @property
-    def has_failed_by_number(self) -> bool:
+    def is_beyond_limit(self) -> bool:
         """Whether a check failed by its number rather than for lack of data."""
         return any(
             check.passed is False
@@ -109,12 +109,12 @@ class Verdict:
             for check in self.checks
         )
 
-    def withholding_checks(self, about: EvidenceSubject) -> tuple[Check, ...]:
+    def withholding_checks(self, subject: EvidenceSubject) -> tuple[Check, ...]:
         """Checks that withhold the mass or the inertia."""
         return tuple(
             each
             for each in self.checks
-            if each.about == about and each.passed is False and each.consequence == "withhold"
+            if each.about == subject and each.passed is False and each.consequence == "withhold"
         )
 
     @property
@@ -125,9 +125,9 @@ class Verdict:
         )
 
     @property
-    def near_checks(self) -> tuple[Check, ...]:
+    def checks_near_limit(self) -> tuple[Check, ...]:
         """Checks that passed near a limit."""
-        return tuple(each for each in self.checks if each.is_near)
+        return tuple(each for each in self.checks if each.is_near_limit)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as JSON-compatible values."""

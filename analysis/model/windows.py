@@ -5,20 +5,20 @@ import numpy as np
 from estimators.arrays import Bools, Ints
 
 
-def flag_windows(flag: Bools, window: int) -> Bools:
+def flag_windows_with_flagged_rows(is_flagged: Bools, window: int) -> Bools:
     """Whether any of the `window` rows that end at each row is flagged, (rows,)."""
-    count = np.concatenate([[0], np.cumsum(flag)])
-    start = np.maximum(np.arange(flag.size) + 1 - window, 0)
+    count = np.concatenate([[0], np.cumsum(is_flagged)])
+    start = np.maximum(np.arange(is_flagged.size) + 1 - window, 0)
     return count[1:] > count[start]
 
 
-def mark_samples_in_windows(accepted: Bools, window: int) -> Bools:
+def mark_samples_in_accepted_windows(accepted: Bools, window: int) -> Bools:
     """Whether each row lies inside at least one accepted window, (rows,)."""
     # the windows that hold row k end at k … k + window - 1
-    return flag_windows(accepted[::-1], window)[::-1]
+    return flag_windows_with_flagged_rows(accepted[::-1], window)[::-1]
 
 
-def find_flagged_runs(flag: Bools) -> tuple[Ints, Ints]:
+def find_flagged_runs(is_flagged: Bools) -> tuple[Ints, Ints]:
     """First and last sample of each run of flagged samples, (runs,) each."""
-    edges = np.diff(np.concatenate([[0], flag.astype(np.int8), [0]]))
+    edges = np.diff(np.concatenate([[0], is_flagged.astype(np.int8), [0]]))
     return np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1

@@ -32,20 +32,22 @@ class AnswerProgress:
     own_kg2: float = math.nan
 
     @property
-    def manoeuvres(self) -> int:
+    def manoeuvre_count(self) -> int:
         """Number of manoeuvres."""
         return self.forward + self.reverse
 
     @property
     def manoeuvre_u_kg(self) -> float:
         """Standard deviation of a manoeuvre: its own, corrected by the observed scatter."""
-        dof = LIMITS.own_u_degrees_of_freedom + self.manoeuvres - 1
+        dof = LIMITS.own_u_degrees_of_freedom + self.manoeuvre_count - 1
         return math.sqrt((LIMITS.own_u_degrees_of_freedom * self.own_kg2 + self.squares_kg2) / dof)
 
     @property
     def u_kg(self) -> float | None:
         """Random standard uncertainty of the mean; None without a manoeuvre."""
-        return self.manoeuvre_u_kg / math.sqrt(self.manoeuvres) if self.manoeuvres else None
+        return (
+            self.manoeuvre_u_kg / math.sqrt(self.manoeuvre_count) if self.manoeuvre_count else None
+        )
 
     @property
     def information_percent(self) -> float | None:
@@ -59,9 +61,11 @@ class AnswerProgress:
     @property
     def missing_manoeuvre_count(self) -> int | None:
         """Number of further such manoeuvres needed; None before the first."""
-        if not self.manoeuvres or self.until_u_kg is None:
+        if not self.manoeuvre_count or self.until_u_kg is None:
             return None
-        return max(0, math.ceil((self.manoeuvre_u_kg / self.until_u_kg) ** 2) - self.manoeuvres)
+        return max(
+            0, math.ceil((self.manoeuvre_u_kg / self.until_u_kg) ** 2) - self.manoeuvre_count
+        )
 
     @property
     def missing_reverse_count(self) -> int | None:
@@ -69,7 +73,7 @@ class AnswerProgress:
         missing = self.missing_manoeuvre_count
         if missing is None:
             return None
-        return max(0, min(missing, (self.manoeuvres + missing) // 2 - self.reverse))
+        return max(0, min(missing, (self.manoeuvre_count + missing) // 2 - self.reverse))
 
     def add_manoeuvre(self, mass_kg: float, u_kg: float, speed_m_s: float) -> "AnswerProgress":
         """Add a manoeuvre; one with another load starts again.
@@ -80,10 +84,10 @@ class AnswerProgress:
             speed_m_s: speed in the manoeuvre; negative in reverse.
         """
         before = self
-        spread_kg = math.hypot(self.manoeuvre_u_kg, u_kg) if self.manoeuvres else math.inf
+        spread_kg = math.hypot(self.manoeuvre_u_kg, u_kg) if self.manoeuvre_count else math.inf
         if abs(mass_kg - self.mean_kg) > LIMITS.other_load_std * spread_kg:
             before = AnswerProgress(self.until_u_kg)
-        count = before.manoeuvres
+        count = before.manoeuvre_count
         mean_kg = before.mean_kg if count else mass_kg
         differs_kg = mass_kg - mean_kg
         own_kg2 = before.own_kg2 if count else 0.0

@@ -156,7 +156,7 @@ class Follower:
 
     def iter_rows(self, *, is_whole: bool = False) -> Iterator[FollowedRow]:
         """Yield the same rows, each once it is stepped; those that nobody takes are lost."""
-        table = self.log.compute_new_excitation_rows(is_whole=is_whole)
+        table = self.log.compute_new_excitation_rows(is_log_complete=is_whole)
         if table is not None:
             yield from map(self._step_row, table.iter_rows(named=True))
         if is_whole and self._state is not None:
@@ -170,9 +170,9 @@ class Follower:
         self._state, self.last_gate = stepped.state, stepped.gate
         self._now = t_ns, row["phase"]
         self._note_change_of_driving_direction(t_ns, row)
-        estimates = self._time_estimates(stepped.estimates)
+        estimates = self._estimates_with_times_ns(stepped.estimates)
         self.newest |= estimates
-        spun = self._time_estimates(stepped.spin.estimates) if stepped.spin else {}
+        spun = self._estimates_with_times_ns(stepped.spin.estimates) if stepped.spin else {}
         second = t_ns // 1_000_000_000
         reports = [self._make_report("manoeuvre")] if self._update_last_mass(estimates) else []
         reports += [self._make_report("spin")] if self._update_last_inertia(spun) else []
@@ -187,7 +187,7 @@ class Follower:
     def _finish_rows(self, state: OnlineState) -> Iterator[FollowedRow]:
         t_ns, phase = self._now
         for axis, late in finish(state):
-            found = self._time_estimates(late)
+            found = self._estimates_with_times_ns(late)
             if axis is X:
                 self.newest |= found
                 reports = (self._make_report("manoeuvre"),) if self._update_last_mass(found) else ()
@@ -205,7 +205,7 @@ class Follower:
             self._times = _RowTimeline(1e9 / basis.machine.settings.align.rate_hz)
         return self._state, self._times
 
-    def _time_estimates(
+    def _estimates_with_times_ns(
         self, estimates: Mapping[str, TimedEstimate]
     ) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None
@@ -273,9 +273,9 @@ class Follower:
             friction_u_N_s_m=None if given is None else float(given.std[1]),
             age_s=None if last is None else (t_ns - last.t_ns) / 1e9,
             manoeuvres=self.manoeuvres,
-            load_mass_kg=progress.mean_kg if progress.manoeuvres else None,
+            load_mass_kg=progress.mean_kg if progress.manoeuvre_count else None,
             load_u_kg=progress.u_kg,
-            load_manoeuvres=progress.manoeuvres,
+            load_manoeuvres=progress.manoeuvre_count,
             until_u_kg=progress.until_u_kg,
             percent=progress.information_percent,
             starts_missing=progress.missing_manoeuvre_count,

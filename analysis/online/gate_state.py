@@ -17,7 +17,7 @@ from analysis.stages.gating.gate import mark_slipping_samples, subtract_gravity
 from analysis.stages.gating.gate_rules import (
     UNKNOWN,
     decide_window_acceptance,
-    flag_excluding_rows_by_reason,
+    flag_rows_that_exclude_windows_by_reason,
     mark_braking_rows,
 )
 from analysis.stages.motion.phases import (
@@ -108,7 +108,7 @@ class GateState:
 def make_initial_gate_state(axis: Axis, settings: Settings) -> GateState:
     """State before the first row."""
     nothing = np.zeros(1, np.bool_)
-    reasons = flag_excluding_rows_by_reason(
+    reasons = flag_rows_that_exclude_windows_by_reason(
         axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate
     )
     return GateState(
@@ -202,7 +202,9 @@ def append_row_without_decision(
     else:
         yaw_rates = (*yaw_rates[1:], convert_cell_to_float(row["yaw_rate_rad_s"]))
         slows = sign_of_yaw_rate_change(np.array(yaw_rates), settings)[-1:] < 0
-    flags = flag_excluding_rows_by_reason(axis, phase, sample[-1:], slows, slips, settings.gate)
+    flags = flag_rows_that_exclude_windows_by_reason(
+        axis, phase, sample[-1:], slows, slips, settings.gate
+    )
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
     if known:

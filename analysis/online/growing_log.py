@@ -18,13 +18,13 @@ from analysis.model.schema import HINTS
 from analysis.online.online_limits import LIMITS
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.phases import count_rows_of_speed_rate_span
-from analysis.stages.motion.smooth import smooth
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.signals.align import (
     Origin,
     align_known_rows_on_causal_grid,
     find_origin_of_causal_grid,
 )
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
     HeldReadings,
@@ -104,7 +104,7 @@ class GrowingLog:
         return list(dict.fromkeys(channel.topic or "table" for channel in read))
 
     @property
-    def samples_kept(self) -> int:
+    def kept_sample_count(self) -> int:
         """Number of samples of all topics kept for later rows."""
         return sum(frame.height for frame in self._raw.values())
 
@@ -113,25 +113,27 @@ class GrowingLog:
         if samples.height:
             self._new.setdefault(topic, []).append(samples)
 
-    def compute_new_excitation_rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
+    def compute_new_excitation_rows(self, *, is_log_complete: bool = False) -> pl.DataFrame | None:
         """New rows of `excitation` that are determined by now.
 
         Args:
-            is_whole: whether no further samples will come.
+            is_log_complete: whether no further samples will come.
 
         Returns:
             The rows; None without new ones.
         """
-        if not (self._new or is_whole):
+        if not (self._new or is_log_complete):
             return None
         try:
             self._append_new_samples_to_kept()
-            if self.basis is None and not self._try_to_determine_basis(is_whole=is_whole):
+            if self.basis is None and not self._try_to_determine_basis(
+                is_log_complete=is_log_complete
+            ):
                 return None
-            return self._make_next_excitation_rows(is_whole=is_whole)
+            return self._make_next_excitation_rows(is_log_complete=is_log_complete)
         except DataError:
             # too few samples, or none that is a number: more may come
-            if is_whole and self.basis is None:
+            if is_log_complete and self.basis is None:
                 raise
             return None
 
@@ -165,16 +167,16 @@ class GrowingLog:
             placed = placed.filter(stamps.is_not_null() & ((stamps != 0) | (behind is not None)))
         return placed
 
-    def _try_to_determine_basis(self, *, is_whole: bool) -> bool:
+    def _try_to_determine_basis(self, *, is_log_complete: bool) -> bool:
         """Determine stamps, rates and the grid's origin once the first seconds are available."""
         if not self._raw.keys() >= set(self.topics):
-            if is_whole:
+            if is_log_complete:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
                 raise DataError(f"no message arrived on the topics {missing}")
             return False
         head = cut_topics_to_first_seconds(self._raw)
         if head is None:
-            if not is_whole:
+            if not is_log_complete:
                 return False
             head = self._raw
         placed, labels, _ = assign_timestamps(head)
@@ -183,7 +185,7 @@ class GrowingLog:
         notes = list_held_reading_notes(read, held)
         read = drop_rows_with_held_readings(read, held)
         machine, chosen = choose_grid_rate_by_log(read, self.machine)
-        channels, _ = derive(read, machine)
+        channels, _ = derive_channels_in_si(read, machine)
         self.basis = LogBasis(
             machine,
             {topic: find_log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
@@ -197,22 +199,24 @@ class GrowingLog:
         }
         return True
 
-    def _make_next_excitation_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
+    def _make_next_excitation_rows(self, *, is_log_complete: bool) -> pl.DataFrame | None:
         assert self.basis is not None
         machine = self.basis.machine
         settings = machine.settings
         read, _ = read_measured_channels(self._raw, machine)
-        channels, _ = derive(drop_rows_with_held_readings(read, self.basis.held), machine)
+        channels, _ = derive_channels_in_si(
+            drop_rows_with_held_readings(read, self.basis.held), machine
+        )
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
         looks_back = settings.smooth.samples + 2 * count_rows_of_speed_rate_span(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
         aligned = align_known_rows_on_causal_grid(
-            channels, machine, self.basis.origin, after_ns, is_whole=is_whole
+            channels, machine, self.basis.origin, after_ns, is_log_complete=is_log_complete
         )
         if aligned.is_empty() or int(aligned["t_ns"][-1]) <= self._last_t_ns:
             return None
-        rows = compute_excitation(smooth(aligned, settings.smooth), machine)
+        rows = compute_excitation(smooth_by_trailing_mean(aligned, settings.smooth), machine)
         rows = rows[int(np.searchsorted(rows["t_ns"].to_numpy(), self._last_t_ns, side="right")) :]
         self._last_t_ns = int(rows["t_ns"][-1])
         self._drop_old_samples()

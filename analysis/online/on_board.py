@@ -249,7 +249,7 @@ def estimate_windowed_methods(
         state = replace(state, settling=(*state.settling, SettlingWindow(row, window)))
     if any(iter_methods_with_feed(state, FeedKind.SEGMENTS)):
         newest = min(row - state.accepted_row, settings.gate.window_samples)
-        state = queue_for_pooling(state, row, newest)
+        state = queue_moving_samples_for_pooling(state, row, newest)
     return replace(state, accepted_row=row), estimates
 
 
@@ -278,7 +278,7 @@ def feed_recursive_methods(state: AxisState) -> tuple[AxisState, dict[str, Timed
     return replace(state, pasts=pasts, fed_row=row), estimates
 
 
-def queue_for_pooling(state: AxisState, row: int, new_samples: int) -> AxisState:
+def queue_moving_samples_for_pooling(state: AxisState, row: int, new_samples: int) -> AxisState:
     """Queue the newest samples of an accepted window for pooling, unless they stand."""
     pending = [
         PendingSample(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())

@@ -88,7 +88,8 @@ def make_table_2(extracts: Extracts) -> Table2:
         for row in table.filter(pl.col("method") == "ls").iter_rows(named=True)
     }
     alpha_1, beta_kg = (
-        printed_numbers.read_values_by_method(row)["ls"] for row in printed_numbers.TABLE_2.values()
+        printed_numbers.name_table_values_by_method(row)["ls"]
+        for row in printed_numbers.TABLE_2.values()
     )
     return Table2(
         frame=table,
@@ -218,7 +219,7 @@ def _average_errors_by_setting(
         [
             {setting: at, "method": method, "paper_kg": error}
             for at, row in printed.items()
-            for method, error in printed_numbers.read_values_by_method(row).items()
+            for method, error in printed_numbers.name_table_values_by_method(row).items()
         ]
     )
     return (

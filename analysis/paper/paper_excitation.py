@@ -53,18 +53,18 @@ class SteadyDrive:
     friction_N_s_m: float
     motion: Floats
 
-    def measure_windows(
+    def simulate_noisy_windows(
         self,
         sensors: SimulatedSensors,
-        samples: int,
+        window_samples: int,
         smooth_samples: int,
-        count: int,
+        window_count: int,
         rng: np.random.Generator,
     ) -> MeasuredWindows:
         """Measure windows at random phases, with new noise and then the moving mean."""
         before = smooth_samples - 1
-        start = rng.integers(self.motion.shape[0], size=(count, 1))
-        steps = LIMITS.phases_per_sample * np.arange(-before, samples)
+        start = rng.integers(self.motion.shape[0], size=(window_count, 1))
+        steps = LIMITS.phases_per_sample * np.arange(-before, window_samples)
         true = self.motion[(start + steps) % self.motion.shape[0]]
         noise = (sensors.acc_noise_m_s2, sensors.speed_noise_m_s, sensors.force_noise_N)
         measured = true + noise * rng.standard_normal(true.shape)

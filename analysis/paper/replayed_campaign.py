@@ -24,7 +24,7 @@ from analysis.paper.cramer_rao import (
 )
 from analysis.simulation import Scenario
 from analysis.stages.estimation.trace import trace_estimates
-from analysis.stages.gating.gate import gate_windows, mark_samples_in_windows
+from analysis.stages.gating.gate import gate_windows, mark_samples_in_accepted_windows
 
 #: The four errors, r.m.s. in kg over all trials, or over the loads' means.
 ERRORS = ("run_kg", "run_left_out_kg", "mean_kg", "mean_left_out_kg")
@@ -107,7 +107,7 @@ def compute_trial_bound_kg(campaign: ReplayedCampaign) -> float:
     """
     frames, scenario = campaign.replayed.frames, campaign.scenario
     window = campaign.settings.gate.window_samples
-    used = mark_samples_in_windows(frames["gate"]["accepted_x"].to_numpy(), window)
+    used = mark_samples_in_accepted_windows(frames["gate"]["accepted_x"].to_numpy(), window)
     unix_ns = frames["excitation"]["t_ns"] + campaign.replayed.provenance.t0_unix_ns
     a, v = pl.col("acc_x_m_s2"), pl.col("speed_x_m_s")
     motion = (

@@ -159,7 +159,7 @@ def _return_log_as_extract(log: SimulatedLog) -> SimulatedLog:
     return log
 
 
-def _make_steady_study(study: StudySettings, _: int) -> SteadyStudy:
+def _make_steady_study(study: StudySettings, _repetition: int) -> SteadyStudy:
     return SteadyStudy(
         integrate_steady_drive(study.scenario), study.scenario.sensors, study.windows
     )
@@ -189,19 +189,19 @@ def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> Repl
     )
 
 
-def _replay_straight_drive(study: StudySettings, _: int) -> ReplayedCampaign:
+def _replay_straight_drive(study: StudySettings, _repetition: int) -> ReplayedCampaign:
     driven = make_waveform_scenario(study.scenario, force=ForceWave(), torque=None)
     return study.replay(driven, study.machine, _return_log_as_extract)
 
 
-def _replay_spin(study: StudySettings, _: int) -> ReplayedCampaign:
+def _replay_spin(study: StudySettings, _repetition: int) -> ReplayedCampaign:
     driven = make_waveform_scenario(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
     return study.replay(driven, machine, _return_log_as_extract)
 
 
-def _replay_start(study: StudySettings, _: int) -> ReplayedCampaign:
+def _replay_start(study: StudySettings, _repetition: int) -> ReplayedCampaign:
     return study.replay(
         make_scenario_of_one_start(study.scenario), study.machine, _return_log_as_extract
     )

@@ -144,7 +144,7 @@ def is_cramer_rao_bound_reached(
 def compute_errors_by_window_length(
     drive: SteadyDrive,
     sensors: SimulatedSensors,
-    windows: int,
+    window_count: int,
     *,
     smooth_samples: int = 10,
     windows_s: Sequence[float] = tuple(printed_numbers.TABLE_1_KG),
@@ -155,7 +155,7 @@ def compute_errors_by_window_length(
     Args:
         drive: steady oscillation.
         sensors: sampling rate, noise of single samples, and seed.
-        windows: number of windows of each length.
+        window_count: number of windows of each length.
         smooth_samples: length of the trailing moving mean.
         windows_s: window lengths.
         methods: methods of `METHODS`.
@@ -172,9 +172,11 @@ def compute_errors_by_window_length(
         # a length's windows are the same whichever other lengths are asked for
         rng = np.random.default_rng([sensors.seed, round(window_s * 1e3)])
         bound_kg, strict_kg, errors = compute_bounds_and_errors_kg(
-            drive, sensors, window_s, smooth_samples, windows, methods, rng
+            drive, sensors, window_s, smooth_samples, window_count, methods, rng
         )
-        printed = printed_numbers.read_values_by_method(printed_numbers.TABLE_1_KG.get(window_s))
+        printed = printed_numbers.name_table_values_by_method(
+            printed_numbers.TABLE_1_KG.get(window_s)
+        )
         for method, error in errors.items():
             rmse, low, high = bootstrap_rms_and_interval(error, rng)
             known = error[np.isfinite(error)]
@@ -198,12 +200,12 @@ def compute_errors_by_window_length(
 
 
 def compute_errors_in_raw_units(
-    drive: SteadyDrive, sensors: SimulatedSensors, windows: int
+    drive: SteadyDrive, sensors: SimulatedSensors, window_count: int
 ) -> pl.DataFrame:
     """`window_errors` at 2 s and a noise under which total least squares needs scaled columns."""
     noisier = sensors.model_copy(update={"force_noise_N": 150.0, "acc_noise_m_s2": 0.03})
     return compute_errors_by_window_length(
-        drive, noisier, windows, windows_s=(2.0,), methods=("tls", "tls_raw")
+        drive, noisier, window_count, windows_s=(2.0,), methods=("tls", "tls_raw")
     )
 
 
@@ -212,7 +214,7 @@ def compute_bounds_and_errors_kg(
     sensors: SimulatedSensors,
     window_s: float,
     smooth_samples: int,
-    windows: int,
+    window_count: int,
     methods: Sequence[str],
     rng: np.random.Generator,
 ) -> tuple[float, float, dict[str, Floats]]:
@@ -221,9 +223,9 @@ def compute_bounds_and_errors_kg(
     block = max(LIMITS.block_samples // samples, 1)
     bounds: list[Floats] = []
     errors: dict[str, list[Floats]] = {method: [] for method in methods}
-    for first in range(0, windows, block):
-        count = min(block, windows - first)
-        seen = drive.measure_windows(sensors, samples, smooth_samples, count, rng)
+    for first in range(0, window_count, block):
+        count = min(block, window_count - first)
+        seen = drive.simulate_noisy_windows(sensors, samples, smooth_samples, count, rng)
         bounds.append(np.stack([seen.bound_kg, seen.strict_bound_kg]))
         for method in methods:
             errors[method].append(estimate_window_masses_kg(method, seen, sensors) - drive.mass_kg)

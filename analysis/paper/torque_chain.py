@@ -37,13 +37,13 @@ class TorqueChain:
         return front_kg / (empty_kg + load_kg)
 
 
-def apply_torque_chain(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
+def apply_torque_chain(simulated_log: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
     """Log with the torques, and their noise, that this chain would record."""
-    machine = simulated.scenario.machine
-    share = chain.front_axle_fraction(machine.mass_kg, simulated.load_kg)
+    machine = simulated_log.scenario.machine
+    share = chain.front_axle_fraction(machine.mass_kg, simulated_log.load_kg)
     factor = chain.gain_1 * share / machine.force_share
     offset_N_m = chain.offset_N * machine.wheel_radius_m / 2.0
-    torque = simulated.topics["torque"].with_columns(
+    torque = simulated_log.topics["torque"].with_columns(
         pl.col("torque_left_N_m", "torque_right_N_m") * factor + offset_N_m
     )
-    return replace(simulated, topics={**simulated.topics, "torque": torque})
+    return replace(simulated_log, topics={**simulated_log.topics, "torque": torque})

@@ -114,12 +114,12 @@ def make_planar_frames(
 
 
 def fit_arcs(
-    drive: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial: Floats
+    log: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial: Floats
 ) -> Iterator[dict[str, Any]]:
     """Each arc that lasts a window, and all of them as one fit."""
-    plane, settings = drive.plane, drive.machine.settings
-    steady = plane.usable & (drive.excitation["phase"] == "arc").fill_null(False).to_numpy()
-    arc_id = np.where(steady, number_manoeuvres(drive.excitation, settings), -1)
+    plane, settings = log.plane, log.machine.settings
+    steady = plane.usable & (log.excitation["phase"] == "arc").fill_null(False).to_numpy()
+    arc_id = np.where(steady, number_manoeuvres(log.excitation, settings), -1)
     ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
     lasting = counts >= settings.gate.window_samples
     if not lasting.any():
@@ -130,9 +130,7 @@ def fit_arcs(
     known = Prior.make_zero_mean({}, 2)
     for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_estimate_inertia), strict=True):
         if told:
-            known = known.combine_with_prior(
-                make_arc_prior_from_axis(drive, gated, initial, *stage)
-            )
+            known = known.combine_with_prior(make_arc_prior_from_axis(log, gated, initial, *stage))
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known.names
     parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
@@ -141,22 +139,22 @@ def fit_arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = fit_planar_iteratively(drive, of, initial, known, _BOTH if both else _FORCE)
-        row = _make_fit_row(kind, drive, of >= 0, fitted, known.names)
+        fitted = fit_planar_iteratively(log, of, initial, known, _BOTH if both else _FORCE)
+        row = _make_fit_row(kind, log, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _withhold_fit_row(row, reason, withheld=not verdict.can_weigh)
+        yield _add_outcome_to_row(row, reason, withheld=not verdict.can_weigh)
 
 
 def make_arc_prior_from_axis(
     log: PlanarLog,
     gated: pl.DataFrame,
-    start: Floats,
+    initial: Floats,
     axis: Axis,
-    rows: slice,
+    axes: slice,
     columns: tuple[int, ...],
 ) -> Prior:
     """Prior for an arc by straight motion or spins, with the terms that only these have."""
@@ -168,7 +166,7 @@ def make_arc_prior_from_axis(
     if not used.any():
         return nothing
     fitted = fit_planar_iteratively(
-        log, np.where(used, 0, -1), start, nothing, rows, columns
+        log, np.where(used, 0, -1), initial, nothing, axes, columns
     ).estimate
     if not np.isfinite(fitted.theta).all():
         return nothing
@@ -178,7 +176,7 @@ def make_arc_prior_from_axis(
         if does_parameter_occur_on_one_axis(name, axis)
     ]
     mean = np.zeros((2, len(own)))
-    mean[rows] = fitted.by_axis[:, own]
+    mean[axes] = fitted.by_axis[:, own]
     names = tuple(fitted.parameters[n] for n in own)
     return Prior(names, mean, fitted.covariance[np.ix_(own, own)])
 
@@ -209,9 +207,9 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
         estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
     )
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
-    believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.has_failed_by_number
+    believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.is_beyond_limit
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
-    return _withhold_fit_row(row, reason, withheld=not believed), fitted
+    return _add_outcome_to_row(row, reason, withheld=not believed), fitted
 
 
 def is_fit_plausible(
@@ -242,9 +240,9 @@ def is_fit_plausible(
 def fit_planar_iteratively(
     log: PlanarLog,
     segment_id: Ints,
-    start: Floats,
+    initial: Floats,
     prior: Prior,
-    rows: slice,
+    axes: slice,
     columns: tuple[int, ...] = _ALL,
 ) -> PlanarFit:
     """Fit the samples of segment_id >= 0 with the terms of these rows.
@@ -252,18 +250,18 @@ def fit_planar_iteratively(
     Args:
         log: rows of the whole log.
         segment_id: (n,) stretch of each sample.
-        start: (6,) mass, inertia, moments and frictions to begin with.
+        initial: (6,) mass, inertia, moments and frictions to begin with.
         prior: results of earlier stages, including terms.
-        rows: fitted equations: force, yaw torque, or both.
+        axes: fitted axes: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
     """
-    told = fit_planar_once(log, segment_id, start, prior, rows, columns)
+    told = fit_planar_once(log, segment_id, initial, prior, axes, columns)
     for _ in range(LIMITS.motion_fit_rounds - 1):
-        coefficients = start.copy()
+        coefficients = initial.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found
-        told = fit_planar_once(log, segment_id, coefficients, prior, rows, columns)
+        told = fit_planar_once(log, segment_id, coefficients, prior, axes, columns)
     return told
 
 
@@ -272,7 +270,7 @@ def fit_planar_once(
     segment_id: Ints,
     coefficients: Floats,
     known_prior: Prior,
-    rows: slice,
+    axes: slice,
     columns: tuple[int, ...],
 ) -> PlanarFit:
     """One fit, with the terms of a machine of these coefficients (6,)."""
@@ -283,20 +281,22 @@ def fit_planar_once(
     # the noise of a column that is not fitted would tell a term that is a share of it
     terms = [
         (term, std)
-        for term, std in select_terms_of_drive(drive, "xz"[rows])
-        if term.list_mixed_columns(drive, rows) <= set(columns)
+        for term, std in select_terms_of_drive(drive, "xz"[axes])
+        if term.list_mixed_columns(drive, axes) <= set(columns)
     ]
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known_prior.names}
-    regressor = Regressor.from_drive(drive.cut(part), of_columns, [term for term, _ in terms], rows)
+    regressor = Regressor.from_drive(
+        drive.select_slice(part), of_columns, [term for term, _ in terms], axes
+    )
     used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
-    noise = compute_planar_column_noise(log.plane, used, arm_y_m)[rows][:, of_columns]
-    prior = restrict_prior_to_rows(known_prior, rows, names).combine_with_prior(
+    noise = compute_planar_column_noise(log.plane, used, arm_y_m)[axes][:, of_columns]
+    prior = restrict_prior_to_rows(known_prior, axes, names).combine_with_prior(
         Prior.make_zero_mean(width, noise.shape[0])
     )
     fitted = base_parameters.fit(
         regressor,
-        log.plane.f[part, rows],
+        log.plane.f[part, axes],
         names,
         np.ascontiguousarray(segment_id[part]),
         prior,
@@ -311,12 +311,12 @@ def fit_planar_once(
     return PlanarFit(fitted, names)
 
 
-def restrict_prior_to_rows(prior: Prior, rows: slice, term_names: tuple[str, ...]) -> Prior:
+def restrict_prior_to_rows(prior: Prior, axes: slice, term_names: tuple[str, ...]) -> Prior:
     """The part of a prior that a fit of these rows has parameters of."""
     own = [n for n, name in enumerate(prior.names) if name in term_names]
     return Prior(
         tuple(prior.names[n] for n in own),
-        prior.mean[rows][:, own],
+        prior.mean[axes][:, own],
         prior.covariance[np.ix_(own, own)],
     )
 
@@ -363,10 +363,10 @@ def _make_fit_row(
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = list_missing_settings_text(
+    row["scale_unknown"] = join_missing_setting_names(
         fitted, [compute_quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
-    row["com_scale_unknown"] = list_missing_settings_text(
+    row["com_scale_unknown"] = join_missing_setting_names(
         fitted,
         [estimate.ratio_and_gradient(moment, "mass_kg")[1] for moment in MOMENTS],
         log.machine,
@@ -378,7 +378,7 @@ def _make_fit_row(
     return row
 
 
-def list_missing_settings_text(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
+def join_missing_setting_names(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
     """Values missing in the machine file that any of these quantities needs."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [
@@ -388,7 +388,7 @@ def list_missing_settings_text(fitted: PlanarFit, gradients: list[Floats], machi
     return ", ".join(dict.fromkeys(names))
 
 
-def _withhold_fit_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+def _add_outcome_to_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
     fit_row = {**fit_row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":

@@ -76,7 +76,7 @@ def list_uncertainty_sources(
 
 
 def iter_machine_uncertainty_sources(
-    estimate: BaseEstimate, gradient: Floats, fitted: dict[str, float], machine: Machine
+    estimate: BaseEstimate, gradient: Floats, fitted_values: dict[str, float], machine: Machine
 ) -> Iterator[UncertaintySource]:
     """Uncertainty sources that the machine file states or should state."""
     at = np.flatnonzero(gradient)
@@ -101,14 +101,14 @@ def iter_machine_uncertainty_sources(
             if body.empty_mass_kg and abs(change) <= LIMITS.cancelled_load_gain_1 * size:
                 continue
         u = scale.u(machine)
-        part = fitted.get(scale.name, 0.0)
+        part = fitted_values.get(scale.name, 0.0)
         yield scale.make_uncertainty_source(
             None if u is None else float(np.hypot(u * change, part))
         )
     if IMU_POSITION.applies(machine):
         known = IMU_POSITION.u(machine) is not None
         yield IMU_POSITION.make_uncertainty_source(
-            fitted.get(IMU_POSITION.name, 0.0) if known else None
+            fitted_values.get(IMU_POSITION.name, 0.0) if known else None
         )
 
 

@@ -114,10 +114,12 @@ class PlanarDrive:
     def _read_term_coefficient(self, term_name: str) -> float:
         return float(self.coefficients[_AT[term_name]])
 
-    def cut(self, sample_slice: slice) -> "PlanarDrive":
+    def select_slice(self, sample_slice: slice) -> "PlanarDrive":
         """Cut the drive to a slice of samples."""
         return replace(
-            self, plane=self.plane.cut(sample_slice), term_inputs=self.term_inputs[:, sample_slice]
+            self,
+            plane=self.plane.select_slice(sample_slice),
+            term_inputs=self.term_inputs[:, sample_slice],
         )
 
     def compute_turning_samples(self, sample_slice: slice) -> TurningSamples:

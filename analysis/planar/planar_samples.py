@@ -47,7 +47,7 @@ class PlanarSamples:
     has_torque: bool
     noise: Mapping[str, float]
 
-    def cut(self, sample_slice: slice) -> "PlanarSamples":
+    def select_slice(self, sample_slice: slice) -> "PlanarSamples":
         """Slice of the samples, sharing their memory."""
         return PlanarSamples(
             t_ns=self.t_ns[sample_slice],

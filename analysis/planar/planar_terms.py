@@ -152,7 +152,7 @@ def _planar_coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> floa
     return friction_force_prior_std(drive.peak_force_N, drive.machine_weight, priors)
 
 
-def _imu_position_prior_std(drive: PlanarDrive, _: PriorSettings) -> float:
+def _imu_position_prior_std(drive: PlanarDrive, _priors: PriorSettings) -> float:
     return IMU_POSITION.u(drive.machine) or 0.0
 
 

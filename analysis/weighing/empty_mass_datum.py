@@ -59,7 +59,7 @@ def list_outdated_ticket_notes(body: Body, begin_ns: int) -> list[str]:
     weighed = body.empty_mass_day
     if weighed is None or body.empty_mass_u_kg is None:
         return []
-    today = datetime.fromtimestamp(begin_ns // 10**9, body.zone).date()
+    today = datetime.fromtimestamp(begin_ns // 10**9, body.time_zone).date()
     days = (today - weighed).days
     if days == 0 or today < _CLOCKS_FROM:
         return []

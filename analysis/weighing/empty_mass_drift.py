@@ -29,7 +29,7 @@ class EmptyMassDrift:
     nearby_1: Floats
 
     @property
-    def threshold_1(self) -> float:
+    def significance_threshold_1(self) -> float:
         """Largest change that fuel and the scatter of the masses explain, or that does not matter.
 
         A fraction of the mean mass.
@@ -39,7 +39,7 @@ class EmptyMassDrift:
     @property
     def is_significant(self) -> bool:
         """Whether the change exceeds its threshold."""
-        return abs(self.change_1) > self.threshold_1
+        return abs(self.change_1) > self.significance_threshold_1
 
     @property
     def gain_u_1(self) -> float:

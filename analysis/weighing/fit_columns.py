@@ -181,16 +181,16 @@ class FitColumns:
         motion: MotionSamples,
         noise: ColumnNoiseModel,
         terms: tuple[Nuisance, ...],
-        previous: PreviousEstimates,
+        previous_estimates: PreviousEstimates,
     ) -> Self:
         """Make the columns; the arguments are those of `average_columns`."""
 
         def make_columns(piece: MotionSamples) -> _PieceColumns:
-            fitted = find_fitted_samples_after_lag(piece, previous.lag_s)
-            return make_columns_of_piece(piece, fitted, noise, terms, previous)
+            fitted = find_fitted_samples_after_lag(piece, previous_estimates.lag_s)
+            return make_columns_of_piece(piece, fitted, noise, terms, previous_estimates)
 
-        pieces = map_in_threads(make_columns, list(motion.pieces))
-        return cls(pieces, terms, previous, motion.rate_hz)
+        pieces = map_in_threads(make_columns, list(motion.pieces_of_whole_stretches))
+        return cls(pieces, terms, previous_estimates, motion.rate_hz)
 
     def average_to_rows(self, noise: ColumnNoiseModel, mean_samples: int) -> FitRows:
         """Average the columns over so many samples."""
@@ -210,7 +210,7 @@ def average_columns(
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     mean_samples: int,
-    previous: PreviousEstimates,
+    previous_estimates: PreviousEstimates,
 ) -> FitRows:
     """Average the columns, with the force advanced by its delay.
 
@@ -219,19 +219,19 @@ def average_columns(
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
         mean_samples: length of the longest mean.
-        previous: estimates of earlier rounds.
+        previous_estimates: estimates of earlier rounds.
     """
-    pieces = motion.pieces
-    fitted = [find_fitted_samples_after_lag(piece, previous.lag_s) for piece in pieces]
+    pieces = motion.pieces_of_whole_stretches
+    fitted = [find_fitted_samples_after_lag(piece, previous_estimates.lag_s) for piece in pieces]
     return average_columns_of_pieces(
         lambda number: make_columns_of_piece(
-            pieces[number], fitted[number], noise, terms, previous
+            pieces[number], fitted[number], noise, terms, previous_estimates
         ),
         [piece.group[own] for piece, own in zip(pieces, fitted, strict=True)],
         noise,
         terms,
         mean_samples,
-        previous.uneven_1_s,
+        previous_estimates.uneven_1_s,
         motion.rate_hz,
     )
 
@@ -329,24 +329,24 @@ def make_columns_of_piece(
     fitted_samples: Ints,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
-    previous: PreviousEstimates,
+    previous_estimates: PreviousEstimates,
 ) -> _PieceColumns:
     """Make the columns of the fitted samples of a piece; those around are for what looks there."""
-    in_time = motion.advance_force(previous.lag_s)
-    if previous.speed_late_s:
+    in_time = motion.advance_force(previous_estimates.lag_s)
+    if previous_estimates.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
-        in_time = in_time.advance_speed(previous.speed_late_s)
-    force, acting, speed = in_time.force, previous.ground_force(in_time), in_time.speed
+        in_time = in_time.advance_speed(previous_estimates.speed_late_s)
+    force, acting, speed = in_time.force, previous_estimates.ground_force(in_time), in_time.speed
     acceleration = motion.acceleration
-    if previous.motion_gain:
+    if previous_estimates.motion_gain:
         own = acceleration if motion.without_gravity is None else motion.without_gravity
-        acceleration = acceleration + previous.motion_gain * own
-    loads = previous.relative_loads
+        acceleration = acceleration + previous_estimates.motion_gain * own
+    loads = previous_estimates.relative_loads
     zeros = np.zeros(motion.speed.size)
     relative_load = zeros if loads is None else loads.look_up_relative_loads(motion.unit)
-    if previous.swing.lever_s2 and motion.specific_force is not None:
+    if previous_estimates.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
-        swing_m_s2 = previous.swing.filter_swing_acceleration_m_s2(
+        swing_m_s2 = previous_estimates.swing.filter_swing_acceleration_m_s2(
             motion.specific_force, motion.rate_hz
         )
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
@@ -356,10 +356,12 @@ def make_columns_of_piece(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
-        compute_ground_to_wheel_speed_ratio(speed, acting, previous.slip_1_N),
+        compute_ground_to_wheel_speed_ratio(speed, acting, previous_estimates.slip_1_N),
         acting,
         differentiate_force(force, motion.rate_hz, force_std, keep_small=wheels is not None),
-        zeros if previous.play is None else trace_direction_of_force_change(force, previous.play),
+        zeros
+        if previous_estimates.play is None
+        else trace_direction_of_force_change(force, previous_estimates.play),
         motion.direction,
         motion.progress,
         motion.samples_since_start / motion.rate_hz,
@@ -367,11 +369,11 @@ def make_columns_of_piece(
         relative_load if loads is None else relative_load / loads.rms,
         motion.place_1,
         motion.travelled_m,
-        *route_positions_and_length_m(motion, previous),
+        *route_positions_and_length_m(motion, previous_estimates),
         zeros if motion.relative_gear_ratio is None else motion.relative_gear_ratio,
-        previous.slip_s_m,
-        previous.transfer_s2_m,
-        0.0 if previous.play is None else previous.play.by_force_1_N,
+        previous_estimates.slip_s_m,
+        previous_estimates.transfer_s2_m,
+        0.0 if previous_estimates.play is None else previous_estimates.play.by_force_1_N,
         (0.0, 0.0) if loads is None else loads.weight_shares,
     ).select_rows(fitted_samples)
     A = np.empty((2 + len(terms), fitted_samples.size))
@@ -387,13 +389,13 @@ def stride_of_fitted_means(mean_samples: int) -> int:
 
 
 def route_positions_and_length_m(
-    motion: MotionSamples, previous: PreviousEstimates
+    motion: MotionSamples, previous_estimates: PreviousEstimates
 ) -> tuple[Floats, float]:
     """Position of each sample on the route, (n,), and the route's length in m.
 
     Both are 0 without a route.
     """
-    loads, route = previous.relative_loads, previous.route
+    loads, route = previous_estimates.relative_loads, previous_estimates.route
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
     return route.compute_relative_distances_to_dump(motion), route.length_m

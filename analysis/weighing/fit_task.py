@@ -118,7 +118,7 @@ class FitTask:
                 # of a shift each holds hundreds of megabytes
                 fit_rows = solution = None
                 fit_rows = average_columns(self.motion, self.noise, self.terms, mean_samples, known)
-            solution = prior_fit.solve(
+            solution = prior_fit.solve_with_priors(
                 fit_rows.A,
                 fit_rows.f,
                 fit_rows.group,
@@ -186,18 +186,20 @@ class FitTask:
         )
 
     def _update_estimates(
-        self, previous: PreviousEstimates, theta: Floats, *, advance_force: bool
+        self, previous_estimates: PreviousEstimates, theta: Floats, *, advance_force: bool
     ) -> tuple[PreviousEstimates, float]:
         """Update the estimates by a round, and return the change of the lag in s."""
         masses = theta.size - 1 - len(self.terms)
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
         late_s = by_name["lag"]
-        lag_s = float(np.clip(previous.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s))
+        lag_s = float(
+            np.clip(previous_estimates.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s)
+        )
         share, _ = split_constant_prior_into_error_and_force(self.motion, self.priors)
         width = const_term_prior_std_newtons(self.motion, self.priors)
         after = replace(
-            previous,
+            previous_estimates,
             lag_s=lag_s if advance_force else 0.0,
             transfer_s2_m=by_name.get("load_transfer", 0.0),
             offset_N=float(

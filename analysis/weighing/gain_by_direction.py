@@ -59,14 +59,14 @@ class DirectionGain:
     loads: int
 
     @property
-    def threshold_1(self) -> float:
+    def significance_threshold_1(self) -> float:
         """Smallest difference of the gain from 1 that shows and matters."""
         return max(LIMITS.direction_gain_min_std * self.std_1, LIMITS.direction_gain_min_1)
 
     @property
     def is_significant(self) -> bool:
         """Whether the gain differs from 1, and by no more than a sensor's may."""
-        return self.threshold_1 < abs(self.gain_1 - 1.0) < LIMITS.direction_gain_max_1
+        return self.significance_threshold_1 < abs(self.gain_1 - 1.0) < LIMITS.direction_gain_max_1
 
     @property
     def could_replace_several_loads(self) -> bool:
@@ -74,7 +74,7 @@ class DirectionGain:
         return self.loads > 1
 
     @property
-    def u_1(self) -> float:
+    def relative_mass_u(self) -> float:
         """Relative standard uncertainty of one load's mass: either direction may be right."""
         return abs(self.gain_1 - 1.0) / float(np.sqrt(3.0))
 
@@ -101,7 +101,8 @@ def estimate_force_gain_by_driving_direction(
         return None
     several = fit.mass_count > 1
     if several and (
-        not do_loads_only_follow_direction(fit) or does_ticket_confirm_loads(fit, body)
+        not do_loads_only_follow_driving_direction(fit)
+        or does_empty_mass_confirm_two_loads(fit, body)
     ):
         return None
     one = FitTask(
@@ -134,7 +135,7 @@ def read_direction_gain_of_one_load_fit(
 
     Its standard deviation is at least that by which the manoeuvres of each direction scatter.
     """
-    share, std = float(one_load_fit.theta[-1]), float(one_load_fit.fit.std[-1])
+    share, std = float(one_load_fit.theta[-1]), float(one_load_fit.map_fit.std[-1])
     if answer_fit.mass_count == 1:
         std = max(
             std, mass_difference_std_by_direction_kg(answer_fit) / 2.0 / abs(answer_fit.mass_kg)
@@ -155,7 +156,7 @@ def mass_difference_std_by_direction_kg(fit: JointFit) -> float:
     return float(np.sqrt(sum(variances)))
 
 
-def do_loads_only_follow_direction(fit: JointFit) -> bool:
+def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
     """Whether loads alternate with the direction, and nothing besides the masses tells of them."""
     states, motion = fit.states, fit.motion
     assert states is not None
@@ -190,7 +191,7 @@ def mark_manoeuvres_nearer_to_heavy_mass(states: LoadStates, forwards: Bools) ->
     return states.level_kg > float(np.mean(average_mass_by_direction_kg(states, forwards)))
 
 
-def does_ticket_confirm_loads(fit: JointFit, body: Body) -> bool:
+def does_empty_mass_confirm_two_loads(fit: JointFit, body: Body) -> bool:
     """Whether the lighter direction has the stated empty mass, and the heavier one has not."""
     if body.empty_mass_kg is None:
         return False

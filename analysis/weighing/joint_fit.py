@@ -20,14 +20,9 @@ from analysis.weighing.force_by_place import PLACE
 from analysis.weighing.force_hysteresis import HYSTERESIS, choose_hysteresis_play
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import LoadStates
-from analysis.weighing.log_effects import LikelyEffects
+from analysis.weighing.log_effects import MostProbableEffects
 from analysis.weighing.low_gears import LOW_GEARS
-from analysis.weighing.motion_samples import (
-    CachedNoise,
-    ColumnNoiseModel,
-    Floats,
-    MotionSamples,
-)
+from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
@@ -144,10 +139,10 @@ def compare_wheels_after_pilot_fit(
     inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
-    if not (abs(pilot_fit.lag_s) > LIMITS.short_lag_s or pilot_fit.found.transfer_s2_m):
+    if not (abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s or pilot_fit.found.transfer_s2_m):
         return task
     # slip is of the force on the ground at that moment
-    in_time = inputs.motion.advance_force(pilot_fit.lag_s)
+    in_time = inputs.motion.advance_force(pilot_fit.force_lag_s)
     acting = replace(in_time, force=pilot_fit.found.ground_force(in_time))
     wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
@@ -156,12 +151,12 @@ def compare_wheels_after_pilot_fit(
 def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
     moved = task.fit_over_means(mean_samples, LIMITS.lag_rounds)
-    if abs(moved.lag_s) < LIMITS.short_lag_s:
+    if abs(moved.force_lag_s) < LIMITS.short_lag_s:
         return moved
     filtered = task.fit_over_means(mean_samples, 2, advance_force=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
-    if not chosen.fit.misfit.any():
+    if not chosen.map_fit.misfit.any():
         return chosen
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
@@ -189,26 +184,26 @@ def _relative_mass_change_by_mean_length(
     if best.mass_kg == 0.0:
         return 0.0
     rows = fits_by_length[0].mean_samples == 1
-    if any(do_masses_differ(best, other, of_single_rows=rows) for other in longer):
+    if any(do_masses_differ(best, other, are_means_single_rows=rows) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
     if (
         not longer
         and length_index
-        and do_masses_differ(best, fits_by_length[length_index - 1], of_single_rows=rows)
+        and do_masses_differ(best, fits_by_length[length_index - 1], are_means_single_rows=rows)
     ):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - fits_by_length[length_index - 1].mass_kg / best.mass_kg
     return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
 
-def do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, of_single_rows: bool) -> bool:
+def do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, are_means_single_rows: bool) -> bool:
     """Whether means of two lengths give significantly different masses.
 
     For single rows every relevant difference counts, even if noise explains it.
     """
     difference_kg = abs(fit_a.mass_kg - fit_b.mass_kg)
-    if of_single_rows:
+    if are_means_single_rows:
         return difference_kg > LIMITS.slow_grid_mean_length_fraction * abs(fit_a.mass_kg)
     first, second = fit_a.u_kg, fit_b.u_kg
     expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
@@ -279,12 +274,12 @@ def drop_unlikely_effects(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
     """Refit without the effects that the log is unlikely to have."""
-    likely = LikelyEffects.from_fit(fit.fit, fit.mass_count, fit.terms, fit.prior_std)
+    likely = MostProbableEffects.from_fit(fit.map_fit, fit.mass_count, fit.terms, fit.prior_std)
     fit = replace(fit, effects=likely)
     return refit_with_changes(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
 
 
-def refit_with_hysteresis_if_shown(
+def refit_with_hysteresis_if_significant(
     fit: JointFit,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -309,7 +304,7 @@ def refit_with_hysteresis_if_shown(
     half_width_N = float(tested.theta[-1])
     # the standard deviation takes longer than the estimate
     shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percent and (
-        half_width_N > LIMITS.hysteresis_min_std * float(tested.fit.std[-1])
+        half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.std[-1])
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows

@@ -12,7 +12,7 @@ from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.force_by_place import BY_PLACE, make_position_force_columns
 from analysis.weighing.force_hysteresis import HYSTERESIS
 from analysis.weighing.load_states import LoadStates
-from analysis.weighing.log_effects import LikelyEffects
+from analysis.weighing.log_effects import MostProbableEffects
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
@@ -94,12 +94,12 @@ class JointFit:
     prior_means: PriorMeans
     averaging_share: float = 0.0
     by_motion: MotionResponses | None = None
-    effects: LikelyEffects | None = None
+    effects: MostProbableEffects | None = None
     squat: LoadSquat | None = None
     hysteresis_kg: Floats | None = None
 
     @cached_property
-    def fit(self) -> MapFit:
+    def map_fit(self) -> MapFit:
         """Estimates with the parts of their uncertainty."""
         return replace(self.solution.fit, theta=self.theta)
 
@@ -143,19 +143,19 @@ class JointFit:
     @property
     def viscous_friction_and_std(self) -> tuple[float, float]:
         """Viscous friction and its standard deviation, in N·s/m."""
-        return self.viscous_friction, float(self.fit.std[self.mass_count])
+        return self.viscous_friction, float(self.map_fit.std[self.mass_count])
 
     @cached_property
     def term_posteriors(self) -> tuple[Floats, Floats]:
         """Posterior means of the terms, (terms,), and their standard deviations, (terms,)."""
-        own = self.fit.std[self.mass_count + 1 :]
+        own = self.map_fit.std[self.mass_count + 1 :]
         by_means = self._mean_sensitivities[:, self.mass_count + 1 :]
         return self._estimates_of_terms, np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
     def _mean_sensitivities(self) -> Floats:
         """(terms, p) response of the estimates to one standard uncertainty of each learnt mean."""
-        responses = self.fit.responses[self.mass_count + 1 :]
+        responses = self.map_fit.responses[self.mass_count + 1 :]
         return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
 
     @cached_property
@@ -180,7 +180,7 @@ class JointFit:
         return tuple(names), moved_kg
 
     @property
-    def lag_s(self) -> float:
+    def force_lag_s(self) -> float:
         """Delay of the force in s."""
         return self.estimate_of_term("lag")
 
@@ -228,7 +228,7 @@ class JointFit:
     def u_by_cause_kg(self, coefficients: Floats) -> dict[str, float]:
         """Parts of the standard uncertainty of the sum `coefficients` @ masses, by cause, in kg."""
         wide = np.concatenate([coefficients, np.zeros(self.theta.size - self.mass_count)])
-        fit, by_motion = self.fit, self.by_motion
+        fit, by_motion = self.map_fit, self.by_motion
         summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
@@ -294,7 +294,7 @@ class JointFit:
 
         Slip measured by the wheels narrows its prior.
         """
-        found = self.fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
+        found = self.map_fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
         slip = find_term_index("slip", self.terms)
         coefficients = self.coefficients_of_state(self.most_frequent_state)
         alone_kg = abs(float(found[slip] @ coefficients))
@@ -326,7 +326,7 @@ class JointFit:
         friction = self.resistance_speed_slope
         slip = self.mass_count + 1 + find_term_index("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
-        response = float(self.fit.responses[slip] @ coefficients)
+        response = float(self.map_fit.responses[slip] @ coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
         of_masses = coefficients[: self.mass_count]
         masses_kg = float(of_masses @ self.masses_kg)

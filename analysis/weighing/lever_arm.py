@@ -27,7 +27,7 @@ from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.pitch_squat import fit_instrumental_variables
-from analysis.weighing.stretch_means import EVERY, MEAN, take_overlapping_means
+from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping_blocks
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.in_order import sum_in_order
@@ -63,13 +63,19 @@ class BodySwing:
         """Whether a reading with this swing still determines the acceleration."""
         return self.lever_s2 * self.omega_1_s**2 > -LIMITS.lever_max_below_1
 
-    def filter_swing_acceleration_m_s2(self, measured: Floats, rate_hz: float) -> Floats:
+    def filter_swing_acceleration_m_s2(
+        self, measured_acceleration: Floats, rate_hz: float
+    ) -> Floats:
         """κ · y'' computed from a reading on the body, (n,) in m/s²."""
-        return self._filter_by_body_dynamics(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
+        return self._filter_by_body_dynamics(
+            measured_acceleration, rate_hz, (self.lever_s2, 0.0, 0.0)
+        )
 
-    def filter_pitch_variable_rate_m_s3(self, measured: Floats, rate_hz: float) -> Floats:
+    def filter_pitch_variable_rate_m_s3(
+        self, measured_acceleration: Floats, rate_hz: float
+    ) -> Floats:
         """Rate y' of the pitch variable from a reading on the body, (n,) in m/s³."""
-        return self._filter_by_body_dynamics(measured, rate_hz, (0.0, 1.0, 0.0))
+        return self._filter_by_body_dynamics(measured_acceleration, rate_hz, (0.0, 1.0, 0.0))
 
     def _filter_by_body_dynamics(
         self, signal: Floats, rate_hz: float, numerator: tuple[float, ...]
@@ -85,16 +91,16 @@ class BodySwing:
 
 
 def estimate_body_swing(
-    measured: Floats, motion: MotionSamples, springs: BodySwing
+    measured_acceleration: Floats, motion: MotionSamples, springs: BodySwing
 ) -> BodySwing | None:
     """Estimate the swing from wheels and accelerometer; None if there is none.
 
     Args:
-        measured: (n,) accelerometer in m/s², with or without gravity by the pitch.
+        measured_acceleration: (n,) accelerometer in m/s², with or without gravity by the pitch.
         motion: samples, with the speed as measured.
         springs: springs of the body, and the swing that is in its reading at first.
     """
-    compared = _WheelComparison.from_motion(measured, motion)
+    compared = _WheelComparison.from_motion(measured_acceleration, motion)
     solved = None if compared is None else compared.estimate_swing_with_springs(springs)
     if solved is None:
         return None
@@ -105,11 +111,11 @@ def estimate_body_swing(
     return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
 
 
-def fit_body_spring_rates(measured: Floats, motion: MotionSamples) -> BodySwing | None:
+def fit_body_spring_rates(measured_acceleration: Floats, motion: MotionSamples) -> BodySwing | None:
     """Springs that leave the smallest residual between wheels and accelerometer.
 
     Args:
-        measured: (n,) accelerometer in m/s², with or without gravity by the pitch.
+        measured_acceleration: (n,) accelerometer in m/s², with or without gravity by the pitch.
         motion: samples, with the speed as measured.
 
     Returns:
@@ -118,7 +124,7 @@ def fit_body_spring_rates(measured: Floats, motion: MotionSamples) -> BodySwing 
     """
     from scipy.optimize import Bounds, minimize
 
-    compared = _WheelComparison.from_motion(measured, motion)
+    compared = _WheelComparison.from_motion(measured_acceleration, motion)
     if compared is None:
         return None
 
@@ -171,7 +177,7 @@ class _WheelComparison:
     shared: list[Floats]
 
     @classmethod
-    def from_motion(cls, measured: Floats, motion: MotionSamples) -> Self | None:
+    def from_motion(cls, measured_acceleration: Floats, motion: MotionSamples) -> Self | None:
         """Prepare the stretches that are long enough; None if there are too few."""
         if motion.rate_hz < LIMITS.lever_min_rate_hz:
             return None
@@ -181,12 +187,12 @@ class _WheelComparison:
         spans = bounds[np.diff(bounds)[:, 0] >= shortest]
         if len(spans) < LIMITS.squat_min_stretches:
             return None
-        gained = np.zeros(measured.size)
+        gained = np.zeros(measured_acceleration.size)
         for first, end in spans.tolist():
-            a = measured[first:end]
+            a = measured_acceleration[first:end]
             gained[first:end] = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         slipping = np.abs(motion.speed) * motion.force
-        columns = (gained, slipping, -measured, motion.speed - gained)
+        columns = (gained, slipping, -measured_acceleration, motion.speed - gained)
         return cls(motion, spans, lag, difference_stretch_means(columns, spans, lag))
 
     def estimate_swing_with_springs(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
@@ -232,7 +238,7 @@ def _difference_means_of_column(x: Floats, spans: Ints, lag_means: int) -> Float
     counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means
     out, row = np.empty(counts.sum()), 0
     for number in range(len(spans)):
-        means = take_overlapping_means(x[spans[number, 0] : spans[number, 1]])
+        means = average_overlapping_blocks(x[spans[number, 0] : spans[number, 1]])
         differences = means[lag_means:] - means[:-lag_means]
         out[row : row + counts[number]] = differences - sum_in_order(differences) / counts[number]
         row += counts[number]

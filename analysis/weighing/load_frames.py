@@ -251,7 +251,7 @@ def _make_load_row(
         "payload_to": empty[0] if empty and not withheld else None,
         "empty": state in empty,
         "scatter_kg": states.scatter_kg if states.freedom > 0 and not withheld else None,
-        "scatter_known": states.scatter_known,
+        "scatter_known": states.is_scatter_estimated,
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
         "scale_unknown": ", ".join(list_scale_sources_without_u(sources)),
@@ -312,7 +312,7 @@ def _write_load_states_note(fit: JointFit, machine: Machine) -> str:
             f"states or scatter: {texts[0]}, or {texts[1]}; a single load has a probability of "
             f"{states.single_probability:.0%}"
         )
-    if machine.machine.repeatability_kg is None and not states.scatter_known:
+    if machine.machine.repeatability_kg is None and not states.is_scatter_estimated:
         said.append("repeatability unknown: too few manoeuvres tell how they scatter")
     return "; ".join(said)
 

@@ -45,7 +45,7 @@ def fit_with_searched_load_states(
     returned.
     """
     kind = label_load_change_evidence(first_fit.motion)
-    settled = alternate_search_and_fit(first_fit, inputs, repeatability_kg, kind)
+    settled = alternate_state_search_and_fit(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
     if not misfits or first_fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
         return settled
@@ -58,13 +58,13 @@ def fit_with_searched_load_states(
     hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1] and not _is_partition_of_fit(settled, hints):
         held = _refit_with_fixed_load_states(alike.make_load_states(hints), inputs)
-        fits.append(alternate_search_and_fit(held, inputs, repeatability_kg, kind, settled))
+        fits.append(alternate_state_search_and_fit(held, inputs, repeatability_kg, kind, settled))
     hauls = propose_hauling_partitions(first_fit.motion)
     if hauls:
         haul = min(hauls, key=alike.akaike_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
         held = _refit_with_fixed_load_states(alike.make_load_states(haul), inputs)
-        hidden = alternate_search_and_fit(held, inputs, repeatability_kg, kind, settled)
+        hidden = alternate_state_search_and_fit(held, inputs, repeatability_kg, kind, settled)
         fits += [hidden, _refit_with_scatter_of_own_states(held, inputs, repeatability_kg, kind)]
     likely = [settled, *(each for each in fits if _is_single_load_excluded(each))]
     if len(likely) == 1:
@@ -99,8 +99,8 @@ class _PartitionComparison:
     known: dict[bytes, float] = field(default_factory=dict[bytes, float])
 
     @classmethod
-    def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, samples: int) -> Self:
-        """Prepare the comparison with the manoeuvres of an earlier fit, over means of `samples`."""
+    def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, mean_samples: int) -> Self:
+        """Prepare the comparison with an earlier fit's manoeuvres, over means of `mean_samples`."""
         motion, terms = (
             earlier_fit.motion,
             select_terms_of_motion(earlier_fit.motion, has_several_loads=True),
@@ -113,7 +113,7 @@ class _PartitionComparison:
             task,
             _estimate_manoeuvre_masses(earlier_fit, inputs, label_load_change_evidence(motion)),
             number,
-            samples,
+            mean_samples,
         )
 
     def make_load_states(self, state_of_manoeuvre: Ints) -> LoadStates:
@@ -180,12 +180,12 @@ def _make_task_from_fit(fit: JointFit, inputs: JointFitInputs) -> FitTask:
     return FitTask(fit.motion, inputs.noise, inputs.priors, fit.terms, fit.kinematics, fit.states)
 
 
-def alternate_search_and_fit(
+def alternate_state_search_and_fit(
     first_fit: JointFit,
     inputs: JointFitInputs,
     repeatability_kg: float | None,
     change_kinds: Ints,
-    are_columns_final: JointFit | None = None,
+    fit_with_final_columns: JointFit | None = None,
 ) -> JointFit:
     """Alternate between state search and fit, from a first fit on.
 
@@ -196,7 +196,7 @@ def alternate_search_and_fit(
         inputs: samples of the log.
         repeatability_kg: how masses of one load scatter; None finds it.
         change_kinds: kind of change between manoeuvres.
-        are_columns_final: result of another search, returned as soon as this one comes to its
+        fit_with_final_columns: result of another search, returned as soon as this one comes to its
             states.
     """
     number = np.unique(find_manoeuvre_of_stretches(first_fit.motion))
@@ -219,10 +219,10 @@ def alternate_search_and_fit(
             ),
             key=lambda each: each.log_odds,
         )
-        if are_columns_final is not None and _is_partition_of_fit(
-            are_columns_final, states.membership
+        if fit_with_final_columns is not None and _is_partition_of_fit(
+            fit_with_final_columns, states.membership
         ):
-            return are_columns_final
+            return fit_with_final_columns
         if states.state_count == 1 and first_fit.mass_count == 1:
             return refit_with_changes(
                 replace(first_fit, states=states), inputs.noise, inputs.priors, fit_rows=rows

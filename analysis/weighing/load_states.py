@@ -95,7 +95,7 @@ class LoadStates:
         )
 
     @property
-    def scatter_known(self) -> bool:
+    def is_scatter_estimated(self) -> bool:
         """Whether the scatter is estimated rather than assumed."""
         return self.freedom >= LIMITS.scatter_min_freedom
 
@@ -242,7 +242,7 @@ def label_one_load_change(
     if motion.stood is not None and motion.stood[end_row] == motion.stood[begin_row]:
         return 0
     moved = any(
-        _range_of_known_values(arm[boom_begin_row : boom_end_row + 1]) > LIMITS.arm_movement_rad
+        _range_without_nan(arm[boom_begin_row : boom_end_row + 1]) > LIMITS.arm_movement_rad
         for arm in motion.arms
     )
     if moved:
@@ -251,9 +251,9 @@ def label_one_load_change(
     return RESTARTED if silent else 1
 
 
-def _range_of_known_values(x: Floats) -> float:
+def _range_without_nan(values: Floats) -> float:
     """Maximum minus minimum of the known values; 0 if none is known."""
-    known = x[np.isfinite(x)]
+    known = values[np.isfinite(values)]
     return float(np.ptp(known)) if known.size else 0.0
 
 

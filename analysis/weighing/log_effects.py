@@ -45,7 +45,7 @@ _LOG_ODDS: Final = float(
 
 
 @dataclass(frozen=True)
-class LikelyEffects:
+class MostProbableEffects:
     """The most probable choice of effects, and the changes by the others.
 
     Attributes:

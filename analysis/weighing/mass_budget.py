@@ -219,8 +219,8 @@ def relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> fl
 def estimate_mass_change_without_friction_kg(fit: JointFit, coefficients: Floats) -> float:
     """Change of a sum of masses if viscous friction were known to be zero, in kg."""
     at = fit.mass_count
-    responses = fit.fit.responses
-    by_friction = (fit.fit.noise + fit.fit.scatter)[at] + responses.T @ responses[:, at]
+    responses = fit.map_fit.responses
+    by_friction = (fit.map_fit.noise + fit.map_fit.scatter)[at] + responses.T @ responses[:, at]
     return -fit.viscous_friction * float(coefficients @ by_friction[:at]) / float(by_friction[at])
 
 
@@ -271,7 +271,7 @@ def list_uncertainty_by_failed_checks_kg(
     if largest_kg:
         found[name] = largest_kg
     if weighing.by_direction is not None:
-        found["gain_by_direction"] = weighing.by_direction.u_1 * abs(
+        found["gain_by_direction"] = weighing.by_direction.relative_mass_u * abs(
             float(coefficients @ fit.masses_kg)
         )
     viscous, std = fit.viscous_friction_and_std

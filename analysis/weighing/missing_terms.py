@@ -172,7 +172,7 @@ def estimate_force_curvature(
         priors: of the nuisances.
         fit_rows: rows of the fit and of `CURVATURE`, if already computed.
     """
-    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), fit_rows=fit_rows).fit
+    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), fit_rows=fit_rows).map_fit
     moved = float(curved.theta[fit.most_frequent_state] - fit.theta[fit.most_frequent_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
@@ -211,7 +211,7 @@ def find_missing_terms(
         # a term that is mostly noise is collinear with the others once its noise is taken off
         if other.solution.noise_share > LIMITS.max_noise_fraction:
             continue
-        lacking = MissingTerm(term, float(other.theta[-1] / other.fit.std[-1]), effect_kg)
+        lacking = MissingTerm(term, float(other.theta[-1] / other.map_fit.std[-1]), effect_kg)
         if lacking.is_significant(fit):
             found.append(lacking)
     return tuple(sorted(found, key=lambda each: -_largest_mass_change_over_u(each.effect_kg, fit)))
@@ -219,4 +219,4 @@ def find_missing_terms(
 
 def _largest_mass_change_over_u(mass_changes_kg: Floats, fit: JointFit) -> float:
     """Largest change of a mass over its uncertainty."""
-    return float(np.max(np.abs(mass_changes_kg) / fit.fit.std[: fit.mass_count]))
+    return float(np.max(np.abs(mass_changes_kg) / fit.map_fit.std[: fit.mass_count]))

@@ -15,7 +15,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
-from analysis.model.windows import flag_windows
+from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import (
@@ -151,7 +151,8 @@ class MotionSamples:
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
         near = (
-            flag_windows(self.is_fittable, size) | flag_windows(self.is_fittable[::-1], size)[::-1]
+            flag_windows_with_flagged_rows(self.is_fittable, size)
+            | flag_windows_with_flagged_rows(self.is_fittable[::-1], size)[::-1]
         )
         return self._select_samples(np.flatnonzero(near))
 
@@ -161,7 +162,7 @@ class MotionSamples:
         return replace(self, arms=tuple(each[selection] for each in self.arms), **own)
 
     @cached_property
-    def pieces(self) -> tuple["MotionSamples", ...]:
+    def pieces_of_whole_stretches(self) -> tuple["MotionSamples", ...]:
         """Split into pieces of whole stretches, with the samples around that their means need."""
         spans = find_stretch_spans(self.group)
         whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1
@@ -313,7 +314,10 @@ def collect_motion_samples(
     ratio = read_gear_ratio(aligned)
     silent = ~known | mark_rows_without_data(aligned)
     silent |= mark_gear_changes(aligned, settings.align.rate_hz)
-    near_gap = flag_windows(silent, clear) | flag_windows(silent[::-1], clear)[::-1]
+    near_gap = (
+        flag_windows_with_flagged_rows(silent, clear)
+        | flag_windows_with_flagged_rows(silent[::-1], clear)[::-1]
+    )
     group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = exclude_stretches_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _read_known_grid_column(aligned, "specific_force_x_m_s2", known)
@@ -351,7 +355,7 @@ def collect_motion_samples(
         estimate_empty_machine_gravity_force(machine, acceleration, force, group >= 0),
         tuple(column_values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
-        mark_samples_stated_empty(aligned, machine),
+        mark_samples_of_stated_empty_span(aligned, machine),
         stood,
         silences,
         machine.machine.wheel_radius_u_1,
@@ -377,7 +381,7 @@ def estimate_empty_machine_gravity_force(
     return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
 
 
-def mark_samples_stated_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
+def mark_samples_of_stated_empty_span(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
     """Samples that `settings.loads` names as empty machine, (n,); None if it names none."""
     loads = machine.settings.loads
     if loads.empty_from_s is None or loads.empty_to_s is None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.stretch_means import EVERY, MEAN, take_overlapping_means
+from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping_blocks
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.fit_loss import list_rows_by_group
 
@@ -48,9 +48,9 @@ def compute_pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -
         near = part[travelled_m < LIMITS.grade_reach_m]
         if near.size < MEAN + EVERY * (LIMITS.pitch_min_rows + 2 * LIMITS.pitch_rate_means):
             continue
-        a, force, pitch = (take_overlapping_means(channel[near]) for channel in channels)
+        a, force, pitch = (average_overlapping_blocks(channel[near]) for channel in channels)
         grade = np.vander(
-            drop_outer_means_without_rate(take_overlapping_means(travelled_m[: near.size]))
+            drop_outer_means_without_rate(average_overlapping_blocks(travelled_m[: near.size]))
             / LIMITS.grade_reach_m,
             LIMITS.grade_degree + 1,
         )

@@ -44,7 +44,7 @@ class _DrivingDirection:
         """Terms at the loading places, then along the way: for all loads, and by load."""
         places = list(pairwise(LIMITS.loading_places_m))
         found = [
-            self._make_load_difference_term(
+            self._make_loaded_minus_empty_term(
                 "", lambda m: np.ones(m.speed.size), self._prior_std_at_loading_place_newtons
             )
         ]
@@ -56,33 +56,36 @@ class _DrivingDirection:
                     name, column, width, "how the ground's force changes along it"
                 )
             )
-            found.append(self._make_load_difference_term(name, column, width))
+            found.append(self._make_loaded_minus_empty_term(name, column, width))
         return found
 
-    def _make_load_difference_term(
+    def _make_loaded_minus_empty_term(
         self,
         name: str,
-        column: Callable[[ColumnInputs], Floats],
-        width: Callable[[MotionSamples, PriorSettings], float],
+        compute_column: Callable[[ColumnInputs], Floats],
+        make_prior_std: Callable[[MotionSamples, PriorSettings], float],
     ) -> Nuisance:
         """Term of the difference between loaded and empty starts."""
         meaning = "difference of the ground under loaded and empty starts"
         return self._make_uneven_ground_term(
-            f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning
+            f"{name}_by_load",
+            lambda m: compute_column(m) * m.load_contrast,
+            make_prior_std,
+            meaning,
         )
 
     def _make_uneven_ground_term(
         self,
         name: str,
-        column: Callable[[ColumnInputs], Floats],
-        width: Callable[[MotionSamples, PriorSettings], float],
+        compute_column: Callable[[ColumnInputs], Floats],
+        make_prior_std: Callable[[MotionSamples, PriorSettings], float],
         meaning: str,
     ) -> Nuisance:
         return Nuisance(
             f"ground_{self.name}{name}",
             "N",
-            lambda m: restrict_column_to_direction(column(m), m.direction, self.sign),
-            width,
+            lambda m: restrict_column_to_direction(compute_column(m), m.direction, self.sign),
+            make_prior_std,
             f"{meaning}, {self.name}",
             "more cycles; a pitch channel; even ground",
             applies=self._does_motion_drive_in_direction,

@@ -33,7 +33,7 @@ from analysis.weighing.joint_fit import (
     fit_jointly,
     refit_with_changes,
     refit_with_gain_change_by_load,
-    refit_with_hysteresis_if_shown,
+    refit_with_hysteresis_if_significant,
 )
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_search import fit_with_searched_load_states
@@ -247,7 +247,7 @@ def _weigh_with_priors(
 
     fit = drop_unlikely_effects(fit, columns, priors)
     candidates = list_candidate_missing_terms(fit)
-    fit, rows = refit_with_hysteresis_if_shown(
+    fit, rows = refit_with_hysteresis_if_significant(
         fit, columns, priors, (CURVATURE, FILLING, *candidates)
     )
     fit = refit_with_gain_change_by_load(fit, priors)

@@ -31,9 +31,9 @@ from analysis.weighing.pitch_squat import estimate_pitch_squat_fraction_and_std
 from analysis.weighing.stretch_means import (
     EVERY,
     MEAN,
+    average_overlapping_blocks,
     make_stretch_trend_columns,
     subtract_fitted_line,
-    take_overlapping_means,
 )
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
@@ -147,7 +147,7 @@ def do_wheels_show_squat(wheel_kinematics: WheelKinematics, motion: MotionSample
 
 def compare_wheels_after_squat_correction(
     comparison: WheelKinematics,
-    measured: Floats,
+    measured_acceleration: Floats,
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -166,7 +166,7 @@ def compare_wheels_after_squat_correction(
     ):
         return comparison
     even = _fit_wheel_comparison(
-        measured * (1.0 - share), motion, noise, priors, earlier_kinematics
+        measured_acceleration * (1.0 - share), motion, noise, priors, earlier_kinematics
     )
     if even is None or even.gain_counts:
         return comparison
@@ -178,7 +178,7 @@ def compare_wheels_after_squat_correction(
 
 
 def _fit_wheel_comparison(
-    measured: Floats,
+    measured_acceleration: Floats,
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -195,14 +195,16 @@ def _fit_wheel_comparison(
         rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
     ) -> prior_fit.PriorSolution | prior_fit.UndeterminedFit:
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
-        return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
+        return prior_fit.solve_with_priors(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
     largest = LIMITS.max_slip_fraction / motion.force_95_percent
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
     if earlier_kinematics is not None:
         delay_s, slip_1_N = earlier_kinematics.delay_s[0], earlier_kinematics.slip_1_N[0]
         about = abs(slip_1_N) + earlier_kinematics.slip_1_N[1]
-    rows = _make_comparison_rows(measured, motion.advance_speed(delay_s), noise, slip_1_N)
+    rows = _make_comparison_rows(
+        measured_acceleration, motion.advance_speed(delay_s), noise, slip_1_N
+    )
     if rows is None:
         return None
     lines = loss = None
@@ -224,7 +226,10 @@ def _fit_wheel_comparison(
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
         rows = (
-            _make_comparison_rows(measured, motion.advance_speed(delay_s), noise, slip_1_N) or rows
+            _make_comparison_rows(
+                measured_acceleration, motion.advance_speed(delay_s), noise, slip_1_N
+            )
+            or rows
         )
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
@@ -311,7 +316,7 @@ def compute_parameter_std_bounds_by_noise(
 
 
 def _make_comparison_rows(
-    measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
+    measured_acceleration: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's line, and the noise in them."""
     spans = find_stretch_spans(motion.group)
@@ -319,7 +324,7 @@ def _make_comparison_rows(
     if not spans.size:
         return None
     X, y, group, ground = detrend_means_by_stretch(
-        measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
+        measured_acceleration, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
     covariance = noise.covariance(MEAN)
     grams = np.zeros((len(spans), 4, 4))
@@ -330,12 +335,17 @@ def _make_comparison_rows(
 
 @compiled_unless_short_log
 def detrend_means_by_stretch(
-    measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
+    measured_acceleration: Floats,
+    speed: Floats,
+    force: Floats,
+    spans: Ints,
+    step_s: float,
+    slip_1_N: float,
 ) -> tuple[Floats, Floats, Ints, Floats]:
     """Means of columns and response, each stretch without its line.
 
     Args:
-        measured: (n,) accelerometer in m/s².
+        measured_acceleration: (n,) accelerometer in m/s².
         speed: (n,) wheel speed in m/s.
         force: (n,) force in N.
         spans: (stretches, 2) first and end sample of each stretch.
@@ -352,17 +362,17 @@ def detrend_means_by_stretch(
     row = 0
     for number in range(len(spans)):
         part = slice(spans[number, 0], spans[number, 1])
-        a, v, f = measured[part], speed[part], force[part]
+        a, v, f = measured_acceleration[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
         slipping = v * compute_ground_to_wheel_speed_ratio(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - subtract_fitted_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = subtract_fitted_line(take_overlapping_means(v - gained))
-        X[rows, 0] = subtract_fitted_line(take_overlapping_means(gained))
-        X[rows, 1] = subtract_fitted_line(take_overlapping_means(ground * f))
-        X[rows, 2] = subtract_fitted_line(take_overlapping_means(-a))
-        of_ground = take_overlapping_means(ground)
+        y[rows] = subtract_fitted_line(average_overlapping_blocks(v - gained))
+        X[rows, 0] = subtract_fitted_line(average_overlapping_blocks(gained))
+        X[rows, 1] = subtract_fitted_line(average_overlapping_blocks(ground * f))
+        X[rows, 2] = subtract_fitted_line(average_overlapping_blocks(-a))
+        of_ground = average_overlapping_blocks(ground)
         X[rows, 3] = subtract_fitted_line(-of_ground)
         group[rows] = number
         squares[number] = sum_in_order(of_ground * of_ground)

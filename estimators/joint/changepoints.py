@@ -50,26 +50,31 @@ class Partitions:
 
 
 def find_best_partitions(
-    unit_values: GroupEffects, spread: float, usual_scatter: float, scatter: float | None = None
+    unit_values: GroupEffects,
+    max_level_distance: float,
+    usual_scatter_std: float,
+    known_scatter_std: float | None = None,
 ) -> Partitions:
     """Find the most probable partition.
 
     Args:
         unit_values: the units in order.
-        spread: largest plausible distance between levels.
-        usual_scatter: typical standard deviation between units of one level.
-        scatter: known standard deviation between units of one level; None if unknown.
+        max_level_distance: largest plausible distance between levels.
+        usual_scatter_std: typical standard deviation between units of one level.
+        known_scatter_std: known standard deviation between units of one level; None if unknown.
     """
     n = unit_values.y.size
     typical = float(np.sqrt(np.median(unit_values.variance)))
     scatters = (
-        [times * typical for times in LIMITS.tried_scatters] if scatter is None else [scatter]
+        [times * typical for times in LIMITS.tried_scatters]
+        if known_scatter_std is None
+        else [known_scatter_std]
     )
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(unit_values.kind > 0))
     # with many changes, effects that one level needs hide them from every search that begins there
     least_kinds = (TURNED, RESTARTED, HINTED, FILLED, NAMED)
     hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
-    noise_alone = PartitionPosterior(unit_values, spread, 0.0, None)
+    noise_alone = PartitionPosterior(unit_values, max_level_distance, 0.0, None)
     begin = [
         noise_alone.estimate_shared_effects(one),
         noise_alone.estimate_shared_effects(np.arange(n)),
@@ -78,7 +83,10 @@ def find_best_partitions(
     stretches: dict[PackedLabels, Stretches] = {}
     for tau in scatters:
         posterior = PartitionPosterior(
-            unit_values, spread, tau, usual_scatter if scatter is None else None
+            unit_values,
+            max_level_distance,
+            tau,
+            usual_scatter_std if known_scatter_std is None else None,
         )
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
@@ -209,7 +217,10 @@ def propose_fill_cycle_labels(
 
 
 def _propose_labels_by_iterating_effects(
-    posterior: PartitionPosterior, spread: float, change_probability: float, initial_effects: Floats
+    posterior: PartitionPosterior,
+    max_level_distance: float,
+    change_probability: float,
+    initial_effects: Floats,
 ) -> set[PackedLabels]:
     """Candidates from iterating between partition and effects until nothing changes."""
     units, weight = posterior.units, 1.0 / posterior.variance
@@ -217,7 +228,9 @@ def _propose_labels_by_iterating_effects(
     cost[units.kind == 0] = LIMITS.impossible_change_cost
     tried: set[PackedLabels] = set()
     for _ in range(LIMITS.partition_max_rounds):
-        state = find_least_cost_partition(units.y - units.x @ initial_effects, weight, cost, spread)
+        state = find_least_cost_partition(
+            units.y - units.x @ initial_effects, weight, cost, max_level_distance
+        )
         key = state.tobytes()
         if key in tried:
             break
@@ -273,22 +286,26 @@ def assign_fill_cycle_levels(values: Floats, variance: Floats, change_kinds: Int
 
 
 @compiled_unless_short_log
-def mark_heavy_units(heavy_gains: Floats, first_units: Ints) -> NDArray[np.bool_]:
+def mark_heavy_units(gain_if_heavy: Floats, first_unit_of_stretch: Ints) -> NDArray[np.bool_]:
     """Mark the heavy units: each stretch up to its largest cumulative gain, (n,).
 
     Args:
-        heavy_gains: (n,) gain of each unit if heavy.
-        first_units: (stretches,) first unit of each stretch.
+        gain_if_heavy: (n,) gain of each unit if heavy.
+        first_unit_of_stretch: (stretches,) first unit of each stretch.
     """
-    heavy = np.zeros(heavy_gains.size, np.bool_)
-    for part in range(first_units.size):
-        end = first_units[part + 1] if part + 1 < first_units.size else heavy_gains.size
-        total, most, until = 0.0, 0.0, first_units[part]
-        for k in range(first_units[part], end):
-            total += heavy_gains[k]
+    heavy = np.zeros(gain_if_heavy.size, np.bool_)
+    for part in range(first_unit_of_stretch.size):
+        end = (
+            first_unit_of_stretch[part + 1]
+            if part + 1 < first_unit_of_stretch.size
+            else gain_if_heavy.size
+        )
+        total, most, until = 0.0, 0.0, first_unit_of_stretch[part]
+        for k in range(first_unit_of_stretch[part], end):
+            total += gain_if_heavy[k]
             if total > most:
                 most, until = total, k + 1
-        heavy[first_units[part] : until] = True
+        heavy[first_unit_of_stretch[part] : until] = True
     return heavy
 
 

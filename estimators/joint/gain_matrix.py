@@ -176,7 +176,7 @@ def is_level_elimination_worthwhile(equations: BorderedMatrix) -> bool:
     return equations.diagonal.size >= LIMITS.eliminated_levels
 
 
-def raise_meats_to_white_noise(
+def raise_meats_to_white_noise_floor(
     meats: BorderedMatrix, gram: BorderedMatrix, white_variance: float
 ) -> BorderedMatrix | Floats:
     """Raise each direction of the meats to a minimum fraction of its white-noise value.

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
-from estimators.joint.gain_matrix import Gain, raise_meats_to_white_noise
+from estimators.joint.gain_matrix import Gain, raise_meats_to_white_noise_floor
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.map_fit import CommonResidual, MapFit
 from estimators.joint.prior_solution import (
@@ -103,13 +103,7 @@ class _SolvedSamples:
 
     def to_map_fit(self) -> MapFit:
         """The estimates with all parts of their uncertainty."""
-        A, group, sums, shape, grouping = (
-            self.A,
-            self.group,
-            self.sums,
-            self.shape,
-            self.grouping,
-        )
+        A, group, sums, shape, grouping = (self.A, self.group, self.sums, self.shape, self.grouping)
         theta, gain, residual, correlation, white, share, kept, turned = self.solved
         levels, n = grouping.levels, int((group >= 0).sum())
         meats = np.stack(
@@ -125,7 +119,7 @@ class _SolvedSamples:
         turns = turned.turns[shape.levels.unit]
         meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
         covariance = gain.propagate_covariance(
-            raise_meats_to_white_noise(shape.expand_group_matrices(meats), turned.gram, white)
+            raise_meats_to_white_noise_floor(shape.expand_group_matrices(meats), turned.gram, white)
         )
         covariance *= compute_student_to_normal_ratio(max(n / alike - theta.size, 1.0)) ** 2
         told = self.compared_group_numbers
@@ -252,7 +246,7 @@ class UndeterminedFit:
 Solution = PriorSolution | UndeterminedFit
 
 
-def solve(
+def solve_with_priors(
     A: Floats,
     f: Floats,
     group: Ints,
@@ -319,7 +313,7 @@ def fit(
     Returns:
         The fit; NaN throughout if the samples do not determine it.
     """
-    return solve(A, f, group, noise, prior_mean, prior_std, grouping).fit
+    return solve_with_priors(A, f, group, noise, prior_mean, prior_std, grouping).fit
 
 
 @dataclass(frozen=True)

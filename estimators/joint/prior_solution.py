@@ -54,7 +54,7 @@ class WeightedNormalEquations:
 
 def weight_equations_of_units(
     units: GroupSums,
-    shape: InterceptShape,
+    intercept_shape: InterceptShape,
     level_of_unit: Ints,
     subtracted_noise_fraction: float,
     theta: Floats,
@@ -62,29 +62,24 @@ def weight_equations_of_units(
 ) -> WeightedNormalEquations:
     """Normal equations of all units, each weighted by the scatter about its level, (units,)."""
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
-    tau = shape.levels.scatter * shape.scale
+    tau = intercept_shape.levels.scatter * intercept_shape.scale
     turns, clean, gram, scatter, bare, taken = compute_weighted_equations(
         sums,
         level_of_unit,
-        shape.levels.level_count,
+        intercept_shape.levels.level_count,
         subtracted_noise_fraction,
         theta,
         tau**2,
         variance,
     )
     return WeightedNormalEquations(
-        turns,
-        BorderedMatrix(*clean),
-        BorderedMatrix(*gram),
-        BorderedMatrix(*scatter),
-        bare,
-        taken,
+        turns, BorderedMatrix(*clean), BorderedMatrix(*gram), BorderedMatrix(*scatter), bare, taken
     )
 
 
 @compiled_unless_short_log
 def compute_weighted_equations(
-    sums: tuple[Floats, Floats, Floats, Floats],
+    group_sums: tuple[Floats, Floats, Floats, Floats],
     level_of_unit: Ints,
     level_count: int,
     subtracted_noise_fraction: float,
@@ -95,7 +90,7 @@ def compute_weighted_equations(
     """Compute the attributes of `WeightedNormalEquations`, matrices by their parts.
 
     Args:
-        sums: sums by unit: AᵀA, Aᵀf, and the noise contribution to each.
+        group_sums: sums by unit: AᵀA, Aᵀf, and the noise contribution to each.
         level_of_unit: (units,) level of each unit.
         level_count: number of levels.
         subtracted_noise_fraction: fraction of the noise that is subtracted.
@@ -103,7 +98,7 @@ def compute_weighted_equations(
         scatter_square: τ².
         variance: σ².
     """
-    grams, crosses, noise_gram, noise_cross = sums
+    grams, crosses, noise_gram, noise_cross = group_sums
     ratio = scatter_square / variance
     units, p, _ = grams.shape
     wide = level_count + p - 1
@@ -229,7 +224,7 @@ def iterate_prior_solution(
     group: Ints,
     sums: GroupSums,
     scale: Floats,
-    shape: InterceptShape,
+    intercept_shape: InterceptShape,
     priors: tuple[Floats, Floats],
     common_columns_and_loss: tuple[Floats | None, Floats],
 ) -> SolutionParts:
@@ -244,7 +239,7 @@ def iterate_prior_solution(
         group: (n,) group of each sample.
         sums: sums of the scaled columns by group.
         scale: (p,) divisors of the columns; `theta` and priors are of the scaled ones.
-        shape: relation of a group's parameters to all parameters.
+        intercept_shape: relation of a group's parameters to all parameters.
         priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
         common_columns_and_loss: (n, q) columns projected out of each group, and their
             `compute_autocovariance_loss`.
@@ -264,31 +259,33 @@ def iterate_prior_solution(
     one_level = np.zeros(len(sums.rows), np.int64)
     left = compute_grouped_residuals(A, f, index, first / scale, one_level, 1)
     variance = float(left @ left) / n
-    theta = shape.expand_to_levels(np.asarray(first, np.float64))
+    theta = intercept_shape.expand_to_levels(np.asarray(first, np.float64))
     wide_precision, wide_believed, wide_scale = map(
-        shape.expand_to_levels, (precision, believed, scale)
+        intercept_shape.expand_to_levels, (precision, believed, scale)
     )
     solved: SolutionParts | None = None
     units, of_units, level_of_unit = (
-        sums.sum_groups_by_unit(shape.levels.unit),
-        shape.level_of_each_unit,
-        shape.levels.membership,
+        sums.sum_groups_by_unit(intercept_shape.levels.unit),
+        intercept_shape.level_of_each_unit,
+        intercept_shape.levels.membership,
     )
     for _ in range(LIMITS.solution_rounds):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
         share = compute_largest_noise_fraction(added, gram + variance * np.diag(precision))
         kept = min(1.0, LIMITS.max_noise_fraction / share) if share > 0 else 1.0
-        turned = weight_equations_of_units(units, shape, of_units, kept, theta, variance)
+        turned = weight_equations_of_units(units, intercept_shape, of_units, kept, theta, variance)
         if solved is None:
             theta = solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
-            turned = weight_equations_of_units(units, shape, of_units, kept, theta, variance)
+            turned = weight_equations_of_units(
+                units, intercept_shape, of_units, kept, theta, variance
+            )
         doubted = compute_uncertain_fraction_of_noise(kept) * turned.taken
         theta, gain = solve_for_noise_with_common_error(
             turned, (wide_precision, wide_believed), variance, doubted
         )
         residual = compute_grouped_residuals(
-            A, f, index, theta / wide_scale, level_of_unit, shape.levels.level_count
+            A, f, index, theta / wide_scale, level_of_unit, intercept_shape.levels.level_count
         )
         correlation, _ = estimate_pooled_autocorrelation(residual, group, taken, loss)
         with np.errstate(over="ignore"):  # of what rounding alone determines

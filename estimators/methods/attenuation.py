@@ -41,9 +41,9 @@ def compute_attenuation_by_noise_source(
 
 
 def compute_attenuation_corrections_of_windows(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: Floats
+    A: Floats, f: Floats, window: int, window_ends: Ints, theta: Floats, noise: Floats
 ) -> Floats:
-    """Correction for attenuation of each window that ends at `index`, (rows, p).
+    """Correction for attenuation of each window that ends at `window_ends`, (rows, p).
 
     For weighted and recursive estimates it is of first order, from the window's plain products.
 
@@ -51,13 +51,13 @@ def compute_attenuation_corrections_of_windows(
         A: (n, p) regressor.
         f: (n,) force or torque.
         window: samples in a window.
-        index: (rows,) last samples of the windows.
+        window_ends: (rows,) last samples of the windows.
         theta: (rows, p) estimates of the windows.
         noise: (p + 1, p + 1) covariance of the noise in a row of [A f].
     """
     p = A.shape[1]
     added = window * noise
-    clean = solve_windows(A, f, window, index).grams.T.copy()
+    clean = solve_windows(A, f, window, window_ends).grams.T.copy()
     for i in range(p):
         for j in range(i, p):
             clean[find_packed_index(i, j, p)] -= added[i, j]

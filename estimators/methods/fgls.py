@@ -33,10 +33,7 @@ class FglsOptions:
 
 
 def fit(
-    A: Floats,
-    f: Floats,
-    options: FglsOptions | None = None,
-    autocorrelation: Floats | None = None,
+    A: Floats, f: Floats, options: FglsOptions | None = None, autocorrelation: Floats | None = None
 ) -> Estimate:
     """Estimate one window by OLS, then by weights from its residuals.
 
@@ -61,14 +58,14 @@ def fit(
 
 
 def solve_windows(
-    A: Floats, f: Floats, window: int, index: Ints, options: FglsOptions
+    A: Floats, f: Floats, window: int, window_ends: Ints, options: FglsOptions
 ) -> ls.Windows:
-    """Solve the windows that end at `index`."""
-    out = ls.Windows.empty(index.size, A.shape[1])
+    """Solve the windows that end at `window_ends`."""
+    out = ls.Windows.empty(window_ends.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
-        products = sum_window_products(A, f, window, index[rows])
-        theta = solve_windows_by_reweighting(A, f, window, index[rows], products, options)
+        products = sum_window_products(A, f, window, window_ends[rows])
+        theta = solve_windows_by_reweighting(A, f, window, window_ends[rows], products, options)
         out.store_windows(
             rows,
             products,
@@ -77,12 +74,12 @@ def solve_windows(
             compute_residual_sums_of_squares(products, theta),
         )
 
-    run_in_chunks(solve_rows, index.size)
+    run_in_chunks(solve_rows, window_ends.size)
     return out
 
 
 def solve_windows_by_reweighting(
-    A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: FglsOptions
+    A: Floats, f: Floats, window: int, window_ends: Ints, products: Floats, options: FglsOptions
 ) -> Floats:
     """θ (p, rows) of windows with packed products (entries, rows): OLS, then weighted."""
     first = solve_packed_equations(products)
@@ -90,7 +87,7 @@ def solve_windows_by_reweighting(
     square = np.maximum(first.rss, np.finfo(np.float64).eps * products[-1])
     limit = options.floor * np.sqrt(square / window)
     return solve_packed_equations(
-        sum_reweighted_products(A, f, window, index, first.theta, limit, True)
+        sum_reweighted_products(A, f, window, window_ends, first.theta, limit, True)
     ).theta
 
 

@@ -50,10 +50,7 @@ class HuberOptions:
 
 
 def fit(
-    A: Floats,
-    f: Floats,
-    options: HuberOptions | None = None,
-    autocorrelation: Floats | None = None,
+    A: Floats, f: Floats, options: HuberOptions | None = None, autocorrelation: Floats | None = None
 ) -> Estimate:
     """Estimate one window.
 
@@ -99,7 +96,7 @@ class ResidualStatistics(NamedTuple):
 
 
 def solve_windows_robustly(
-    A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: HuberOptions
+    A: Floats, f: Floats, window: int, window_ends: Ints, products: Floats, options: HuberOptions
 ) -> tuple[Floats, ResidualStatistics]:
     """Solve windows with packed products (entries, rows); returns θ (p, rows) and statistics.
 
@@ -107,7 +104,9 @@ def solve_windows_robustly(
     within five steps; other windows are iteratively reweighted.
     """
     theta = solve_packed_equations(products).theta
-    limit = options.bend * compute_median_absolute_residuals(A, f, window, index, theta) / 0.6745
+    limit = (
+        options.bend * compute_median_absolute_residuals(A, f, window, window_ends, theta) / 0.6745
+    )
     left = np.flatnonzero(limit > 0.0)
     for step in range(LIMITS.newton_steps + LIMITS.reweighting_max_steps):
         if left.size == 0:
@@ -115,13 +114,13 @@ def solve_windows_robustly(
         sums = sum_newton_equations if step < LIMITS.newton_steps else sum_reweighted_products
         now = theta[:, left]
         following = solve_packed_equations(
-            sums(A, f, window, index[left], now, limit[left], False)
+            sums(A, f, window, window_ends[left], now, limit[left], False)
         ).theta
         stuck = np.isnan(following).any(axis=0)
         theta[:, left] = following = np.where(stuck, now, following)
         moved = np.abs(following - now).max(axis=0)
         left = left[stuck | (moved > LIMITS.huber_tolerance * np.abs(following).max(axis=0))]
-    kept, squares = summarise_clipped_residuals(A, f, window, index, theta, limit)
+    kept, squares = summarise_clipped_residuals(A, f, window, window_ends, theta, limit)
     # without a limit nothing is clipped; one sample at least, where rounding keeps none
     kept = np.where(limit > 0.0, np.maximum(kept, 1.0 / window), 1.0)
     return theta, ResidualStatistics(limit, kept, squares / kept**2)
@@ -129,14 +128,14 @@ def solve_windows_robustly(
 
 @compiled_unless_short_log
 def compute_median_absolute_residuals(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats
+    A: Floats, f: Floats, window: int, window_ends: Ints, theta: Floats
 ) -> Floats:
     """Median absolute residual of each window, (rows,)."""
     p = theta.shape[0]
-    out = np.empty(index.size)
+    out = np.empty(window_ends.size)
     size = np.empty(window)
-    for row in range(index.size):
-        first = index[row] - window + 1
+    for row in range(window_ends.size):
+        first = window_ends[row] - window + 1
         for s in range(window):
             e = f[first + s]
             for c in range(p):
@@ -148,7 +147,13 @@ def compute_median_absolute_residuals(
 
 @compiled_unless_short_log
 def sum_newton_equations(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, _squared: bool
+    A: Floats,
+    f: Floats,
+    window: int,
+    window_ends: Ints,
+    theta: Floats,
+    clipping_limit: Floats,
+    _squared: bool,
 ) -> Floats:
     """Normal equations of a Newton step; samples above the limit add a constant force.
 
@@ -159,15 +164,15 @@ def sum_newton_equations(
     z = np.empty((p + 1, window + AT_ONCE))
     raw = np.empty((entries, window + AT_ONCE))
     pull, full = np.empty(AT_ONCE), np.empty(AT_ONCE)
-    out = np.zeros((entries, index.size))
-    begins = find_begins_of_window_batches(index)
+    out = np.zeros((entries, window_ends.size))
+    begins = find_begins_of_window_batches(window_ends)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
         m = end - begin
-        copy_samples_to_buffer(A, f, index[begin] - window + 1, window + m - 1, z)
+        copy_samples_to_buffer(A, f, window_ends[begin] - window + 1, window + m - 1, z)
         fill_sample_products(z, window + m - 1, raw)
-        now, bends = copy_consecutive_estimates(theta, begin, end), limit[begin:end]
+        now, bends = copy_consecutive_estimates(theta, begin, end), clipping_limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(window):
             fill_residuals_of_sample(z, s, now, pull)
@@ -195,20 +200,20 @@ def sum_newton_equations(
 
 @compiled_unless_short_log
 def summarise_clipped_residuals(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats
+    A: Floats, f: Floats, window: int, window_ends: Ints, theta: Floats, clipping_limit: Floats
 ) -> tuple[Floats, Floats]:
     """Fraction of |r| ≤ limit, and sum of clipped r², of each window, (rows,) each."""
     p = A.shape[1]
     z = np.empty((p + 1, window + AT_ONCE))
     e = np.empty(AT_ONCE)
-    kept, squares = np.zeros(index.size), np.zeros(index.size)
-    begins = find_begins_of_window_batches(index)
+    kept, squares = np.zeros(window_ends.size), np.zeros(window_ends.size)
+    begins = find_begins_of_window_batches(window_ends)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
         m = end - begin
-        copy_samples_to_buffer(A, f, index[begin] - window + 1, window + m - 1, z)
-        now, bends = copy_consecutive_estimates(theta, begin, end), limit[begin:end]
+        copy_samples_to_buffer(A, f, window_ends[begin] - window + 1, window + m - 1, z)
+        now, bends = copy_consecutive_estimates(theta, begin, end), clipping_limit[begin:end]
         inside, square = kept[begin:end], squares[begin:end]
         for s in range(window):
             fill_residuals_of_sample(z, s, now, e)

@@ -81,9 +81,9 @@ class WindowState(NamedTuple):
     moments: Floats
 
 
-def make_empty_window(parameters: int, window: int) -> WindowState:
+def make_empty_window(parameter_count: int, window: int) -> WindowState:
     """Empty state before the first sample."""
-    q = parameters + 1
+    q = parameter_count + 1
     entries = q * (q + 1) // 2
     lanes = count_padded_lanes(q + entries)
     return WindowState(
@@ -180,7 +180,11 @@ def unroll_window_to_samples(state: WindowState) -> tuple[Floats, Floats, Ints]:
 
 
 def make_window_estimate(
-    state: WindowState, theta: Floats, G: Floats, mean_samples: int, squares: Floats | None = None
+    state: WindowState,
+    theta: Floats,
+    G: Floats,
+    mean_samples: int,
+    raised_rss: Floats | None = None,
 ) -> Estimate:
     """Estimate of one window from θ (p, 1), packed AᵀA (entries, 1) and RSS (1,)."""
     q, window = state.z.shape
@@ -189,7 +193,7 @@ def make_window_estimate(
     return Estimate(
         theta[:, 0].copy(),
         compute_textbook_stds(
-            G[:, 0], p, rss if squares is None else squares, window, mean_samples
+            G[:, 0], p, rss if raised_rss is None else raised_rss, window, mean_samples
         ),
         float(np.sqrt(rss[0] / window)),
         float(compute_condition_numbers(state.products, q, p)[0]),
@@ -388,6 +392,6 @@ class Pool:
         )
 
 
-def make_empty_pool(parameters: int) -> Pool:
+def make_empty_pool(parameter_count: int) -> Pool:
     """Empty pool before the first sample."""
-    return Pool(np.zeros((parameters + 1) * (parameters + 2) // 2), 0)
+    return Pool(np.zeros((parameter_count + 1) * (parameter_count + 2) // 2), 0)

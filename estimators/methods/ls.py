@@ -32,7 +32,7 @@ from estimators.numerics.small_systems import (
     compute_condition_numbers,
     compute_scaled_condition,
     factor_packed_ldl,
-    invert,
+    invert_factored_systems,
     solve_factored_in_place,
     solve_least_squares_by_svd,
 )
@@ -45,10 +45,7 @@ class LsOptions:
 
 
 def fit(
-    A: Floats,
-    f: Floats,
-    options: LsOptions | None = None,
-    autocorrelation: Floats | None = None,
+    A: Floats, f: Floats, options: LsOptions | None = None, autocorrelation: Floats | None = None
 ) -> Estimate:
     """Estimate one window by (6), in its readable form.
 
@@ -87,11 +84,11 @@ class Windows(NamedTuple):
     condition: Floats
 
     @classmethod
-    def empty(cls, rows: int, parameters: int) -> "Windows":
+    def empty(cls, rows: int, parameter_count: int) -> "Windows":
         """Allocate the rows."""
         return cls(
-            np.empty((rows, parameters)),
-            np.empty((rows, parameters * (parameters + 1) // 2)),
+            np.empty((rows, parameter_count)),
+            np.empty((rows, parameter_count * (parameter_count + 1) // 2)),
             np.empty(rows),
             np.empty(rows),
         )
@@ -107,21 +104,21 @@ class Windows(NamedTuple):
         self.condition[rows] = compute_condition_numbers(products, p + 1, p)
 
 
-def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
-    """Solve the windows that end at `index`."""
-    out = Windows.empty(index.size, A.shape[1])
+def solve_windows(A: Floats, f: Floats, window: int, window_ends: Ints) -> Windows:
+    """Solve the windows that end at `window_ends`."""
+    out = Windows.empty(window_ends.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
-        products = sum_window_products(A, f, window, index[rows])
-        theta, rss = solve_windows_by_normal_equations(A, f, window, index[rows], products)
+        products = sum_window_products(A, f, window, window_ends[rows])
+        theta, rss = solve_windows_by_normal_equations(A, f, window, window_ends[rows], products)
         out.store_windows(rows, products, theta, extract_packed_gram(products), rss)
 
-    run_in_chunks(solve_rows, index.size)
+    run_in_chunks(solve_rows, window_ends.size)
     return out
 
 
 def solve_windows_by_normal_equations(
-    A: Floats, f: Floats, window: int, index: Ints, products: Floats
+    A: Floats, f: Floats, window: int, window_ends: Ints, products: Floats
 ) -> tuple[Floats, Floats]:
     """θ (p, rows) and RSS (rows,) of windows with packed products (entries, rows).
 
@@ -133,7 +130,9 @@ def solve_windows_by_normal_equations(
     p = len(theta)
     poor = np.flatnonzero(compute_condition_numbers(products, p + 1, p) > LIMITS.poor_condition)
     if poor.size:
-        correction = compute_normal_equation_residuals(A, f, window, index[poor], theta[:, poor])
+        correction = compute_normal_equation_residuals(
+            A, f, window, window_ends[poor], theta[:, poor]
+        )
         L, inverse = np.take(solved.L, poor, axis=2), np.take(solved.inverse, poor, axis=1)
         solve_factored_in_place(L, inverse, correction)
         theta[:, poor] += correction
@@ -142,13 +141,13 @@ def solve_windows_by_normal_equations(
 
 @compiled_unless_short_log
 def compute_normal_equation_residuals(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats
+    A: Floats, f: Floats, window: int, window_ends: Ints, theta: Floats
 ) -> Floats:
     """Aᵀ(f - A θ) of each window, (p, rows): zero except for rounding of θ (p, rows)."""
     p = A.shape[1]
-    out = np.zeros((p, index.size))
-    for row in range(index.size):
-        for k in range(index[row] - window + 1, index[row] + 1):
+    out = np.zeros((p, window_ends.size))
+    for row in range(window_ends.size):
+        for k in range(window_ends[row] - window + 1, window_ends[row] + 1):
             e = f[k]
             for c in range(p):
                 e -= A[k, c] * theta[c, row]
@@ -179,21 +178,21 @@ class WindowStatistics(NamedTuple):
 
 
 def compute_window_statistics(
-    A: Floats, f: Floats, window: int, index: Ints, noise: Floats | None = None
+    A: Floats, f: Floats, window: int, window_ends: Ints, noise: Floats | None = None
 ) -> WindowStatistics:
-    """Compute the gate's statistics of the windows that end at `index`, in one pass.
+    """Compute the gate's statistics of the windows that end at `window_ends`, in one pass.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
         window: samples in a window.
-        index: (rows,) last samples of the windows.
+        window_ends: (rows,) last samples of the windows.
         noise: (p + 1, p + 1) covariance of the noise in a row of [A f]; None for no noise.
     """
-    out = WindowStatistics(*(np.empty(index.size) for _ in WindowStatistics._fields))
+    out = WindowStatistics(*(np.empty(window_ends.size) for _ in WindowStatistics._fields))
 
     def fill_rows(rows: slice) -> None:
-        products, *seen = sum_window_products_and_correlation(A, f, window, index[rows])
+        products, *seen = sum_window_products_and_correlation(A, f, window, window_ends[rows])
         for whole, part in zip(
             out,
             (*seen, *compute_gate_statistics_from_products(products, window, noise)),
@@ -201,7 +200,7 @@ def compute_window_statistics(
         ):
             whole[rows] = part
 
-    run_in_chunks(fill_rows, index.size)
+    run_in_chunks(fill_rows, window_ends.size)
     return out
 
 
@@ -298,18 +297,20 @@ def trace(
     return estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index))
 
 
-def estimate_window_stds(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
+def estimate_window_stds(
+    A: Floats, f: Floats, window: int, window_ends: Ints, solved: Windows
+) -> Trace:
     """Standard deviations of solved windows, from the log's residual autocorrelation."""
     theta, grams, rss, condition = solved
-    residual, owner = compute_disjoint_window_residuals(A, f, theta, index, window)
+    residual, owner = compute_disjoint_window_residuals(A, f, theta, window_ends, window)
     correlation, _ = estimate_pooled_autocorrelation(residual, owner, A)
-    std = compute_all_window_stds(A, grams, rss, index, window, correlation)
-    return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)
+    std = compute_all_window_stds(A, grams, rss, window_ends, window, correlation)
+    return Trace(window_ends, theta, std, np.sqrt(rss / window), condition, correlation)
 
 
 @compiled_unless_short_log
 def compute_mean_sample_weights(
-    A: Floats, breads: Floats, index: Ints, window: int
+    A: Floats, breads: Floats, window_ends: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Weights c_k (n, p), and 0 for samples inside an accepted window, -1 for others, (n,).
 
@@ -321,12 +322,12 @@ def compute_mean_sample_weights(
     inside = np.full(n, -1, np.int64)
     begun = ended = 0
     for k in range(n):
-        while begun < index.size and index[begun] - window + 1 <= k:
+        while begun < window_ends.size and window_ends[begun] - window + 1 <= k:
             for i in range(p):
                 for j in range(p):
                     cover[i, j] += breads[i, j, begun]
             begun += 1
-        while ended < begun and index[ended] < k:
+        while ended < begun and window_ends[ended] < k:
             for i in range(p):
                 for j in range(p):
                     cover[i, j] -= breads[i, j, ended]
@@ -348,7 +349,7 @@ def average_window_estimates_and_stds(
     A: Floats,
     f: Floats,
     window: int,
-    index: Ints,
+    window_ends: Ints,
     theta: Floats,
     std: Floats,
     systematic_std: Floats | None = None,
@@ -361,7 +362,7 @@ def average_window_estimates_and_stds(
         A: (n, p) regressor.
         f: (n,) force.
         window: samples in a window.
-        index: (rows,) last sample of each window, ascending.
+        window_ends: (rows,) last sample of each window, ascending.
         theta: (rows, p) estimates of the windows.
         std: (rows, p) standard deviations of the estimates.
         systematic_std: (rows, p) errors of one sign in all windows that the residuals do not show
@@ -373,15 +374,15 @@ def average_window_estimates_and_stds(
     solved = np.isfinite(theta[:, 0]) & np.isfinite(std[:, 0])
     if not solved.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
-    index, theta, std = index[solved], theta[solved], std[solved]
-    least = solve_windows(A, f, window, index)
+    window_ends, theta, std = window_ends[solved], theta[solved], std[solved]
+    least = solve_windows(A, f, window, window_ends)
     grams = np.ascontiguousarray(least.grams.T)
     known = np.maximum(std[:, 0], np.finfo(float).tiny ** 0.25)
     share = known**-2.0 / (known**-2.0).sum()
-    breads = invert(*factor_packed_ldl(grams, A.shape[1], A.shape[1])) * share
-    weights, inside = compute_mean_sample_weights(A, breads, index, window)
+    breads = invert_factored_systems(*factor_packed_ldl(grams, A.shape[1], A.shape[1])) * share
+    weights, inside = compute_mean_sample_weights(A, breads, window_ends, window)
     # the residuals' own correlation, which a window where TLS is wild would hide
-    residual, owner = compute_disjoint_window_residuals(A, f, least.theta, index, window)
+    residual, owner = compute_disjoint_window_residuals(A, f, least.theta, window_ends, window)
     correlation, variance = estimate_pooled_autocorrelation(residual, owner, A)
     cover = compute_sandwich_meat(weights, inside, 0, 0, f.size - 1, correlation)
     white = compute_sandwich_meat(weights, inside, 0, 0, f.size - 1, np.ones(1))

@@ -24,7 +24,7 @@ from estimators.numerics.recursive import (
     accumulate_discounted_products,
     count_discounted_samples,
     iter_sample_chunks,
-    list_samples_fed_after_window,
+    list_samples_fed_after_first_window,
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import find_ends_of_accepted_windows
@@ -33,7 +33,7 @@ from estimators.numerics.small_systems import (
     compute_condition_numbers,
     compute_scaled_condition,
     factor_packed_ldl,
-    invert,
+    invert_factored_systems,
     pack_symmetric_matrix,
     solve_least_squares_by_svd,
 )
@@ -144,12 +144,12 @@ def trace(
 
 
 def _trace_with_exponential_forgetting(
-    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, initial_state: RlsState
+    A: Floats, f: Floats, window: int, window_ends: Ints, forgetting: float, initial_state: RlsState
 ) -> Trace:
     """Solve the discounted normal equations of (12)-(15), for exponential forgetting."""
-    rows, p = index.size, A.shape[1]
-    first = slice(index[0] - window + 1, index[0] + 1)
-    fed, seen = list_samples_fed_after_window(index, window)
+    rows, p = window_ends.size, A.shape[1]
+    first = slice(window_ends[0] - window + 1, window_ends[0] + 1)
+    fed, seen = list_samples_fed_after_first_window(window_ends, window)
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
     theta[0], rms[0] = initial_state.theta, np.sqrt(initial_state.square / initial_state.weight)
@@ -166,24 +166,24 @@ def _trace_with_exponential_forgetting(
         theta[of_rows] = np.take(solved.theta, at_rows, axis=1).T
         rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
         condition[of_rows] = compute_condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
-    correlation, variance = estimate_window_autocorrelation(A, f, window, index)
+    correlation, variance = estimate_window_autocorrelation(A, f, window, window_ends)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(initial_state.P))
     as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
-    std = compute_recursion_stds(A, as_fed, index, fed, seen, forgetting, R, correlation)
-    return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
+    std = compute_recursion_stds(A, as_fed, window_ends, fed, seen, forgetting, R, correlation)
+    return Trace(window_ends, theta, std * np.sqrt(variance), rms, condition, correlation)
 
 
 def estimate_window_autocorrelation(
-    A: Floats, f: Floats, window: int, index: Ints
+    A: Floats, f: Floats, window: int, window_ends: Ints
 ) -> tuple[Floats, float]:
     """Residual autocorrelation and variance of separately fitted windows.
 
     The autocorrelation of the recursion itself is unknown.
     """
-    least = solve_windows(A, f, window, index).theta
+    least = solve_windows(A, f, window, window_ends).theta
     return estimate_pooled_autocorrelation(
-        *compute_disjoint_window_residuals(A, f, least, index, window), A
+        *compute_disjoint_window_residuals(A, f, least, window_ends, window), A
     )
 
 
@@ -196,50 +196,52 @@ def initial_gram_matrix(state: RlsState) -> Floats:
 
 def compute_recursion_stds(
     A: Floats,
-    first: Floats,
-    index: Ints,
-    fed: Ints,
+    first_window: Floats,
+    window_ends: Ints,
+    fed_samples: Ints,
     fed_count: Ints,
     forgetting: float,
-    R: Floats,
+    inverse_covariances: Floats,
     correlation: Floats,
 ) -> Floats:
     """Standard deviations (rows, p) for residuals of variance 1: diag R⁻¹ M R⁻¹, R = P⁻¹."""
-    one, none, start = np.zeros(len(first), np.int64), np.ones(1), int(index[0])
+    one, none, start = np.zeros(len(first_window), np.int64), np.ones(1), int(window_ends[0])
     meats, white = (
         accumulate_discounted_meats(
-            A, first, fed, fed_count, start, forgetting, forgetting**2, r,
+            A, first_window, fed_samples, fed_count, start, forgetting, forgetting**2, r,
             pad_entries_to_lanes(
-                pack_symmetric_matrix(compute_sandwich_meat(first, one, 0, 0, len(first) - 1, r))
+                pack_symmetric_matrix(
+                    compute_sandwich_meat(first_window, one, 0, 0, len(first_window) - 1, r)
+                )
             ),
         )
         for r in (correlation, none)
     )  # fmt: skip
     bread = accumulate_discounted_meats(
         A,
-        first,
-        fed,
+        first_window,
+        fed_samples,
         fed_count,
         start,
         forgetting,
         forgetting,
         none,
-        pad_entries_to_lanes(pack_symmetric_matrix(R)),
+        pad_entries_to_lanes(pack_symmetric_matrix(inverse_covariances)),
     )
     return compute_recursive_stds(bread, meats, white)
 
 
 def trace_with_directional_forgetting(
-    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, initial_state: RlsState
+    A: Floats, f: Floats, window: int, window_ends: Ints, forgetting: float, initial_state: RlsState
 ) -> Trace:
     """Run the recursion with directional forgetting."""
     p = A.shape[1]
-    first = slice(index[0] - window + 1, index[0] + 1)
+    first = slice(window_ends[0] - window + 1, window_ends[0] + 1)
     sums = (initial_state.square, initial_state.weight)
     theta, rms, P, _ = directional.run_recursion_over_windows(
-        A, f, window, index, forgetting, initial_state.theta, initial_state.P, sums
+        A, f, window, window_ends, forgetting, initial_state.theta, initial_state.P, sums
     )
-    correlation, variance = estimate_window_autocorrelation(A, f, window, index)
+    correlation, variance = estimate_window_autocorrelation(A, f, window, window_ends)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
     B = compute_sandwich_meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)
@@ -250,16 +252,18 @@ def trace_with_directional_forgetting(
         near = correlation[j + 1 :][:window]
         ahead[j] = bread @ (near @ A[first][::-1][: near.size])
     std = directional.propagate_stds_through_recursion(
-        A, window, index, forgetting, initial_state.P, cover, ahead, correlation
+        A, window, window_ends, forgetting, initial_state.P, cover, ahead, correlation
     )
     # a tapered correlation need not be positive definite: never below uncorrelated residuals
     none = np.zeros((1, p))
     white = directional.propagate_stds_through_recursion(
-        A, window, index, forgetting, initial_state.P, bread, none, np.ones(1)
+        A, window, window_ends, forgetting, initial_state.P, bread, none, np.ones(1)
     )
     std = np.maximum(std, white) * np.sqrt(variance)
     upper = np.triu_indices(p)
-    R = invert(*factor_packed_ldl(np.ascontiguousarray(P[:, *upper].T), p, p))[upper]
+    R = invert_factored_systems(*factor_packed_ldl(np.ascontiguousarray(P[:, *upper].T), p, p))[
+        upper
+    ]
     condition = compute_condition_numbers(R, p, p)
     condition[0] = compute_scaled_condition(gram)
-    return Trace(index, theta, std, rms, condition, correlation)
+    return Trace(window_ends, theta, std, rms, condition, correlation)

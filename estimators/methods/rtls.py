@@ -20,7 +20,7 @@ from estimators.numerics.recursive import (
     accumulate_discounted_products,
     count_discounted_samples,
     iter_sample_chunks,
-    list_samples_fed_after_window,
+    list_samples_fed_after_first_window,
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import find_ends_of_accepted_windows
@@ -122,7 +122,7 @@ def trace(
     )
     entries = (p + 1) * (p + 2) // 2
     store_rows(slice(0, 1), past[:entries].reshape(-1, 1), weight)
-    fed, seen = list_samples_fed_after_window(index, window)
+    fed, seen = list_samples_fed_after_first_window(index, window)
     for of_chunk, of_rows, at_rows in iter_sample_chunks(seen):
         sums = accumulate_discounted_products(A, f, fed[of_chunk], decay, past)
         weight = count_discounted_samples(sums.shape[1], decay, float(weight[-1]))
@@ -146,18 +146,18 @@ def trace(
 
 @compiled_unless_short_log
 def compute_residuals_of_fed_samples(
-    A: Floats, f: Floats, theta: Floats, index: Ints, window: int
+    A: Floats, f: Floats, theta: Floats, window_ends: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Residual of each fed sample by the state after it, (n,), with group 0, or -1 if not fed."""
     residual = np.zeros(f.size)
     fed = np.full(f.size, -1, np.int64)
     done = -1
-    for row in range(index.size):
-        for k in range(max(done + 1, index[row] - window + 1), index[row] + 1):
+    for row in range(window_ends.size):
+        for k in range(max(done + 1, window_ends[row] - window + 1), window_ends[row] + 1):
             if np.isfinite(theta[row, 0]):
                 residual[k] = f[k]
                 for c in range(A.shape[1]):
                     residual[k] -= A[k, c] * theta[row, c]
                 fed[k] = 0
-        done = index[row]
+        done = window_ends[row]
     return residual, fed

@@ -47,16 +47,13 @@ class TlsOptions:
     noise_A: tuple[float, ...] = (0.01, 0.005, 0.001)
     noise_f: float = 60.0
 
-    def list_column_scales(self, parameters: int) -> Floats:
+    def list_column_scales(self, parameter_count: int) -> Floats:
         """(p,) noise of the columns of A over that of f."""
-        return np.array(self.noise_A[:parameters]) / self.noise_f
+        return np.array(self.noise_A[:parameter_count]) / self.noise_f
 
 
 def fit(
-    A: Floats,
-    f: Floats,
-    options: TlsOptions | None = None,
-    autocorrelation: Floats | None = None,
+    A: Floats, f: Floats, options: TlsOptions | None = None, autocorrelation: Floats | None = None
 ) -> Estimate:
     """Estimate one window by the singular value decomposition of the scaled [A f].
 
@@ -159,19 +156,19 @@ def update_eigenvalues_by_newton_step(gram: Floats, x: Floats, roots: Floats, do
 
 
 def solve_windows(
-    A: Floats, f: Floats, window: int, index: Ints, options: TlsOptions
+    A: Floats, f: Floats, window: int, window_ends: Ints, options: TlsOptions
 ) -> ls.Windows:
-    """Solve the windows that end at `index`."""
-    out = ls.Windows.empty(index.size, A.shape[1])
+    """Solve the windows that end at `window_ends`."""
+    out = ls.Windows.empty(window_ends.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
-        products = sum_window_products(A, f, window, index[rows])
+        products = sum_window_products(A, f, window, window_ends[rows])
         theta, clean = solve_scaled_tls(products, options)
         out.store_windows(
             rows, products, theta, clean, compute_residual_sums_of_squares(products, theta)
         )
 
-    run_in_chunks(solve_rows, index.size)
+    run_in_chunks(solve_rows, window_ends.size)
     return out
 
 

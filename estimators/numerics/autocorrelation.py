@@ -24,10 +24,12 @@ _BLOCK: Final = 2048
 
 
 @compiled_unless_short_log
-def sum_lag_products(residual: Floats, group: Ints, lags: int, every: int) -> tuple[Floats, Floats]:
+def sum_lag_products(
+    residual: Floats, group: Ints, lags: int, block_interval: int
+) -> tuple[Floats, Floats]:
     """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0).
 
-    Only the i in one of `every` blocks of samples count.
+    Only the i in one of `block_interval` blocks of samples count.
     """
     sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
     pairs = np.zeros(lags)
@@ -40,7 +42,7 @@ def sum_lag_products(residual: Floats, group: Ints, lags: int, every: int) -> tu
         if group[begin] >= 0:
             for block in range(begin // _BLOCK, (end - 1) // _BLOCK + 1):
                 # by the golden ratio they are spread evenly, and in step with nothing
-                if block * 40_503 % 65_536 * every < 65_536:
+                if block * 40_503 % 65_536 * block_interval < 65_536:
                     first, last = max(begin, block * _BLOCK), min(end, (block + 1) * _BLOCK)
                     _add_lag_products_of_run(residual[first:end], last - first, sums)
                     for j in range(min(lags, end - first)):
@@ -51,19 +53,19 @@ def sum_lag_products(residual: Floats, group: Ints, lags: int, every: int) -> tu
     return sums[:lags], pairs
 
 
-def _add_run_products_by_arrays(run: Floats, count: int, sums: Floats) -> None:
+def _add_run_products_by_arrays(run: Floats, lag_count: int, sums: Floats) -> None:
     """Form of `_add_lag_products_of_run` by whole arrays."""
     padded = np.zeros(run.size + sums.size)
     padded[: run.size] = run
-    later = np.lib.stride_tricks.sliding_window_view(padded, sums.size)[:count]
-    terms = np.vstack([sums, padded[:count, None] * later])
+    later = np.lib.stride_tricks.sliding_window_view(padded, sums.size)[:lag_count]
+    terms = np.vstack([sums, padded[:lag_count, None] * later])
     sums[:] = sum_axis_in_order(terms, 0)
 
 
 @compiled_with_array_form(_add_run_products_by_arrays)
-def _add_lag_products_of_run(run: Floats, count: int, sums: Floats) -> None:
+def _add_lag_products_of_run(run: Floats, lag_count: int, sums: Floats) -> None:
     """Add the products of the first samples with their successors, many lags at once."""
-    n = min(run.size, count + sums.size)
+    n = min(run.size, lag_count + sums.size)
     # zeros behind the end, so that all distances have as many terms
     padded = np.zeros(n + sums.size)
     padded[:n] = run[:n]
@@ -71,7 +73,7 @@ def _add_lag_products_of_run(run: Floats, count: int, sums: Floats) -> None:
         if first >= n:
             break
         own = sums[first : first + _AT_ONCE]
-        last = min(count, n - first)
+        last = min(lag_count, n - first)
         # four terms of each sum between loading and storing it, in their order
         for k in range(0, last - 3, 4):
             e0, e1, e2, e3 = padded[k], padded[k + 1], padded[k + 2], padded[k + 3]
@@ -208,7 +210,7 @@ def restore_autocovariance_lost_by_fit(
 
 
 def compute_disjoint_window_residuals(
-    A: Floats, f: Floats, theta: Floats, index: Ints, window: int
+    A: Floats, f: Floats, theta: Floats, window_ends: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """Select disjoint windows that cover the solved ones, and compute their residuals.
 
@@ -216,14 +218,14 @@ def compute_disjoint_window_residuals(
         A: (n, p) regressor.
         f: (n,) force.
         theta: (rows, p) estimates; rows of NaN are skipped.
-        index: (rows,) last sample of each window, ascending.
+        window_ends: (rows,) last sample of each window, ascending.
         window: samples in a window.
 
     Returns:
         (n,) residuals f - A θ, and (n,) row of the window that each sample belongs to, -1 for none.
     """
     residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
-    _fill_window_residuals(A, f, theta, index, window, residual, owner)
+    _fill_window_residuals(A, f, theta, window_ends, window, residual, owner)
     return residual, owner
 
 
@@ -232,16 +234,16 @@ def _fill_window_residuals(
     A: Floats,
     f: Floats,
     theta: Floats,
-    index: Ints,
+    window_ends: Ints,
     window: int,
     residual: Floats,
     owner: Ints,
 ) -> None:
     free = 0
-    for row in range(index.size):
-        first = index[row] - window + 1
+    for row in range(window_ends.size):
+        first = window_ends[row] - window + 1
         if first >= free and not np.isnan(theta[row, 0]):
-            free = index[row] + 1
+            free = window_ends[row] + 1
             for k in range(first, free):
                 owner[k] = row
                 residual[k] = f[k]

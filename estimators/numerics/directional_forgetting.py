@@ -34,18 +34,18 @@ def run_recursion_over_windows(
     A: Floats,
     f: Floats,
     window: int,
-    index: Ints,
+    window_ends: Ints,
     forgetting: float,
     theta: Floats,
     P: Floats,
     sums: tuple[float, float],
 ) -> tuple[Floats, Floats, Floats, tuple[float, float]]:
-    """Run the recursion over the union of the windows in `index`.
+    """Run the recursion over the union of the windows in `window_ends`.
 
     Returns:
         θ, r.m.s. and P of each row, and the final sums.
     """
-    rows = index.size
+    rows = window_ends.size
     p = theta.size
     square, weight = sums
     out = np.empty((rows, p))
@@ -54,8 +54,12 @@ def run_recursion_over_windows(
     theta = theta.copy()
     P = P.copy()
     for row in range(rows):
-        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
-        for k in range(first, index[row] + 1):
+        first = (
+            max(window_ends[row - 1] + 1, window_ends[row] - window + 1)
+            if row
+            else window_ends[0] + 1
+        )
+        for k in range(first, window_ends[row] + 1):
             error = f[k]
             for c in range(p):
                 error -= A[k, c] * theta[c]
@@ -76,7 +80,7 @@ def run_recursion_over_windows(
 def propagate_stds_through_recursion(
     A: Floats,
     window: int,
-    index: Ints,
+    window_ends: Ints,
     forgetting: float,
     P: Floats,
     first_covariance: Floats,
@@ -92,14 +96,14 @@ def propagate_stds_through_recursion(
     Args:
         A: (n, p) regressor.
         window: samples in a window.
-        index: (rows,) last samples of the accepted windows.
+        window_ends: (rows,) last samples of the accepted windows.
         forgetting: λ.
         P: (p, p) covariance factor at the end of the first window.
         first_covariance: (p, p) covariance of the first estimate.
         first_lag_covariances: (lags, p) its covariance with the following residuals.
         correlation: (lags,) residual autocorrelation, 1 first.
     """
-    rows = index.size
+    rows = window_ends.size
     p = A.shape[1]
     lags = correlation.size
     P = P.copy()
@@ -110,10 +114,14 @@ def propagate_stds_through_recursion(
     share = np.empty(p)
     moved = np.empty(p)
     std = np.empty((rows, p))
-    last = index[0]
+    last = window_ends[0]
     for row in range(rows):
-        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
-        for k in range(first, index[row] + 1):
+        first = (
+            max(window_ends[row - 1] + 1, window_ends[row] - window + 1)
+            if row
+            else window_ends[0] + 1
+        )
+        for k in range(first, window_ends[row] + 1):
             gap = k - last - 1
             last = k
             gain = update_gain_by_sample(P, A[k], forgetting)

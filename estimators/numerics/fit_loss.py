@@ -18,28 +18,28 @@ from estimators.numerics.numerics_limits import LIMITS
 _AT_ONCE = 128
 
 
-def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
+def _sum_basis_products_by_arrays(Q: Floats, lag_count: int) -> Floats:
     n, p = Q.shape
-    columns = np.zeros((p, n + distances))
+    columns = np.zeros((p, n + lag_count))
     columns[:, :n] = Q.T
-    cross = np.zeros((p, p, distances))
+    cross = np.zeros((p, p, lag_count))
     for k in range(n):
-        cross += columns[:, k, None, None] * columns[:, k : k + distances]
+        cross += columns[:, k, None, None] * columns[:, k : k + lag_count]
     return cross
 
 
-@compiled_with_array_form(_sum_products_by_arrays)
-def sum_products_at_distances(Q: Floats, distances: int) -> Floats:
+@compiled_with_array_form(_sum_basis_products_by_arrays)
+def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
     n, p = Q.shape
     # zeros behind the end, so that all distances have as many terms
-    columns = np.zeros((p, n + distances + 4))
+    columns = np.zeros((p, n + lag_count + 4))
     for i in range(p):
         for k in range(n):
             columns[i, k] = Q[k, i]
-    cross = np.zeros((p, p, distances))
-    for first in range(0, min(distances, n), _AT_ONCE):
-        width = min(_AT_ONCE, distances - first)
+    cross = np.zeros((p, p, lag_count))
+    for first in range(0, min(lag_count, n), _AT_ONCE):
+        width = min(_AT_ONCE, lag_count - first)
         for i in range(p):
             for c in range(p):
                 sums = cross[i, c, first : first + width]
@@ -55,11 +55,11 @@ def sum_products_at_distances(Q: Floats, distances: int) -> Floats:
     return cross
 
 
-def add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
+def accumulate_autocovariance_loss_by_arrays(Q: Floats, loss: Floats) -> None:
     """Add the loss (lags, lags) of a fit with orthonormal basis Q (n, p), without loops over n."""
     n, p = Q.shape
     lags = len(loss)
-    cross = _sum_products_by_arrays(Q, 2 * lags - 1)
+    cross = _sum_basis_products_by_arrays(Q, 2 * lags - 1)
     both = (cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)).reshape(p * p, lags)
     alike = cross[np.arange(p), np.arange(p)]
     pushed = np.zeros(lags)
@@ -81,7 +81,7 @@ def add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
         loss[j + 1 :, j] += (0.5 if j == 0 else 1.0) * more[1:]
 
 
-@compiled_with_array_form(add_loss_by_arrays)
+@compiled_with_array_form(accumulate_autocovariance_loss_by_arrays)
 def accumulate_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
@@ -91,7 +91,7 @@ def accumulate_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """
     n, p = Q.shape
     lags = loss.shape[0]
-    cross = sum_products_at_distances(Q, 2 * lags - 1)
+    cross = sum_basis_products_by_lag(Q, 2 * lags - 1)
     both = cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)
     columns = np.ascontiguousarray(Q.T)
     reversed_columns = np.ascontiguousarray(Q.T[:, ::-1])

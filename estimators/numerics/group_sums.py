@@ -32,9 +32,9 @@ def _sum_moments_by_arrays(
     covariances: Floats,
     sample_kinds: Ints,
     group: Ints,
-    shape: tuple[int, int],
+    output_shape: tuple[int, int],
 ) -> tuple[Floats, Floats]:
-    groups, p = shape
+    groups, p = output_shape
     gram, cross = np.zeros((groups, p, p)), np.zeros((groups, p))
     s, t = np.tril_indices(len(slopes))
     column, channel = column_and_channel.T
@@ -59,7 +59,7 @@ def sum_noise_moments(
     covariances: Floats,
     sample_kinds: Ints,
     group: Ints,
-    shape: tuple[int, int],
+    output_shape: tuple[int, int],
 ) -> tuple[Floats, Floats]:
     """Sum the contribution of channel noise to the normal equations.
 
@@ -70,12 +70,12 @@ def sum_noise_moments(
         covariances: (kinds, channels, channels) noise covariances of the channels.
         sample_kinds: (n,) kind of each sample.
         group: (n,) group of each sample, from 0.
-        shape: number of groups and columns.
+        output_shape: number of groups and columns.
 
     Returns:
         (groups, p, p) and (groups, p): see `NoiseMoments`.
     """
-    groups, p = shape
+    groups, p = output_shape
     gram, cross = np.zeros((groups, p, p)), np.zeros((groups, p))
     count, n = slopes.shape
     kinds, response = covariances.shape[0], covariances.shape[1] - 1

@@ -46,7 +46,7 @@ def compute_window_correlation(x: Floats, y: Floats, window: int) -> tuple[Float
 
 @compiled_unless_short_log
 def sum_window_products_and_correlation(
-    A: Floats, f: Floats, window: int, index: Ints
+    A: Floats, f: Floats, window: int, window_ends: Ints
 ) -> tuple[Floats, Floats, Floats]:
     """`rolling.sum_window_products`, plus the correlation of A's first column with f.
 
@@ -56,13 +56,13 @@ def sum_window_products_and_correlation(
     """
     q = A.shape[1] + 1
     work = make_window_sum_workspace(q, window)
-    products = np.empty((q * (q + 1) // 2, index.size))
-    rho, spread = np.empty(index.size), np.empty(index.size)
-    pairs = find_begins_of_block_pairs(window, index)
+    products = np.empty((q * (q + 1) // 2, window_ends.size))
+    rho, spread = np.empty(window_ends.size), np.empty(window_ends.size)
+    pairs = find_begins_of_block_pairs(window, window_ends)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
-        sum_moments_of_block_pair(A, f, window, index, row, end, work)
+        sum_moments_of_block_pair(A, f, window, window_ends, row, end, work)
         convert_centred_moments_to_products(work.moments, work.centre, window, row, end, products)
         fill_correlation_and_variance(
             work.moments, work.centre, window, rho[row:end], spread[row:end]

@@ -22,9 +22,9 @@ def tabulate_digamma_of_integers(max_n: int) -> Floats:
 
 @compiled
 def estimate_window_mutual_information(
-    x: Floats, y: Floats, window: int, index: Ints, neighbours: int
+    x: Floats, y: Floats, window: int, window_ends: Ints, neighbours: int
 ) -> Floats:
-    """I(x; y) of the windows that end at `index`, without a distribution assumption.
+    """I(x; y) of the windows that end at `window_ends`, without a distribution assumption.
 
     I = ψ(k) + ψ(W) - <ψ(n_x + 1) + ψ(n_y + 1)>, where n_x counts the samples nearer in x than the
     k-th neighbour in the plane (maximum norm), both axes scaled to unit deviation first.
@@ -33,18 +33,18 @@ def estimate_window_mutual_information(
         x: (n,) first series.
         y: (n,) second series.
         window: samples W in a window, more than `neighbours`.
-        index: (rows,) last samples of the windows.
+        window_ends: (rows,) last samples of the windows.
         neighbours: k; a larger value has less noise and less resolution.
 
     Returns:
         (rows,) in nat; may be slightly negative; NaN for a window without variance or with a NaN.
     """
     psi = tabulate_digamma_of_integers(window + 1)
-    out = np.full(index.size, np.nan)
+    out = np.full(window_ends.size, np.nan)
     nearest = np.empty(neighbours)
-    for row in range(index.size):
-        u = x[index[row] - window + 1 : index[row] + 1]
-        v = y[index[row] - window + 1 : index[row] + 1]
+    for row in range(window_ends.size):
+        u = x[window_ends[row] - window + 1 : window_ends[row] + 1]
+        v = y[window_ends[row] - window + 1 : window_ends[row] + 1]
         deviation_u = np.std(u)
         deviation_v = np.std(v)
         if not (deviation_u > 0.0 and deviation_v > 0.0):

@@ -24,17 +24,17 @@ _AT_ONCE = 512
 
 
 @compiled_unless_short_log
-def list_samples_fed_after_window(index: Ints, window: int) -> tuple[Ints, Ints]:
+def list_samples_fed_after_first_window(window_ends: Ints, window: int) -> tuple[Ints, Ints]:
     """Samples fed after the first window, (fed,), and their number up to each row, (rows,)."""
-    rows = index.size
+    rows = window_ends.size
     seen = np.zeros(rows, np.int64)
     for row in range(1, rows):
-        new = min(index[row] - index[row - 1], window)
+        new = min(window_ends[row] - window_ends[row - 1], window)
         seen[row] = seen[row - 1] + new
     fed = np.empty(seen[rows - 1], np.int64)
     for row in range(1, rows):
         for i in range(seen[row - 1], seen[row]):
-            fed[i] = index[row] + 1 - (seen[row] - i)
+            fed[i] = window_ends[row] + 1 - (seen[row] - i)
     return fed, seen
 
 
@@ -99,12 +99,12 @@ def pad_entries_to_lanes(entries: Floats) -> Floats:
 @compiled_unless_short_log
 def accumulate_discounted_meats(
     A: Floats,
-    first: Floats,
-    fed: Ints,
-    seen: Ints,
-    start: int,
+    first_window: Floats,
+    fed_samples: Ints,
+    fed_count: Ints,
+    first_window_end: int,
     forgetting: float,
-    decay: float,
+    sum_decay: float,
     correlation: Floats,
     initial_meats: Floats,
 ) -> Floats:
@@ -112,12 +112,12 @@ def accumulate_discounted_meats(
 
     Args:
         A: (n, p) regressor.
-        first: (window, p) regressor of the first window, which enters undiscounted.
-        fed: (fed,) samples fed after it.
-        seen: (rows,) number of samples fed up to each row.
-        start: last sample of the first window.
+        first_window: (window, p) regressor of the first window, which enters undiscounted.
+        fed_samples: (fed,) samples fed after it.
+        fed_count: (rows,) number of samples fed up to each row.
+        first_window_end: last sample of the first window.
         forgetting: λ, weight of a sample relative to the next.
-        decay: decay of the sum per sample: λ², or λ for the weights' own sum.
+        sum_decay: decay of the sum per sample: λ², or λ for the weights' own sum.
         correlation: (lags,) residual autocorrelation, 1 first.
         initial_meats: (lanes,) packed sum of the first window; it is overwritten.
 
@@ -131,19 +131,19 @@ def accumulate_discounted_meats(
     fading[0] = 1.0
     for lag in range(1, lags):
         fading[lag] = fading[lag - 1] * forgetting
-    out = np.empty((seen.size, entries))
+    out = np.empty((fed_count.size, entries))
     for entry in range(entries):
         out[0, entry] = initial_meats[entry]
     z, near = np.empty((p, _AT_ONCE)), np.empty((p, _AT_ONCE))
     terms, sums = np.zeros((initial_meats.size, _AT_ONCE)), np.empty((initial_meats.size, _AT_ONCE))
     row = 1
     stretch = begin = 0
-    while begin < fed.size:
-        if begin > 0 and fed[begin] != fed[begin - 1] + 1:
+    while begin < fed_samples.size:
+        if begin > 0 and fed_samples[begin] != fed_samples[begin - 1] + 1:
             stretch = begin
-        end = find_end_of_consecutive_samples(fed, begin)
+        end = find_end_of_consecutive_samples(fed_samples, begin)
         count = end - begin
-        copy_window_columns_to_buffer(A, fed[begin], count, z)
+        copy_window_columns_to_buffer(A, fed_samples[begin], count, z)
         for c in range(p):
             total = near[c]
             for k in range(count):
@@ -151,7 +151,7 @@ def accumulate_discounted_meats(
             for lag in range(1, min(lags, end - stretch)):
                 skip = max(0, stretch + lag - begin)
                 r = correlation[lag] * fading[lag]
-                before = A[fed[begin] + skip - lag : fed[end - 1] - lag + 1]
+                before = A[fed_samples[begin] + skip - lag : fed_samples[end - 1] - lag + 1]
                 later = total[skip:]
                 for k in range(count - skip):
                     later[k] += r * before[k, c]
@@ -159,22 +159,22 @@ def accumulate_discounted_meats(
         for k in range(max(0, min(count, stretch + lags - begin))):
             for back in range(begin + k - stretch + 1, lags):
                 i = begin + k - back
-                sample = fed[i] if i >= 0 else start + 1 + i
-                if fed[begin + k] - sample >= lags or i < -first.shape[0]:
+                sample = fed_samples[i] if i >= 0 else first_window_end + 1 + i
+                if fed_samples[begin + k] - sample >= lags or i < -first_window.shape[0]:
                     break
-                r = correlation[fed[begin + k] - sample] * fading[min(back, begin + k + 1)]
+                r = correlation[fed_samples[begin + k] - sample] * fading[min(back, begin + k + 1)]
                 for c in range(p):
-                    near[c, k] += r * (A[sample, c] if i >= 0 else first[i, c])
+                    near[c, k] += r * (A[sample, c] if i >= 0 else first_window[i, c])
         for i in range(p):
             for j in range(i, p):
                 term, x, y, u, v = terms[find_packed_index(i, j, p)], z[i], z[j], near[i], near[j]
                 for k in range(count):
                     term[k] = x[k] * v[k] + u[k] * y[k]
         # a plain 0 would be compiled for itself
-        accumulate_discounted_sums(terms, end - end, count, decay, initial_meats, sums)
-        while row < seen.size and seen[row] <= end:
+        accumulate_discounted_sums(terms, end - end, count, sum_decay, initial_meats, sums)
+        while row < fed_count.size and fed_count[row] <= end:
             for entry in range(entries):
-                out[row, entry] = sums[entry, seen[row] - 1 - begin]
+                out[row, entry] = sums[entry, fed_count[row] - 1 - begin]
             row += 1
         begin = end
     return out
@@ -209,10 +209,10 @@ def accumulate_discounted_products(
 
 
 @compiled_unless_short_log
-def count_discounted_samples(count: int, forgetting: float, weight: float) -> Floats:
-    """Discounted number of samples after each of `count` further ones."""
-    out = np.empty(count)
-    for k in range(count):
-        weight = forgetting * weight + 1.0
-        out[k] = weight
+def count_discounted_samples(new_samples: int, forgetting: float, initial_count: float) -> Floats:
+    """Discounted number of samples after each of `new_samples` further ones."""
+    out = np.empty(new_samples)
+    for k in range(new_samples):
+        initial_count = forgetting * initial_count + 1.0
+        out[k] = initial_count
     return out

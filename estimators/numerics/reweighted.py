@@ -20,16 +20,16 @@ _IN_STEP = 4
 
 
 @compiled_unless_short_log
-def find_begins_of_window_batches(index: Ints) -> Ints:
+def find_begins_of_window_batches(window_ends: Ints) -> Ints:
     """Begins of the batches of consecutive windows in index (rows,), (batches + 1,)."""
-    begins = np.empty(index.size + 1, np.int64)
+    begins = np.empty(window_ends.size + 1, np.int64)
     count = 0
-    for row in range(index.size):
-        follows = row > 0 and index[row] == index[row - 1] + 1
+    for row in range(window_ends.size):
+        follows = row > 0 and window_ends[row] == window_ends[row - 1] + 1
         if not follows or row - begins[count - 1] == AT_ONCE:
             begins[count] = row
             count += 1
-    begins[count] = index.size
+    begins[count] = window_ends.size
     return begins[: count + 1]
 
 
@@ -93,7 +93,13 @@ def fill_residuals_of_sample(z: Floats, sample: int, theta: Floats, out: Floats)
 
 @compiled_unless_short_log
 def sum_reweighted_products(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, squared: bool
+    A: Floats,
+    f: Floats,
+    window: int,
+    window_ends: Ints,
+    theta: Floats,
+    clipping_limit: Floats,
+    squared: bool,
 ) -> Floats:
     """Sum with weights limit / max(|r|, limit) of the residuals r, or with their squares.
 
@@ -101,9 +107,10 @@ def sum_reweighted_products(
         A: (n, p) regressor.
         f: (n,) force.
         window: samples in a window.
-        index: (rows,) last samples of windows, ascending.
+        window_ends: (rows,) last samples of windows, ascending.
         theta: (p, rows) estimates that define the residuals.
-        limit: (rows,) largest residual with full weight; 0 only for a window without residuals.
+        clipping_limit: (rows,) largest residual with full weight; 0 only for a window without
+            residuals.
         squared: whether to square the weights.
 
     Returns:
@@ -114,16 +121,16 @@ def sum_reweighted_products(
     z = np.empty((q, window + AT_ONCE + _IN_STEP))
     raw = np.empty((entries, window + AT_ONCE + _IN_STEP))
     weights = np.empty((_IN_STEP, AT_ONCE))
-    out = np.zeros((entries, index.size))
-    begins = find_begins_of_window_batches(index)
+    out = np.zeros((entries, window_ends.size))
+    begins = find_begins_of_window_batches(window_ends)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
         m = end - begin
-        first = index[begin] - window + 1
+        first = window_ends[begin] - window + 1
         copy_samples_to_buffer(A, f, first, window + m - 1, z)
         fill_sample_products(z, window + m - 1 + _IN_STEP, raw)
-        now, full = copy_consecutive_estimates(theta, begin, end), limit[begin:end]
+        now, full = copy_consecutive_estimates(theta, begin, end), clipping_limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(0, window, _IN_STEP):
             for c in range(_IN_STEP):

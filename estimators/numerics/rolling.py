@@ -189,70 +189,78 @@ def copy_force_samples(f: Floats, start: int, count: int, out: Floats) -> None:
 
 
 @compiled_unless_short_log
-def find_begins_of_block_pairs(window: int, index: Ints) -> Ints:
+def find_begins_of_block_pairs(window: int, window_ends: Ints) -> Ints:
     """Begins of each pair of blocks in index (rows,), (pairs + 1,)."""
-    begins = np.empty(index.size + 1, np.int64)
+    begins = np.empty(window_ends.size + 1, np.int64)
     pairs = 0
     beyond = -1
-    for row in range(index.size):
-        if index[row] >= beyond:
-            beyond = (index[row] - window + 1) // window * window + 2 * window - 1
+    for row in range(window_ends.size):
+        if window_ends[row] >= beyond:
+            beyond = (window_ends[row] - window + 1) // window * window + 2 * window - 1
             begins[pairs] = row
             pairs += 1
-    begins[pairs] = index.size
+    begins[pairs] = window_ends.size
     return begins[: pairs + 1]
 
 
 @compiled_unless_short_log
-def store_sums_of_requested_rows(sums: Floats, index: Ints, first_row: int, end_row: int) -> None:
+def store_sums_of_requested_rows(
+    sums: Floats, window_ends: Ints, first_row: int, end_row: int
+) -> None:
     """Keep the sums of the requested rows out of all windows from index[row] on."""
-    if end_row - first_row < index[end_row - 1] - index[first_row] + 1:
+    if end_row - first_row < window_ends[end_row - 1] - window_ends[first_row] + 1:
         for lane in range(sums.shape[0]):
             kept = sums[lane]
             for m in range(end_row - first_row):
-                kept[m] = kept[index[first_row + m] - index[first_row]]
+                kept[m] = kept[window_ends[first_row + m] - window_ends[first_row]]
 
 
 @compiled_unless_short_log
 def sum_moments_of_block_pair(
-    A: Floats, f: Floats, window: int, index: Ints, first_row: int, end_row: int, work: Workspace
+    A: Floats,
+    f: Floats,
+    window: int,
+    window_ends: Ints,
+    first_row: int,
+    end_row: int,
+    workspace: Workspace,
 ) -> None:
-    """Compute the moments of windows row … end - 1, which begin in one block, into `work`."""
+    """Compute the moments of windows row … end - 1, which begin in one block, into `workspace`."""
     p = A.shape[1]
-    start = index[first_row] - window + 1
-    samples = index[end_row - 1] + 1 - start
-    copy_window_columns_to_buffer(A, start, samples, work.z)
-    copy_force_samples(f, start, samples, work.z[p])
+    start = window_ends[first_row] - window + 1
+    samples = window_ends[end_row - 1] + 1 - start
+    copy_window_columns_to_buffer(A, start, samples, workspace.z)
+    copy_force_samples(f, start, samples, workspace.z[p])
     # what is left of the first block: its last sample is in every window
     left = window - start % window
     for c in range(p + 1):
-        work.centre[c] = work.z[c, left - 1]
-    fill_centred_terms(work.z, work.centre, samples, work.terms)
-    fill_suffix_sums(work.terms, left, work.moments)
-    add_prefix_sums(work.terms, left, window - left, samples - window + 1, work.moments)
-    store_sums_of_requested_rows(work.moments, index, first_row, end_row)
+        workspace.centre[c] = workspace.z[c, left - 1]
+    fill_centred_terms(workspace.z, workspace.centre, samples, workspace.terms)
+    fill_suffix_sums(workspace.terms, left, workspace.moments)
+    add_prefix_sums(workspace.terms, left, window - left, samples - window + 1, workspace.moments)
+    store_sums_of_requested_rows(workspace.moments, window_ends, first_row, end_row)
 
 
 @compiled_unless_short_log
-def sum_window_products(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
+def sum_window_products(A: Floats, f: Floats, window: int, window_ends: Ints) -> Floats:
     """Sum the products of the columns of [A f] over windows.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
         window: samples in a window.
-        index: (rows,) last samples of windows, ascending.
+        window_ends: (rows,) last samples of windows, ascending.
 
     Returns:
         (entries, rows) packed.
     """
     q = A.shape[1] + 1
     work = make_window_sum_workspace(q, window)
-    out = np.empty((q * (q + 1) // 2, index.size))
-    pairs = find_begins_of_block_pairs(window, index)
+    out = np.empty((q * (q + 1) // 2, window_ends.size))
+    pairs = find_begins_of_block_pairs(window, window_ends)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
-        sum_moments_of_block_pair(A, f, window, index, row, end, work)
+        sum_moments_of_block_pair(A, f, window, window_ends, row, end, work)
         convert_centred_moments_to_products(work.moments, work.centre, window, row, end, out)
     return out

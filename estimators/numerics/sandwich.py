@@ -26,7 +26,7 @@ from estimators.numerics.rolling import (
 from estimators.numerics.small_systems import (
     factor_packed_ldl,
     find_packed_index,
-    invert,
+    invert_factored_systems,
     pack_symmetric_matrix,
 )
 from estimators.threads import run_in_chunks
@@ -147,7 +147,10 @@ def compute_sandwich_stds(G: Floats, B: Floats, rss: float, samples: float) -> F
     """
     meats = pack_symmetric_matrix(B).reshape(-1, 1)
     return compute_larger_of_sandwich_and_textbook_stds(
-        invert_packed(pack_symmetric_matrix(G).reshape(1, -1)), meats, np.array([rss]), samples
+        invert_packed_gram_matrices(pack_symmetric_matrix(G).reshape(1, -1)),
+        meats,
+        np.array([rss]),
+        samples,
     )[:, 0]
 
 
@@ -171,7 +174,7 @@ def compute_one_window_stds(
 
 
 def compute_all_window_stds(
-    A: Floats, grams: Floats, rss: Floats, index: Ints, window: int, correlation: Floats
+    A: Floats, grams: Floats, rss: Floats, window_ends: Ints, window: int, correlation: Floats
 ) -> Floats:
     """Standard deviations of windowed estimates.
 
@@ -179,29 +182,29 @@ def compute_all_window_stds(
         A: (n, p) regressor.
         grams: (rows, p(p+1)/2) packed AᵀA of each window, or its equivalent.
         rss: (rows,) residual sum of squares of each window.
-        index: (rows,) last sample of each window.
+        window_ends: (rows,) last sample of each window.
         window: samples in a window.
         correlation: (lags,) residual autocorrelation, 1 first; at most half a window of lags.
 
     Returns:
         (rows, p) standard deviations.
     """
-    out = np.empty((index.size, A.shape[1]))
+    out = np.empty((window_ends.size, A.shape[1]))
 
     def fill_rows(rows: slice) -> None:
-        meats = compute_window_meats(A, window, index[rows], correlation)
+        meats = compute_window_meats(A, window, window_ends[rows], correlation)
         out[rows] = compute_larger_of_sandwich_and_textbook_stds(
-            invert_packed(grams[rows]), meats, rss[rows], window
+            invert_packed_gram_matrices(grams[rows]), meats, rss[rows], window
         ).T
 
-    run_in_chunks(fill_rows, index.size)
+    run_in_chunks(fill_rows, window_ends.size)
     return out * compute_std_widening_factor(window, correlation)
 
 
-def invert_packed(grams: Floats) -> Floats:
+def invert_packed_gram_matrices(packed_grams: Floats) -> Floats:
     """Inverses (p, p, m) of packed matrices (m, entries)."""
-    p = count_columns(grams.T)
-    return invert(*factor_packed_ldl(np.ascontiguousarray(grams.T), p, p))
+    p = count_columns(packed_grams.T)
+    return invert_factored_systems(*factor_packed_ldl(np.ascontiguousarray(packed_grams.T), p, p))
 
 
 def compute_larger_of_sandwich_and_textbook_stds(
@@ -243,8 +246,8 @@ def compute_sandwich_variances(bread: Floats, meats: Floats) -> Floats:
 
 
 @compiled_unless_short_log
-def compute_window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Floats:
-    """Aᵀ R A of the windows that end at `index`, packed (entries, rows), for windows of any length.
+def compute_window_meats(A: Floats, window: int, window_ends: Ints, correlation: Floats) -> Floats:
+    """Aᵀ R A of windows of any length, packed (entries, rows).
 
     The pairs of correlated samples inside a window are those inside its part of the first block,
     those inside its part of the second, and those across; the latter are counted with the longer
@@ -257,20 +260,20 @@ def compute_window_meats(A: Floats, window: int, index: Ints, correlation: Float
     near = np.zeros((p, 2 * window))
     terms = np.zeros((lanes, 2 * window))
     sums = np.empty((lanes, window))
-    out = np.empty((entries, index.size))
-    pairs = find_begins_of_block_pairs(window, index)
+    out = np.empty((entries, window_ends.size))
+    pairs = find_begins_of_block_pairs(window, window_ends)
     for number in range(pairs.size - 1):
         row: int = pairs[number]
         end: int = pairs[number + 1]
-        last = index[row] - (index[row] + 1) % window
+        last = window_ends[row] - (window_ends[row] + 1) % window
         # the windows that have more of the first block, then those that have more of the second
         middle = row
-        while middle < end and index[middle] <= last + window // 2:
+        while middle < end and window_ends[middle] <= last + window // 2:
             middle += 1
         for begin, stop in ((row, middle), (middle, end)):
             if stop > begin:
-                start = index[begin] - window + 1
-                samples = index[stop - 1] + 1 - start
+                start = window_ends[begin] - window + 1
+                samples = window_ends[stop - 1] + 1 - start
                 left = last + 1 - start
                 copy_window_columns_to_buffer(A, start, samples, z)
                 sum_correlated_neighbours(z, samples, left, 2 * left >= window, correlation, near)
@@ -287,7 +290,7 @@ def compute_window_meats(A: Floats, window: int, index: Ints, correlation: Float
                             term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
                 fill_suffix_sums(terms, left, sums)
                 add_prefix_sums(terms, left, window - left, samples - window + 1, sums)
-                store_sums_of_requested_rows(sums, index, begin, stop)
+                store_sums_of_requested_rows(sums, window_ends, begin, stop)
                 for entry in range(entries):
                     total = sums[entry]
                     for k in range(stop - begin):
@@ -296,37 +299,58 @@ def compute_window_meats(A: Floats, window: int, index: Ints, correlation: Float
 
 
 def _add_neighbours_by_arrays(
-    z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
+    z: Floats,
+    samples: int,
+    first_block_samples: int,
+    count_across_at_later: bool,
+    correlation: Floats,
+    neighbour_sums: Floats,
 ) -> None:
     """Correlated neighbours of each sample, by whole arrays."""
-    near[:, :samples] = 0.0
+    neighbour_sums[:, :samples] = 0.0
     for lag in range(1, min(correlation.size, samples)):
-        stop = max(left - lag if across_later else min(left, samples - lag), 0)
-        near[:, :stop] += correlation[lag] * z[:, lag : lag + stop]
-        begins = left if across_later else left + lag
-        near[:, begins:samples] += correlation[lag] * z[:, begins - lag : max(samples - lag, 0)]
+        stop = max(
+            first_block_samples - lag
+            if count_across_at_later
+            else min(first_block_samples, samples - lag),
+            0,
+        )
+        neighbour_sums[:, :stop] += correlation[lag] * z[:, lag : lag + stop]
+        begins = first_block_samples if count_across_at_later else first_block_samples + lag
+        neighbour_sums[:, begins:samples] += (
+            correlation[lag] * z[:, begins - lag : max(samples - lag, 0)]
+        )
 
 
 @compiled_with_array_form(_add_neighbours_by_arrays)
 def sum_correlated_neighbours(
-    z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
+    z: Floats,
+    samples: int,
+    first_block_samples: int,
+    count_across_at_later: bool,
+    correlation: Floats,
+    neighbour_sums: Floats,
 ) -> None:
     """Sum the correlated neighbours of each sample, counting each pair once.
 
     A pair in the second block counts at its later sample, one in the first block at its earlier
-    sample, and one across at the later sample if `across_later`.
+    sample, and one across at the later sample if `count_across_at_later`.
     """
     for c in range(z.shape[0]):
         for k in range(samples):
-            near[c, k] = 0.0
+            neighbour_sums[c, k] = 0.0
         for lag in range(1, min(correlation.size, samples)):
             r = correlation[lag]
-            stop = left - lag if across_later else min(left, samples - lag)
-            total, x = near[c], z[c, lag:]
+            stop = (
+                first_block_samples - lag
+                if count_across_at_later
+                else min(first_block_samples, samples - lag)
+            )
+            total, x = neighbour_sums[c], z[c, lag:]
             for k in range(stop):
                 total[k] += r * x[k]
-            begins = left if across_later else left + lag
-            total, x = near[c, begins:], z[c, begins - lag :]
+            begins = first_block_samples if count_across_at_later else first_block_samples + lag
+            total, x = neighbour_sums[c, begins:], z[c, begins - lag :]
             for k in range(samples - begins):
                 total[k] += r * x[k]
 
@@ -339,7 +363,7 @@ def compute_recursive_stds(grams: Floats, meats: Floats, white_meats: Floats) ->
         meats: (rows, entries) packed M; a tapered correlation may make it indefinite.
         white_meats: (rows, entries) packed M of uncorrelated residuals.
     """
-    bread = invert_packed(grams)
+    bread = invert_packed_gram_matrices(grams)
     squares = np.maximum(
         compute_sandwich_variances(bread, meats.T), compute_sandwich_variances(bread, white_meats.T)
     )

@@ -135,7 +135,7 @@ def solve_factored_in_place(L: Floats, inverse: Floats, x: Floats) -> None:
                 out[k] -= lower[k] * known[k]
 
 
-def invert(L: Floats, inverse: Floats) -> Floats:
+def invert_factored_systems(L: Floats, inverse: Floats) -> Floats:
     """Inverses (p, p, m) of m factored systems."""
     p, m = inverse.shape
     out = np.zeros((p, p, m))
@@ -208,7 +208,7 @@ def compute_condition_numbers(G: Floats, size: int, leading_size: int) -> Floats
     return out
 
 
-def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _: int) -> None:
+def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _m: int) -> None:
     a, b, c = (
         N[find_packed_index(i, i, p)],
         N[find_packed_index(j, j, p)],
@@ -273,14 +273,14 @@ def make_packed_index_table(size: int) -> tuple[tuple[int, ...], ...]:
 
 
 @cache
-def _upper_triangle_indices(size: int) -> tuple[Ints, Ints]:
+def _list_upper_triangle_indices(size: int) -> tuple[Ints, Ints]:
     rows, columns = np.triu_indices(size)
     return rows, columns
 
 
 def pack_symmetric_matrix(G: Floats) -> Floats:
     """Pack one symmetric matrix (size, size) into (entries,)."""
-    return np.asarray(G[_upper_triangle_indices(len(G))], np.float64)
+    return np.asarray(G[_list_upper_triangle_indices(len(G))], np.float64)
 
 
 def unpack_leading_block(entries: Floats, size: int, p: int) -> Floats:
@@ -299,9 +299,9 @@ def solve_positive_definite(G: Floats, h: Floats) -> Floats:
 
 def invert_positive_definite(G: Floats) -> Floats:
     """Inverse of one symmetric positive definite matrix; NaN if it is singular."""
-    return invert(*factor_packed_ldl(pack_symmetric_matrix(G).reshape(-1, 1), len(G), len(G)))[
-        :, :, 0
-    ]
+    return invert_factored_systems(
+        *factor_packed_ldl(pack_symmetric_matrix(G).reshape(-1, 1), len(G), len(G))
+    )[:, :, 0]
 
 
 def compute_scaled_condition(G: Floats) -> float:

@@ -23,18 +23,22 @@ class Prior:
     covariance: Floats
 
     @classmethod
-    def make_zero_mean(cls, std: dict[str, float], axes: int) -> "Prior":
+    def make_zero_mean(cls, std_by_parameter: dict[str, float], axis_count: int) -> "Prior":
         """Independent prior with mean 0 and the given standard deviations."""
-        variance = np.square(list(std.values()))
-        return cls(tuple(std), np.zeros((axes, len(std))), np.diag(variance))
+        variance = np.square(list(std_by_parameter.values()))
+        return cls(
+            tuple(std_by_parameter),
+            np.zeros((axis_count, len(std_by_parameter))),
+            np.diag(variance),
+        )
 
-    def combine_with_prior(self, other: "Prior") -> "Prior":
+    def combine_with_prior(self, other_prior: "Prior") -> "Prior":
         """Combine two independent priors of different parameters."""
-        mine, size = len(self.names), len(self.names) + len(other.names)
+        mine, size = len(self.names), len(self.names) + len(other_prior.names)
         covariance = np.zeros((size, size))
-        covariance[:mine, :mine], covariance[mine:, mine:] = self.covariance, other.covariance
-        mean = np.concatenate([self.mean, other.mean], axis=1)
-        return Prior(self.names + other.names, mean, covariance)
+        covariance[:mine, :mine], covariance[mine:, mine:] = self.covariance, other_prior.covariance
+        mean = np.concatenate([self.mean, other_prior.mean], axis=1)
+        return Prior(self.names + other_prior.names, mean, covariance)
 
 
 @dataclass(frozen=True, slots=True)

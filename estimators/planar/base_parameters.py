@@ -325,7 +325,7 @@ def compute_sandwich_covariance(
     columns: Ints,
     segment_id: Ints,
     correlations: list[Floats],
-    fitted: _FittedParameters,
+    fitted_parameters: _FittedParameters,
     prior: Prior,
 ) -> Floats:
     """Sandwich covariance (r, r) with the priors and the uncertainty of the noise correction.
@@ -333,36 +333,37 @@ def compute_sandwich_covariance(
     It is never smaller than without correlation: a tapered correlation need not be positive
     definite.
     """
-    r, q, k = columns.size, len(prior.names), len(fitted.rms)
-    if r == 0 or fitted.samples == 0 or not np.isfinite(fitted.theta).all():
+    r, q, k = columns.size, len(prior.names), len(fitted_parameters.rms)
+    if r == 0 or fitted_parameters.samples == 0 or not np.isfinite(fitted_parameters.theta).all():
         return np.full((r, r), np.nan)
-    if not np.isfinite(fitted.bread).all():
+    if not np.isfinite(fitted_parameters.bread).all():
         # determined by rounding alone: no deviation can be told
         return np.full((r, r), np.nan)
-    size = np.sqrt(np.diagonal(fitted.bread))
-    weight = (fitted.axis_weights / np.sqrt(fitted.lasting))[:, None] * size
+    size = np.sqrt(np.diagonal(fitted_parameters.bread))
+    weight = (fitted_parameters.axis_weights / np.sqrt(fitted_parameters.lasting))[:, None] * size
     B = sum_sandwich_meat(A, columns, segment_id, correlations, weight)
-    bread = fitted.bread / np.outer(size, size)
+    bread = fitted_parameters.bread / np.outer(size, size)
     cover = bread @ B @ bread
-    white = (fitted.grams / fitted.lasting[:, None, None]).sum(axis=0) * np.outer(size, size)
+    white = (fitted_parameters.grams / fitted_parameters.lasting[:, None, None]).sum(
+        axis=0
+    ) * np.outer(size, size)
     plain = bread @ white @ bread
-    samples = float(fitted.samples * k)
-    freedom = samples - float(fitted.lasting.max()) * float(np.trace(bread @ B))
+    samples = float(fitted_parameters.samples * k)
+    freedom = samples - float(fitted_parameters.lasting.max()) * float(np.trace(bread @ B))
     if q:
         # what a prior holds is not lost, however few independent residuals there are
         freedom = max(freedom, LIMITS.min_freedom_fraction * samples)
     if not freedom > 0.5:
         return np.full((r, r), np.nan)
     variance = np.maximum(
-        np.diagonal(cover) * samples / freedom,
-        np.diagonal(plain) * samples / max(samples - r, 1.0),
+        np.diagonal(cover) * samples / freedom, np.diagonal(plain) * samples / max(samples - r, 1.0)
     )
     # of what its prior alone tells the log says nothing, to rounding
     std = np.sqrt(np.maximum(variance, 0.0)) * compute_std_widening_factor(
-        fitted.samples * k, correlations[0]
+        fitted_parameters.samples * k, correlations[0]
     )
     shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else plain
     own = np.diagonal(shape)
     stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))
-    told = fitted.responses.T @ fitted.responses if q else 0.0
-    return shape * np.outer(stretch, stretch) + told + fitted.doubt
+    told = fitted_parameters.responses.T @ fitted_parameters.responses if q else 0.0
+    return shape * np.outer(stretch, stretch) + told + fitted_parameters.doubt

@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.calibration_budget import rank_loads_for_next_run
-from estimators.errors import counted, list_some
+from estimators.errors import format_count, join_first_names
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.campaign_faults import (
     list_logs_without_machine_id,
@@ -119,9 +119,9 @@ def _describe_logs_of_notary_list(document: EvidenceDocument) -> list[str]:
     reasons = "; ".join(f"{each.number}: {each.reason}" for each in stretch.left_out)
     left_out = f" Left out: {reasons}." if reasons else " None is left out."
     return [
-        f"The recorder's list has {counted(stretch.last - stretch.first + 1, 'log')} from number "
-        f"{stretch.first} to {stretch.last}; each is one of this campaign's but for those left "
-        f"out.{left_out}"
+        f"The recorder's list has {format_count(stretch.last - stretch.first + 1, 'log')} from "
+        f"number {stretch.first} to {stretch.last}; each is one of this campaign's but for those "
+        f"left out.{left_out}"
     ]
 
 
@@ -132,13 +132,13 @@ def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
     if without:
         yield (
             f"Whether these logs were recorded by this machine: "
-            f"{list_some(without, LIMITS.max_logs)}. They do not name "
+            f"{join_first_names(without, LIMITS.max_logs)}. They do not name "
             "theirs; their digests only show that they are the files that were replayed."
         )
     if told:
         yield (
-            f"Whether {counted(told, 'log')} whose metadata name this machine were recorded by "
-            "it: a log can be written with any name."
+            f"Whether {format_count(told, 'log')} whose metadata name this machine were recorded "
+            "by it: a log can be written with any name."
         )
 
 

@@ -29,8 +29,16 @@ def make_certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
     replaced = f"{about.replaces}, because {about.replaces_reason}" if about.replaces else "nothing"
     return [
         ("identification", document.id),
-        ("laboratory", NOT_STATED if campaign.laboratory is None else campaign.laboratory.text),
-        ("customer", NOT_STATED if campaign.customer is None else campaign.customer.text),
+        (
+            "laboratory",
+            NOT_STATED
+            if campaign.laboratory is None
+            else campaign.laboratory.name_and_address_line,
+        ),
+        (
+            "customer",
+            NOT_STATED if campaign.customer is None else campaign.customer.name_and_address_line,
+        ),
         ("place of the work", f"{about.place}{kind}" if about.place else NOT_STATED),
         ("item", f"{document.machine.machine.name}, serial number {machine.id}"),
         ("make and model", f"{machine.make or NOT_STATED}, {machine.model or NOT_STATED}"),

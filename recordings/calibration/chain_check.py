@@ -26,26 +26,26 @@ def check_counter_of_chain_link(checked_bundle: CheckedBundle, document: Evidenc
 
 
 def check_link_to_previous_evidence(
-    checked_bundle: CheckedBundle, document: EvidenceDocument, previous: CheckedBundle | None
+    checked_bundle: CheckedBundle, document: EvidenceDocument, previous_bundle: CheckedBundle | None
 ) -> None:
     """Check that evidence follows its previous evidence.
 
     Args:
         checked_bundle: receives the findings.
         document: the evidence.
-        previous: the previous evidence, checked; None if not given.
+        previous_bundle: the previous evidence, checked; None if not given.
     """
     chain, item = document.chain, f"{EVIDENCE}: chain"
     link = chain.previous
-    if previous is None:
+    if previous_bundle is None:
         if link is not None:
             checked_bundle.notes.append(
                 f"chained to evidence {link.id} (number {link.counter}), which was not given; "
                 "give it with --previous to check it"
             )
         return
-    last = previous.document
-    for each in previous.evidence_faults:
+    last = previous_bundle.document
+    for each in previous_bundle.evidence_faults:
         checked_bundle.add_finding(each.outcome, f"the evidence before: {each.item}", each.what)
     if last is None:
         checked_bundle.add_finding(
@@ -53,7 +53,7 @@ def check_link_to_previous_evidence(
         )
         return
     checked_bundle.notes.append(
-        f"the evidence before, number {last.chain.counter}: {previous.signed_by}"
+        f"the evidence before, number {last.chain.counter}: {previous_bundle.signed_by}"
     )
     if last.campaign.machine.id != document.campaign.machine.id:
         checked_bundle.add_finding(
@@ -70,7 +70,7 @@ def check_link_to_previous_evidence(
         checked_bundle.add_finding(
             BundleOutcome.TAMPERED, item, "names no previous evidence, although there is some"
         )
-    elif link.id != last.id or link.sums_sha256 != digest_evidence_for_chain_link(previous):
+    elif link.id != last.id or link.sums_sha256 != digest_evidence_for_chain_link(previous_bundle):
         checked_bundle.add_finding(
             BundleOutcome.TAMPERED,
             f"{item}.previous",
@@ -99,9 +99,7 @@ class ChainCheck(NamedTuple):
     notes: list[str]
 
 
-def check_chains_of_bundles(
-    checked_bundles: Sequence[CheckedBundle],
-) -> ChainCheck:
+def check_chains_of_bundles(checked_bundles: Sequence[CheckedBundle]) -> ChainCheck:
     """Check several bundles of a machine as a chain.
 
     Args:
@@ -163,24 +161,22 @@ def _iter_chain_signer_sentences(
 
 
 def _check_content_copied_by_mass_check(
-    checked_bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
+    checked_bundle: CheckedBundle, document: EvidenceDocument, previous_evidence: EvidenceDocument
 ) -> None:
     """Check the parts that a single-mass check copies from the calibration."""
     for name in ("calibration", "expires", "machine", "learnt", "options"):
-        if getattr(document, name) != getattr(previous, name):
+        if getattr(document, name) != getattr(previous_evidence, name):
             what = "is not that of the previous evidence, which it checks"
             checked_bundle.add_finding(BundleOutcome.TAMPERED, f"{EVIDENCE}: {name}", what)
 
 
 def _check_line_as_found(
-    checked_bundle: CheckedBundle, document: EvidenceDocument, previous: EvidenceDocument
+    checked_bundle: CheckedBundle, document: EvidenceDocument, previous_evidence: EvidenceDocument
 ) -> None:
     """Check that the as-found line is that of the previous evidence."""
-    found, line = document.as_found, previous.calibration
-    wanted = None if line is None else (previous.id, line.alpha_1, line.beta_kg)
+    found, line = document.as_found, previous_evidence.calibration
+    wanted = None if line is None else (previous_evidence.id, line.alpha_1, line.beta_kg)
     if (None if found is None else (found.evidence_id, found.alpha_1, found.beta_kg)) != wanted:
         checked_bundle.add_finding(
-            BundleOutcome.IRREPRODUCIBLE,
-            f"{EVIDENCE}: as_found",
-            "is not the previous line",
+            BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: as_found", "is not the previous line"
         )

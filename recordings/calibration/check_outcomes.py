@@ -6,7 +6,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Final
 
-from estimators.errors import counted
+from estimators.errors import format_count
 
 
 class BundleOutcome(IntEnum):
@@ -85,4 +85,4 @@ def format_bundle_verdict(
     outcome = find_most_severe_outcome(findings)
     if outcome is None:
         return f"{bundle_name}: {text_without_findings}"
-    return f"{bundle_name}: {_NAMES[outcome].upper()} ({counted(len(findings), 'finding')})"
+    return f"{bundle_name}: {_NAMES[outcome].upper()} ({format_count(len(findings), 'finding')})"

@@ -99,7 +99,7 @@ def make_reference_loads_and_covariance(
 
 
 def evaluate_previous_line_as_found(
-    previous: EvidenceDocument | None,
+    previous_evidence: EvidenceDocument | None,
     previous_estimator: Estimator | None,
     estimator: Estimator,
     points: pl.DataFrame,
@@ -107,16 +107,19 @@ def evaluate_previous_line_as_found(
     """The previous line with its r.m.s. error on these points; None without a previous line.
 
     Args:
-        previous: previous evidence.
+        previous_evidence: previous evidence.
         previous_estimator: its estimator; earlier formats digest it differently.
         estimator: estimator of this campaign; a line of another one does not apply.
         points: points of this campaign, a row per run.
     """
-    if previous is None or previous.calibration is None:
+    if previous_evidence is None or previous_evidence.calibration is None:
         return None
-    line = previous.calibration
+    line = previous_evidence.calibration
     found = AsFound(
-        evidence_id=previous.id, alpha_1=line.alpha_1, beta_kg=line.beta_kg, rms_error_kg=None
+        evidence_id=previous_evidence.id,
+        alpha_1=line.alpha_1,
+        beta_kg=line.beta_kg,
+        rms_error_kg=None,
     )
     if previous_estimator != estimator:
         return found

@@ -179,7 +179,9 @@ def compare_evidence_with_campaign(document: EvidenceDocument) -> Findings:
             "expires", f"is not {campaign.expires}, as the runs' days give"
         )
     made, now = parse_creation_time(document), dt.datetime.now(dt.UTC)
-    for fault in iter_contradicted_run_days(campaign, document.logs, machine.machine.zone, made):
+    for fault in iter_contradicted_run_days(
+        campaign, document.logs, machine.machine.time_zone, made
+    ):
         yield _make_irreproducible_finding("campaign.runs", fault)
     if made > now + dt.timedelta(seconds=LIMITS.clock_difference_s):
         yield _make_irreproducible_finding(

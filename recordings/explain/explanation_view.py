@@ -16,7 +16,7 @@ from analysis.explain import DeterminedParameters, Explanation
 from analysis.explain.worst_manoeuvres import GateStretch, ManoeuvreReport
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.plots.convergence_plot import draw_convergence_of_estimates
 from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.time_panels import draw_views_over_time
@@ -78,7 +78,7 @@ def describe_answer_and_likeliest_cause(explanation: Explanation) -> str:
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
     # the list's own order: a sentence that skips would be another order of likelihood
     first, others = found[0], len(found) - 1
-    more = f", and {counted(others, 'finding')} more" if others else ""
+    more = f", and {format_count(others, 'finding')} more" if others else ""
     change = describe_mass_change_if_fixed(first) or (
         "" if can_fixing_change_mass(first) else "not known to affect the mass"
     )

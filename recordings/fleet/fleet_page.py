@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 
 from analysis.fleet.calibration_steps import FleetCalibration, LineChange
-from analysis.fleet.daily_figures import sum_daily_figures_over_machines, sum_tonnes_by_group
+from analysis.fleet.daily_figures import sum_daily_results_over_machines, sum_tonnes_by_group
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.report.number_text import SCALE_NOT_KNOWN
 from recordings.report.render_page import render_page_html
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
@@ -46,7 +46,7 @@ class FleetPage:
     Attributes:
         name: name of the fleet.
         results: table `results`.
-        days: frame of `make_daily_figures`.
+        days: frame of `summarise_results_by_day`.
         weeks: frame of `sum_weekly_tonnes`.
         charts: charts of `make_machine_charts`.
         calibrations: calibrations of all machines.
@@ -73,7 +73,7 @@ class FleetPage:
 def render_fleet_html(fleet_page: FleetPage) -> str:
     """HTML of the page, with all texts escaped and no external requests."""
     machines = sum_tonnes_by_group(fleet_page.results, ["machine"])
-    total = sum_daily_figures_over_machines(machines)
+    total = sum_daily_results_over_machines(machines)
     flagged = sorted(
         (chart for chart in fleet_page.charts if chart.chart.flagged is not None),
         key=_make_drift_sort_key,
@@ -114,10 +114,10 @@ def render_fleet_html(fleet_page: FleetPage) -> str:
 def summarise_fleet(fleet_total: Mapping[str, float], machines: int) -> str:
     """Answer for a fleet in one line."""
     if not fleet_total["loads"]:
-        return f"No tonnes: no cycle of {counted(machines, 'machine')} has a mass"
+        return f"No tonnes: no cycle of {format_count(machines, 'machine')} has a mass"
     return (
         f"{_format_tonnes_or_dash(fleet_total['payload_kg'], K * fleet_total['payload_u_kg'])} in "
-        f"{counted(int(fleet_total['loads']), 'load')} by {counted(machines, 'machine')}"
+        f"{format_count(int(fleet_total['loads']), 'load')} by {format_count(machines, 'machine')}"
         + (f", {SCALE_NOT_KNOWN}" if fleet_total["without_scale"] else "")
     )
 
@@ -154,8 +154,8 @@ def _make_fleet_name_value_rows(
             f"{len(fleet_page.failed):,} without a result",
         ),
         ("hours", f"{fleet_page.days['hours'].sum():,.0f} recorded"),
-        ("drift", f"{counted(flagged_charts, 'chart')} beyond the limit"),
-        ("to look at", counted(fleet_page.looks.height, "recording")),
+        ("drift", f"{format_count(flagged_charts, 'chart')} beyond the limit"),
+        ("to look at", format_count(fleet_page.looks.height, "recording")),
     ]
 
 
@@ -167,16 +167,18 @@ def _list_fleet_warnings(fleet_page: FleetPage) -> list[str]:
     other = fleet_page.results.filter(~pl.col("current")).height
     if other:
         found.append(
-            f"{counted(other, 'recording')} with other settings or versions than those of the "
+            f"{format_count(other, 'recording')} with other settings or versions than those of the "
             "last run: run the fleet again, where their logs still exist."
         )
     undated = fleet_page.results.filter(pl.col("day") == "undated").height
     if undated:
-        found.append(f"{counted(undated, 'recording')} without a date: not in any week or chart.")
+        found.append(
+            f"{format_count(undated, 'recording')} without a date: not in any week or chart."
+        )
     scale = int(sum_tonnes_by_group(fleet_page.results, ["machine"])["without_scale"].sum())
     if scale:
         found.append(
-            f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's "
+            f"Scale not known in {format_count(scale, 'recording')}: neither the empty machine's "
             "stated mass nor a calibration nor the machine file's uncertainties determine it, so "
             "it is not in the ±."
         )
@@ -184,7 +186,7 @@ def _list_fleet_warnings(fleet_page: FleetPage) -> list[str]:
         (pl.col("calibration") == "") & (pl.col("cycles_counted") > 0)
     )
     if fleet_page.calibrations and without.height:
-        found.append(f"{counted(without.height, 'recording')} on days without a calibration.")
+        found.append(f"{format_count(without.height, 'recording')} on days without a calibration.")
     return found
 
 

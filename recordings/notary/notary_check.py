@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
 
-from estimators.errors import EvidenceError, list_some
+from estimators.errors import EvidenceError, join_first_names
 from recordings.notary.notary_limits import LIMITS
 from recordings.notary.notary_list import (
     NotaryEntry,
@@ -240,7 +240,7 @@ def iter_list_remarks(log_entries: Sequence[NotaryEntry]) -> Iterator[str]:
 
 def _format_line_numbers(counters: Sequence[int]) -> str:
     """Numbers of the affected lines as text; only the first ones are listed."""
-    return f"number {list_some(counters, LIMITS.max_entries)}"
+    return f"number {join_first_names(counters, LIMITS.max_entries)}"
 
 
 def parse_list_time(time_text: str) -> dt.datetime | None:

@@ -18,11 +18,7 @@ from analysis.paper import (
 )
 from analysis.paper import table1 as window_table
 from analysis.paper.simulated_sources import Extract, Extracts
-from recordings.paper import (
-    claims_sentences,
-    item_sentences,
-    paper_pictures,
-)
+from recordings.paper import claims_sentences, item_sentences, paper_pictures
 from recordings.paper.paper_pictures import FigurePicture
 from recordings.paper.paper_wording import NAMES, ItemSentences
 
@@ -239,7 +235,7 @@ def _make_one_row_frame(numbers: ItemNumbers) -> pl.DataFrame:
     return numbers.frame
 
 
-def _render_no_tables(_: pl.DataFrame) -> list[RenderedTable]:
+def _render_no_tables(_frame: pl.DataFrame) -> list[RenderedTable]:
     return []
 
 

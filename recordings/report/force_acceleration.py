@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from analysis.model.run_record import Run
-from analysis.model.windows import mark_samples_in_windows
+from analysis.model.windows import mark_samples_in_accepted_windows
 from recordings.report import colours
 from recordings.report.number_text import format_plus_minus
 from recordings.report.report_limits import LIMITS
@@ -125,7 +125,7 @@ def select_force_acceleration_samples(run: Run) -> pl.DataFrame | None:
     if gate is None or gate.height != excitation.height or "accepted_x" not in gate.columns:
         points = points.with_columns(used=pl.lit(value=False), reason=pl.lit("not judged"))
     else:
-        used = mark_samples_in_windows(
+        used = mark_samples_in_accepted_windows(
             gate["accepted_x"].fill_null(value=False).to_numpy(),
             estimate_rows_per_window(run, gate),
         )

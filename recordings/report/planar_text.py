@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analysis.model.run_record import Run
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.report.number_text import (
     describe_unknown_scale_uncertainty,
     format_markdown_table,
@@ -149,7 +149,7 @@ def list_determined_parameters_as_text(planar_row: Mapping[str, Any]) -> str:
         for name, (value, std, unit) in _NAMES.items()
         if planar_row[value] is not None
     ]
-    said = [f"it determines {counted(planar_row['rank'], 'number')}"]
+    said = [f"it determines {format_count(planar_row['rank'], 'number')}"]
     if planar_row["identifiable"]:
         said.append(f"by themselves {planar_row['identifiable']}")
     if planar_row["combinations"]:

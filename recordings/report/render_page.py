@@ -8,7 +8,7 @@ from importlib.metadata import version
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
-from estimators.errors import one_line
+from estimators.errors import join_to_one_line
 from recordings.report.number_text import format_number
 from recordings.report.svg_shapes import WIDTH
 
@@ -75,7 +75,7 @@ def load_templates_and_script_digest(
 
 def _strip_control_characters(value: object) -> object:
     """Remove control and text-direction characters that a browser would obey."""
-    return one_line(value) if type(value) is str else value
+    return join_to_one_line(value) if type(value) is str else value
 
 
 def _format_percent(fraction: float | None) -> str:

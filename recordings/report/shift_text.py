@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.report.number_text import SCALE_NOT_KNOWN
 from recordings.report.report_limits import LIMITS
 
@@ -17,7 +17,7 @@ def describe_shift_payload(shift: Mapping[str, Any]) -> str:
     Args:
         shift: row of the frame `shift`.
     """
-    loads = counted(shift["cycles_counted"], "load")
+    loads = format_count(shift["cycles_counted"], "load")
     answer = f"{format_tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
     scale = f", {SCALE_NOT_KNOWN}" if shift["scale_unknown"] else ""
     if not does_total_include_uncounted_loads(shift):

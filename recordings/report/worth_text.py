@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from analysis.model.answer import Answer
 from analysis.model.physical_units import NS_PER_S
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
     describe_unknown_scale_uncertainty,
@@ -277,7 +277,7 @@ def describe_shift_total(answer: Answer) -> list[str]:
     scale = f", {SCALE_NOT_KNOWN}" if shift.get("scale_unknown") else ""
     missed = f"; {describe_min_detectable_load(shift)}" if may_miss_small_loads(shift) else ""
     return [
-        f"{counted(shift['cycles_counted'], 'cycle')}, {shift['payload_kg'] / 1e3:,.3f} ± "
+        f"{format_count(shift['cycles_counted'], 'cycle')}, {shift['payload_kg'] / 1e3:,.3f} ± "
         f"{u_kg / 1e3:.3f} t (k = 2), {2.0 * shift['payload_u_common_kg'] / 1e3:.3f} t of that "
         f"common to all{total}{scale}{missed}; `payscope review` lists them"
     ]

@@ -52,7 +52,7 @@ def _make_getter_of_column(column_name: str) -> Callable[[Row, ShiftClock], Cell
     return lambda row, _: row[column_name]
 
 
-def _make_dump_time_utc_cell(ledger_row: Row, _: ShiftClock) -> Cell:
+def _make_dump_time_utc_cell(ledger_row: Row, _clock: ShiftClock) -> Cell:
     if ledger_row["end_unix_ns"] < FIRST_DATE_NS:
         return None
     return dt.datetime.fromtimestamp(ledger_row["end_unix_ns"] // NS, dt.UTC).replace(tzinfo=None)
@@ -75,11 +75,11 @@ def _make_utc_offset_cell(ledger_row: Row, clock: ShiftClock) -> Cell:
     return None if offset is None else offset / dt.timedelta(hours=1)
 
 
-def _describe_whether_cycle_counts(ledger_row: Row, _: ShiftClock) -> Cell:
+def _describe_whether_cycle_counts(ledger_row: Row, _clock: ShiftClock) -> Cell:
     return "yes" if ledger_row["counted"] else "no"
 
 
-def _make_remark_cell(ledger_row: Row, _: ShiftClock) -> Cell:
+def _make_remark_cell(ledger_row: Row, _clock: ShiftClock) -> Cell:
     return make_cycle_remark(ledger_row)
 
 

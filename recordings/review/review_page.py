@@ -11,7 +11,7 @@ import polars as pl
 from analysis.cycles.payload_target import TargetCheck
 from analysis.cycles.shift_totals import LabelTotal, sum_counted_cycles
 from analysis.model.physical_units import NS, NS_PER_S
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.report.clock_text import ShiftClock, format_duration
 from recordings.report.number_text import CONSEQUENCES, format_plus_minus
 from recordings.report.render_page import render_page_html
@@ -276,7 +276,7 @@ def render_review_html(review_page: ReviewPage) -> str:
         ],
         totals={name: _make_rows_of_totals(rows) for name, rows in review_page.totals.items()},
         changes=review_page.changes,
-        verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
+        verdicts=f"{format_count(said, 'cycle')} with a reviewer's verdict",
         verdict_lines=list_verdict_file_lines(review_page.verdicts),
         verdict_file=VERDICTS,
         calibration=review_page.calibration.description
@@ -312,7 +312,7 @@ def _list_review_warnings(review_page: ReviewPage) -> list[str]:
     found = describe_missing_loads(review_page.shift)
     found += describe_torn_logs(state)
     if losses := list_losses_besides_torn_ends(state):
-        found.append(f"Damaged or incomplete: {counted(len(losses), 'loss')}, listed below.")
+        found.append(f"Damaged or incomplete: {format_count(len(losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:
         found.append(f"Checks that failed and widen the ±: {', '.join(widened)}.")

@@ -14,20 +14,24 @@ _BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
 
 
 def draw_pictures_of_loads(
-    ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None
+    ledger: pl.DataFrame, state: ReviewState, payload_target: TargetCheck | None
 ) -> list[Drawing]:
     """Figures of the loads; none if no load counts, no distribution for a single one.
 
     Args:
         ledger: the ledger.
         state: state of the review with clock and gaps.
-        target: target check of the loads.
+        payload_target: target check of the loads.
     """
     counted = ledger.filter("counted")
     if not counted.height:
         return []
     found = [_draw_payload_timeline(ledger, state)]
-    return [*found, _draw_payload_distribution(counted, target)] if counted.height > 1 else found
+    return (
+        [*found, _draw_payload_distribution(counted, payload_target)]
+        if counted.height > 1
+        else found
+    )
 
 
 def draw_pictures_of_shift(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
@@ -88,16 +92,24 @@ def _draw_payload_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     return picture
 
 
-def _draw_payload_distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
+def _draw_payload_distribution(
+    counted: pl.DataFrame, payload_target: TargetCheck | None
+) -> Drawing:
     payload = counted["payload_kg"].to_numpy()
-    marks = [] if target is None else [target.target_kg * share for share in (1.0, 1.1, 1.2)]
+    marks = (
+        []
+        if payload_target is None
+        else [payload_target.target_kg * share for share in (1.0, 1.1, 1.2)]
+    )
     low, high = float(min(payload.min(), *marks, payload.max())), float(payload.max())
     high = max([high, *marks])
     count, edges = np.histogram(
         payload, bins=LIMITS.payload_bins, range=(low, high if high > low else low + 1.0)
     )
     against = (
-        "" if target is None else f" Dashed: the target, {target.target_kg:,.0f} kg, 110 and 120 %."
+        ""
+        if payload_target is None
+        else f" Dashed: the target, {payload_target.target_kg:,.0f} kg, 110 and 120 %."
     )
     # of the sample, as in the frame `shift`
     std = float(payload.std(ddof=1))

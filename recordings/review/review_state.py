@@ -21,7 +21,7 @@ from analysis.model.check_names import replace_former_check_names, replace_forme
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.review.review_limits import LIMITS
@@ -179,7 +179,7 @@ def collect_review_state(
             FailedCheck(
                 check=check.check,
                 value=check.value,
-                limit=check.limit,
+                limit=check.limit_text,
                 consequence=check.consequence,
                 meaning=check.meaning,
                 remedy=check.remedy,
@@ -235,18 +235,18 @@ class ChangedSetting(NamedTuple):
 
 
 def list_changed_settings(
-    previous: ReviewState | None, resolved_settings: dict[str, Any]
+    previous_state: ReviewState | None, resolved_settings: dict[str, Any]
 ) -> list[ChangedSetting]:
     """Settings that changed since the previous review: name, old and new value.
 
     Args:
-        previous: state of the previous review.
+        previous_state: state of the previous review.
         resolved_settings: settings of this review.
     """
-    if previous is None:
+    if previous_state is None:
         return []
     old, new = (
-        flatten_values_to_texts(previous.resolved),
+        flatten_values_to_texts(previous_state.resolved),
         flatten_values_to_texts(resolved_settings),
     )
     return [
@@ -275,7 +275,7 @@ def describe_missing_cycles(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     if loads["withheld"].all():
         return str(loads["withheld_for"][0])
     if loads.height == 1:
-        return f"{counted(int(loads['manoeuvres'][0]), 'usable start')}, one load throughout"
+        return f"{format_count(int(loads['manoeuvres'][0]), 'usable start')}, one load throughout"
     return f"none of {loads.height} load states can be identified as loaded or empty"
 
 

@@ -31,7 +31,7 @@ from typing import Annotated, Final
 import polars as pl
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
-from estimators.errors import ReviewError, counted
+from estimators.errors import ReviewError, format_count
 from recordings.review.review_limits import LIMITS
 
 VERDICTS: Final = "verdicts.toml"
@@ -212,7 +212,7 @@ def assign_verdicts_to_rows(
         if best is None or away[best] > LIMITS.same_dump_s:
             raise ReviewError(
                 f"{verdict_path / VERDICTS}: no cycle '{verdict.id}' among "
-                f"{counted(cycle_ids.len(), 'cycle')}; "
+                f"{format_count(cycle_ids.len(), 'cycle')}; "
                 "take the id from ledger.csv"
             )
         found[best] = verdict

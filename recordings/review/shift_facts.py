@@ -7,7 +7,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from estimators.errors import counted, list_some
+from estimators.errors import format_count, join_first_names
 from recordings.report.clock_text import format_duration
 from recordings.report.number_text import format_plus_minus
 from recordings.report.shift_text import (
@@ -57,7 +57,7 @@ def explain_why_no_cycle_counts(state: ReviewState, ledger: pl.DataFrame) -> str
         return ""
     if not state.can_weigh:
         failed = state.mass_withholding_checks
-        names = list_some([check.check for check in failed], LIMITS.headline_max_checks)
+        names = join_first_names([check.check for check in failed], LIMITS.headline_max_checks)
         why = f": {failed[0].meaning}" if len(failed) == 1 else ""
         return f"these logs cannot weigh; failed: {names}{why}"
     if ledger.is_empty():
@@ -69,7 +69,7 @@ def explain_why_no_cycle_counts(state: ReviewState, ledger: pl.DataFrame) -> str
         # the same reason, with other numbers
         alike.setdefault(_NUMBER.sub("", reason), []).append(reason)
     return "; ".join(
-        f"{counted(len(each), 'cycle')}{', such as' if len({*each}) > 1 else ''}: {each[0]}"
+        f"{format_count(len(each), 'cycle')}{', such as' if len({*each}) > 1 else ''}: {each[0]}"
         for each in alike.values()
     )
 
@@ -128,7 +128,7 @@ def list_shift_names_and_values(
     shift: Mapping[str, Any],
     ledger: pl.DataFrame,
     state: ReviewState,
-    target: TargetCheck | None,
+    payload_target: TargetCheck | None,
 ) -> list[tuple[str, str]]:
     """Facts as pairs of name and value: the work first, then the uncertainty of the tonnes."""
     found = [
@@ -136,8 +136,8 @@ def list_shift_names_and_values(
         *_list_time_names_and_values(shift, ledger, state),
     ]
     found += list_energy_names_and_values(ledger, shift, state)
-    if target is not None:
-        found.append(("10/10/20", describe_target_check(target)))
+    if payload_target is not None:
+        found.append(("10/10/20", describe_target_check(payload_target)))
     if shift["cycles_counted"]:
         found += _list_payload_names_and_values(shift, state)
     return found
@@ -160,7 +160,7 @@ def _list_work_names_and_values(
     doubted = ledger.filter("counted", pl.col("doubt") != "")["cycle"].to_list()
     if doubted:
         numbers = ", ".join(map(str, doubted))
-        found.append(("worth a second look", f"{counted(len(doubted), 'load')}: {numbers}"))
+        found.append(("worth a second look", f"{format_count(len(doubted), 'load')}: {numbers}"))
     if shift["cycles_counted"]:
         found.append(("a load", _format_mean_payload(shift)))
     back_kg, back_u_kg = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
@@ -329,7 +329,7 @@ def list_mean_phase_durations(ledger: pl.DataFrame) -> list[tuple[str, str]]:
 def describe_target_check(payload_target: TargetCheck) -> str:
     """Result of the target check in words."""
     near = (
-        f"; {counted(payload_target.near, 'load')} within the uncertainty of a limit"
+        f"; {format_count(payload_target.near, 'load')} within the uncertainty of a limit"
         if payload_target.near
         else ""
     )

@@ -18,7 +18,7 @@ from analysis.model.physical_units import NS
 from analysis.model.schema import FRAMES, QUALITY, conform_frame_to_schema
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from estimators.errors import ReviewError, counted
+from estimators.errors import ReviewError, format_count
 from recordings.report.clock_text import ShiftClock, format_duration
 from recordings.review.energy_columns import add_energy_columns
 from recordings.review.review_limits import LIMITS
@@ -52,7 +52,7 @@ def make_ledger_frame(
     cycles: pl.DataFrame,
     t0_unix_ns: int,
     verdicts: Mapping[int, CycleVerdict],
-    labels_at: Callable[[float], Labels] = lambda _: NO_LABELS,
+    find_labels_at_time: Callable[[float], Labels] = lambda _: NO_LABELS,
 ) -> pl.DataFrame:
     """Ledger with one row per cycle.
 
@@ -62,11 +62,11 @@ def make_ledger_frame(
         cycles: frame `cycles`.
         t0_unix_ns: origin of the frame's times.
         verdicts: verdicts by row.
-        labels_at: labels of cycles that end at a unix time in s; the verdict's own labels precede
-            them.
+        find_labels_at_time: labels of cycles that end at a unix time in s; the verdict's own labels
+            precede them.
     """
     rows = [verdicts.get(row) for row in range(cycles.height)]
-    shared = [labels_at((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
+    shared = [find_labels_at_time((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
 
     def make_verdict_column(name: str, defaults: Sequence[str]) -> pl.Series:
         pairs = zip(rows, defaults, strict=True)
@@ -235,7 +235,7 @@ def find_ledger_row_of_cycle(time_text: str, ledger_rows: pl.DataFrame, clock: S
             else ""
         )
         raise ReviewError(
-            f"no cycle '{time_text}' among {counted(ledger_rows.height, 'cycle')}{span}"
+            f"no cycle '{time_text}' among {format_count(ledger_rows.height, 'cycle')}{span}"
         )
     return found[0]
 

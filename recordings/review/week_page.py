@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_daily_friction_trend
 from analysis.model.physical_units import NS
-from estimators.errors import OutputError, counted
+from estimators.errors import OutputError, format_count
 from recordings.report.atomic_output import stage_output_file
 from recordings.report.number_text import SCALE_NOT_KNOWN, format_plus_minus
 from recordings.report.render_page import render_page_html
@@ -201,7 +201,7 @@ def render_week_html(
         _TEMPLATE,
         title=f"Week of {', '.join(sorted({shift.machine for shift in shifts}))}",
         days=" to ".join(dict.fromkeys([*days[:1], *days[-1:]])),
-        reviews=counted(len(shifts), "review"),
+        reviews=format_count(len(shifts), "review"),
         headline=describe_week_tonnes(week_parts),
         verdicts=f"{whole.rejected} rejected, {whole.noted} with another verdict",
         heads=list(HEADS),
@@ -224,7 +224,7 @@ def describe_week_tonnes(week_parts: Sequence[WeekPart]) -> str:
     whole = sum_whole_week(week_parts)
     scale = "" if all(part.scale_known for part in week_parts) else f", {SCALE_NOT_KNOWN}"
     sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
-    return f"{sum_text} in {counted(whole.loads, 'load')}{scale}"
+    return f"{sum_text} in {format_count(whole.loads, 'load')}{scale}"
 
 
 def _make_cells_of_totals(week_total: WeekTotal) -> tuple[str, ...]:

@@ -170,7 +170,7 @@ def format_answer_summary(run: Run) -> str:
             quiet[came_out].append(f"{check.check}{value}")
         else:
             lines.append(
-                f"{came_out:<8} {check.check} {format_number(check.value)} ({check.limit})"
+                f"{came_out:<8} {check.check} {format_number(check.value)} ({check.limit_text})"
             )
     lines += [f"{name:<8} {', '.join(checks)}" for name, checks in quiet.items() if checks]
     return "\n".join(lines)
@@ -194,7 +194,7 @@ def format_answer_markdown(run: Run) -> str:
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(
-                f"- **{check.check}** is {format_number(check.value)}, must be {check.limit}: "
+                f"- **{check.check}** is {format_number(check.value)}, must be {check.limit_text}: "
                 f"{check.meaning}"
                 for check in failed
             )
@@ -376,7 +376,7 @@ def _make_lines_of_verdict(verdict: Verdict) -> list[str]:
     checks = [
         f"- {format_check_outcome(check, **words)}: **{check.check}** "
         f"{format_number(check.value)} "
-        f"({check.limit}), {check.meaning}"
+        f"({check.limit_text}), {check.meaning}"
         for check in verdict.checks
     ]
     parts = ["## Can this log weigh?", "\n".join(checks)]

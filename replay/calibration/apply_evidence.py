@@ -21,7 +21,7 @@ from analysis.calibration.use.learnt_priors import (
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from estimators.errors import EvidenceError, list_some
+from estimators.errors import EvidenceError, join_first_names
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import select_mass_defining_settings
@@ -125,7 +125,7 @@ class MachineCalibration:
             for each in sorted(names)
             if kept.get(each) != mine.get(each)
         ]
-        named = list_some(differ, LIMITS.max_settings)
+        named = join_first_names(differ, LIMITS.max_settings)
         return f"was made with other settings: {named}" if differ else ""
 
     def require_calibrated_machine(self, weighing_machine: Machine, source: object) -> Machine:
@@ -159,7 +159,7 @@ class MachineCalibration:
         Raises:
             EvidenceError: the evidence expired before the log.
         """
-        zone = self.document.machine.machine.zone
+        zone = self.document.machine.machine.time_zone
         if start_ns is not None and start_ns >= FIRST_DATE_NS:
             day = dt.datetime.fromtimestamp(start_ns // 10**9, zone).date()
             of = f"{subject} is of {day}"

@@ -332,14 +332,14 @@ def _make_evidence_document(
     evidence: EvidenceParts,
     digests: EvidenceTables,
     key: SigningKey | None,
-    previous: CheckedBundle | None,
+    previous_bundle: CheckedBundle | None,
 ) -> EvidenceDocument:
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = make_reference_loads_and_covariance(campaign, machine)
     learnt = evidence.learnt
     weighing = machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
     estimator = make_estimator_with_digest(campaign, weighing)
-    last = None if previous is None else previous.document
+    last = None if previous_bundle is None else previous_bundle.document
     document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
@@ -366,18 +366,20 @@ def _make_evidence_document(
         ),
         replay_tolerance_kg=LIMITS.replay_tolerance_kg,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
-        chain=_make_link_to_previous_evidence(previous),
+        chain=_make_link_to_previous_evidence(previous_bundle),
         signer=None if key is None else _make_signer_of_campaign(campaign, key),
         software=collect_software_versions(),
     )
     return document.with_all_settings
 
 
-def recompute_estimator_of_previous(previous: EvidenceDocument | None) -> Estimator | None:
+def recompute_estimator_of_previous(previous_evidence: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
-    if previous is None:
+    if previous_evidence is None:
         return None
-    return make_estimator_with_digest(previous.campaign, previous.weighing_machine)
+    return make_estimator_with_digest(
+        previous_evidence.campaign, previous_evidence.weighing_machine
+    )
 
 
 def _make_signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
@@ -385,14 +387,14 @@ def _make_signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> 
     return Signer(name=name, key_id=key.public_key.key_id, public_key=key.public_key.base64_text)
 
 
-def _make_link_to_previous_evidence(previous: CheckedBundle | None) -> Chain:
+def _make_link_to_previous_evidence(previous_bundle: CheckedBundle | None) -> Chain:
     """Place of new evidence in the machine's chain."""
-    if previous is None or previous.document is None:
+    if previous_bundle is None or previous_bundle.document is None:
         return Chain(counter=1, previous=None)
-    last = previous.document
+    last = previous_bundle.document
     link = Link(
         id=last.id,
         counter=last.chain.counter,
-        sums_sha256=hashlib.sha256(previous.sums).hexdigest(),
+        sums_sha256=hashlib.sha256(previous_bundle.sums).hexdigest(),
     )
     return Chain(counter=last.chain.counter + 1, previous=link)

@@ -15,8 +15,8 @@ import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.campaign_readings import (
+    make_readings_of_campaign_runs,
     make_run_responses_to_learnt_means,
-    read_campaign_runs,
 )
 from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse
@@ -114,7 +114,9 @@ def replay_campaign_logs(
             (recordings / RUNS).mkdir(exist_ok=True)
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
-        frames.append(read_campaign_runs(replayed, runs, campaign.method.estimator, procedure))
+        frames.append(
+            make_readings_of_campaign_runs(replayed, runs, campaign.method.estimator, procedure)
+        )
         responses += make_run_responses_to_learnt_means(replayed, runs, campaign.method.estimator)
         logs.append(make_evidence_log_record(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
@@ -164,19 +166,19 @@ def generate_random_evidence_id() -> str:
 
 
 def make_evidence_log_record(
-    name: str, replayed: Run, topics: pl.DataFrame, recording: str
+    name: str, replayed_run: Run, topics: pl.DataFrame, recording: str
 ) -> EvidenceLog:
     """The record of a replay that evidence keeps."""
-    about = replayed.provenance
-    said = make_answer(replayed)
-    excitation = replayed.frames["excitation"]
+    about = replayed_run.provenance
+    said = make_answer(replayed_run)
+    excitation = replayed_run.frames["excitation"]
     speed = (
         excitation["speed_x_m_s"].drop_nulls() if excitation.height else pl.Series(dtype=pl.Float64)
     )
     messages = dict(zip(topics["topic"], topics["messages"], strict=True))
     taken = about.fingerprint
     assert taken is not None
-    t_ns = replayed.frames["aligned"]["t_ns"]
+    t_ns = replayed_run.frames["aligned"]["t_ns"]
     return EvidenceLog(
         log=name,
         files=tuple(EvidenceFile(**each.model_dump()) for each in about.inputs),

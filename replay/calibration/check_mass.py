@@ -149,5 +149,5 @@ def _choose_date_of_check(
         start_ns = opened.topics()["start_ns"].min()
     if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:
         raise CampaignError(f"{log}: has no date; give it with --day")
-    zone = calibration.machine.machine.zone
+    zone = calibration.machine.machine.time_zone
     return dt.datetime.fromtimestamp(start_ns // 10**9, zone).date()

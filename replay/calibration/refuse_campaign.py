@@ -33,7 +33,7 @@ def refuse_run_days_unlike_logs(
         CampaignError: a run's log is of another day.
     """
     faults = iter_contradicted_run_days(
-        campaign, replayed_logs.logs, machine.machine.zone, dt.datetime.now(dt.UTC)
+        campaign, replayed_logs.logs, machine.machine.time_zone, dt.datetime.now(dt.UTC)
     )
     fault = next(faults, None)
     if fault is not None:

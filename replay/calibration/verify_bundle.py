@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from estimators.errors import EvidenceError, counted
+from estimators.errors import EvidenceError, format_count
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
@@ -150,8 +150,9 @@ def verify_bundle(
     if log_folder is not None and document is not None and bundle.readings is not None:
         replay_and_compare_logs(bundle, document, bundle.readings, log_folder)
         done.append(
-            f"{counted(len(document.logs), 'log')} replayed: every reading, and begin, duration, "
-            "topics, counts, stamps, losses, notes, speeds and verdict of each log compared"
+            f"{format_count(len(document.logs), 'log')} replayed: every reading, and begin, "
+            "duration, topics, counts, stamps, losses, notes, speeds and verdict of each log "
+            "compared"
         )
     elif document is not None:
         bundle.notes.append(
@@ -192,7 +193,7 @@ def add_expiry_finding(
     checked_bundle: CheckedBundle, document: EvidenceDocument, verification_day: dt.date | None
 ) -> None:
     """Check that the evidence is valid on the day, by default today in the machine's time zone."""
-    zone = document.machine.machine.zone
+    zone = document.machine.machine.time_zone
     day = verification_day or dt.datetime.now(zone).date()
     if document.expires < day:
         what = (

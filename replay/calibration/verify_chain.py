@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.calibration.chain_check import check_chains_of_bundles
 from recordings.calibration.check_outcomes import (
     BundleFinding,
@@ -41,12 +41,12 @@ class VerifiedChain:
     @property
     def chain_verdict(self) -> str:
         """The outcome in a sentence."""
-        these = counted(len(self.bundles), "bundle")
+        these = format_count(len(self.bundles), "bundle")
         if self.outcome is None:
             return f"{these}: each verified, with one chain for each machine"
         wrong = sum(len(made.findings) for made in self.bundles) + len(self.findings)
         kind = BundleFinding(self.outcome, "", "").kind
-        return f"{these}: {kind.upper()} ({counted(wrong, 'finding')})"
+        return f"{these}: {kind.upper()} ({format_count(wrong, 'finding')})"
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as JSON-compatible values."""

@@ -20,7 +20,7 @@ from typing import Any, Final
 
 import typer
 
-from estimators.errors import PayscopeError, one_line
+from estimators.errors import PayscopeError, join_to_one_line
 from replay.commands import (
     calibrate,
     compare,
@@ -204,7 +204,7 @@ def _warn_of_old_keys_on_exit() -> Generator[None]:
                 others(message, category, *rest)
             elif str(message) not in told:
                 told.add(str(message))
-                typer.echo(f"payscope: {one_line(str(message))}", err=True)
+                typer.echo(f"payscope: {join_to_one_line(str(message))}", err=True)
 
         warnings.showwarning = show_warning_once
         yield

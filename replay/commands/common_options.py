@@ -25,8 +25,7 @@ class FrameFormat(StrEnum):
 
 
 FormatOption = Annotated[
-    FrameFormat | None,
-    typer.Option("--format", help="Default: by the suffix of -o, or a table."),
+    FrameFormat | None, typer.Option("--format", help="Default: by the suffix of -o, or a table.")
 ]
 OutputFile = Annotated[
     Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
@@ -132,9 +131,9 @@ def make_key_owner_prompt_or_none() -> "Callable[[SignedBy], str] | None":
 
 def prompt_for_key_owner(signature: "SignedBy") -> str:
     """Ask for the owner of a key; "" if the key is not trusted."""
-    from estimators.errors import one_line
+    from estimators.errors import join_to_one_line
 
-    typer.echo(f"This evidence is {one_line(str(signature))}.", err=True)
+    typer.echo(f"This evidence is {join_to_one_line(str(signature))}.", err=True)
     typer.echo(f"SHA-256 of the key: {signature.key_id}", err=True)
     typer.echo(
         "Compare it with the one that the signer gave you through another channel.", err=True

@@ -77,12 +77,8 @@ def _print_recording_differences(
     comparison: "Comparison", recording_a: Path, recording_b: Path, relative_tolerance: float
 ) -> None:
     """Print the differences, those of the answer first; equal items are not printed."""
-    from estimators.errors import counted
-    from replay.commands.print_tables import (
-        make_stdout_console,
-        print_line,
-        print_table_uncut,
-    )
+    from estimators.errors import format_count
+    from replay.commands.print_tables import make_stdout_console, print_line, print_table_uncut
 
     screen = make_stdout_console()
 
@@ -130,7 +126,7 @@ def _print_recording_differences(
             "the largest changes of each stage:"
         )
         print_part(title, _make_column_change_table(comparison), 0)
-    whole = counted(comparison.columns, "column")
+    whole = format_count(comparison.columns, "column")
     exact = (
         f"within a relative difference of {relative_tolerance:g}"
         if relative_tolerance
@@ -207,7 +203,7 @@ def _format_signed_change(estimate_change: float | None) -> str:
 def _make_column_change_table(recording_comparison: "Comparison") -> "Table":
     from rich.markup import escape
 
-    from estimators.errors import counted
+    from estimators.errors import format_count
     from replay.commands.print_tables import make_plain_table
 
     table = make_plain_table(
@@ -218,7 +214,7 @@ def _make_column_change_table(recording_comparison: "Comparison") -> "Table":
         about = stage.name
         if stage.rows_a != stage.rows_b or stage.common != stage.rows_a:
             rows = (
-                f"{counted(stage.rows_a, 'row')} in A, {stage.rows_b:,} in B, "
+                f"{format_count(stage.rows_a, 'row')} in A, {stage.rows_b:,} in B, "
                 f"{stage.common:,} in both"
             )
             table.add_row(escape(about), rows)

@@ -19,8 +19,7 @@ def command(
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the Parquet files.")
     ],
     topics: Annotated[
-        list[str] | None,
-        typer.Option("--topic", help="Convert this topic alone; repeatable."),
+        list[str] | None, typer.Option("--topic", help="Convert this topic alone; repeatable.")
     ] = None,
     time: TimeColumn = None,
     time_unit: TimeUnit = None,
@@ -52,14 +51,18 @@ def command(
 def _print_conversion(conversion: "Conversion", console: "Console") -> None:
     from rich.markup import escape
 
-    from estimators.errors import one_line
+    from estimators.errors import join_to_one_line
     from replay.commands.print_tables import make_plain_table, print_line, print_table_uncut
 
     table = make_plain_table("topic", "rows", "MB", "files")
     for topic in conversion.to_dict()["topics"]:
-        files = f"{topic['folder']}/*.parquet" if topic["folder"] else one_line(topic["fault"])
+        files = (
+            f"{topic['folder']}/*.parquet" if topic["folder"] else join_to_one_line(topic["fault"])
+        )
         size = f"{topic['size_bytes'] / 1e6:,.3f}"
-        table.add_row(escape(one_line(topic["topic"])), f"{topic['rows']:,}", size, escape(files))
+        table.add_row(
+            escape(join_to_one_line(topic["topic"])), f"{topic['rows']:,}", size, escape(files)
+        )
     print_table_uncut(console, table)
     taken = (
         f", {conversion.resumed_spans} of {conversion.spans} spans already converted"

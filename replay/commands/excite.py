@@ -29,8 +29,7 @@ def command(
         str, typer.Option(help="Wanted error of the mass (in a spin, yaw inertia), as 1% or 0.01.")
     ] = "1%",
     window: Annotated[
-        float | None,
-        typer.Option(help="Window in s, between T and 3 T; 2 T by default."),
+        float | None, typer.Option(help="Window in s, between T and 3 T; 2 T by default.")
     ] = None,
     yard: Annotated[
         float | None, typer.Option(help="Greatest distance in m from the start.")
@@ -72,7 +71,7 @@ def command(
     if output and made.best:
         write_scenario_file(made.to_scenario(base), output, force=force)
         typer.echo(str(output), err=as_json)
-    if not made.is_reached:
+    if not made.is_accuracy_reached:
         raise typer.Exit(1)
 
 
@@ -144,6 +143,6 @@ def _describe_design_verdict(excitation_design: ExcitationDesign) -> str:
     if best is None:
         return "No waveform stays within the yard; give a longer --yard."
     name, error = f"{best.waveform}, {best.ways}", f"{best.relative_error:.2g}"
-    if excitation_design.is_reached:
+    if excitation_design.is_accuracy_reached:
         return f"The accuracy of {wanted} is reached: {name}, has {error}."
     return f"No waveform reaches the accuracy of {wanted}: the best, {name}, has {error}."

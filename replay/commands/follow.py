@@ -160,13 +160,13 @@ def command(
 
 
 def _explain_why_following_ended(following: "Following") -> str:
-    from estimators.errors import counted
+    from estimators.errors import format_count
 
     follower = following.follower
-    spins = f", inertia of {counted(follower.spins, 'spin')}" if follower.spins else ""
+    spins = f", inertia of {format_count(follower.spins, 'spin')}" if follower.spins else ""
     return (
-        f"{following.ended}: {counted(follower.rows_stepped, 'row')}, masses of "
-        f"{counted(follower.manoeuvres, 'manoeuvre')}{spins}"
+        f"{following.ended}: {format_count(follower.rows_stepped, 'row')}, masses of "
+        f"{format_count(follower.manoeuvres, 'manoeuvre')}{spins}"
     )
 
 

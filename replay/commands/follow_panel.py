@@ -18,7 +18,7 @@ from analysis.model.methods import METHODS
 from analysis.online.follower import FollowedRow
 from analysis.online.online_report import OnlineReport
 from analysis.online.replay_report import ReplayReport
-from estimators.errors import counted
+from estimators.errors import format_count
 from replay.commands.screen_limits import LIMITS
 from replay.follow.background_replay import BackgroundReplays
 from replay.follow.follow_logs import Following
@@ -108,7 +108,7 @@ class FollowPanel:
             count = "1 loss" if len(following.losses) == 1 else f"{len(following.losses):,} losses"
             parts.append(Text(f"{count}: {following.losses[-1]}"))
         if late := following.follower.log.late_samples:
-            samples = counted(late, "sample")
+            samples = format_count(late, "sample")
             parts.append(Text(f"{samples} arrived too late for the row", style="yellow"))
         return parts
 
@@ -165,9 +165,7 @@ class ReportPrinter:
         """Wait for the replay of the whole log and print it, unless it is left out."""
         self.print_replay_result(
             self._replays.wait_for_replay_of_whole_log(
-                self._panel.show_waiting_for_replay,
-                is_skipped,
-                is_growing=following.is_interrupted,
+                self._panel.show_waiting_for_replay, is_skipped, is_growing=following.is_interrupted
             )
         )
 

@@ -26,13 +26,13 @@ def main() -> None:
 
     if not should_import_file(asked.path):
         sys.exit(NOT_MINE)
-    from estimators.errors import PayscopeError, one_line
+    from estimators.errors import PayscopeError, join_to_one_line
     from replay.recording.import_log import stream_log_to_viewer
 
     try:
         fault = stream_log_to_viewer(asked.path, parse_viewer_request(asked))
     except PayscopeError as error:
-        sys.stderr.write(f"payscope: {one_line(str(error))}\n")
+        sys.stderr.write(f"payscope: {join_to_one_line(str(error))}\n")
         sys.exit(2)
     if fault is not None:
         sys.stderr.write(f"payscope: shown without a replay: {fault}\n")
@@ -76,9 +76,7 @@ def _make_viewer_argument_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--recording-id", help="id of that recording")
     parser.add_argument(
-        "--entity-path-prefix",
-        default="",
-        help="entity path under which everything is shown",
+        "--entity-path-prefix", default="", help="entity path under which everything is shown"
     )
     for kind in ("sequence", "duration_nanos", "timestamp_nanos"):
         parser.add_argument(

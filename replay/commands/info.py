@@ -94,11 +94,7 @@ def _show_reading_progress(*, is_log_checked: bool) -> AbstractContextManager[ob
 
 def print_log_info(log_info: "LogInfo", time_zone: tzinfo, console: "Console") -> None:
     """Print a log's description, its start in local time of `time_zone`."""
-    from replay.commands.print_tables import (
-        print_line,
-        print_rows_as_table,
-        print_table_uncut,
-    )
+    from replay.commands.print_tables import print_line, print_rows_as_table, print_table_uncut
 
     for line in _iter_log_head_lines(log_info, time_zone):
         print_line(console, line)
@@ -114,13 +110,13 @@ def print_log_info(log_info: "LogInfo", time_zone: tzinfo, console: "Console") -
 
 
 def _iter_log_head_lines(log_info: "LogInfo", time_zone: tzinfo) -> Iterator[str]:
-    from estimators.errors import counted
+    from estimators.errors import format_count
 
     yield f"{log_info.path}: {log_info.format}, {log_info.size_bytes / 1e6:,.3f} MB"
     if log_info.start_ns is None or log_info.duration_s is None:
         yield "no messages"
         return
-    count = counted(log_info.messages, "message")
+    count = format_count(log_info.messages, "message")
     start = _format_log_time(log_info.start_ns, time_zone)
     yield f"from {start}, {log_info.duration_s:,.3f} s, {count}"
 
@@ -134,7 +130,7 @@ class _MarkedLine(NamedTuple):
 
 def iter_check_result_lines(log_info: "LogInfo") -> Iterator[_MarkedLine]:
     """Yield the outcome of --check as mark and text; nothing for a log that was not checked."""
-    from estimators.errors import counted
+    from estimators.errors import format_count
 
     if log_info.checked is None:
         return
@@ -144,10 +140,14 @@ def iter_check_result_lines(log_info: "LogInfo") -> Iterator[_MarkedLine]:
         else ("[red]checked, incomplete[/]", "read")
     )
     agree = "agrees" if log_info.checked.crcs == 1 else "agree"
-    crcs = f"{counted(log_info.checked.crcs, 'CRC')} {agree}" if log_info.checked.crcs else _NO_CRC
+    crcs = (
+        f"{format_count(log_info.checked.crcs, 'CRC')} {agree}"
+        if log_info.checked.crcs
+        else _NO_CRC
+    )
     yield _MarkedLine(
         found,
-        f": {counted(log_info.checked.messages, 'message')} "
+        f": {format_count(log_info.checked.messages, 'message')} "
         f"({log_info.checked.message_bytes / 1e6:,.3f} MB) {done}, {crcs}, "
         f"in {log_info.check_s:.2f} s",
     )
@@ -167,7 +167,7 @@ def _make_topic_table(log_info: "LogInfo") -> "Table":
     from rich.markup import escape
     from rich.table import Table
 
-    from estimators.errors import one_line
+    from estimators.errors import join_to_one_line
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("topic", overflow="fold")
@@ -176,8 +176,8 @@ def _make_topic_table(log_info: "LogInfo") -> "Table":
         table.add_column(title, justify="right", no_wrap=True)
     for row in log_info.topics.iter_rows(named=True):
         table.add_row(
-            escape(one_line(row["topic"])),
-            escape(one_line(row["type"])),
+            escape(join_to_one_line(row["topic"])),
+            escape(join_to_one_line(row["type"])),
             f"{row['messages']:,}",
             _format_seconds_since_start(row["start_ns"], log_info.start_ns),
             _format_seconds_since_start(row["end_ns"], log_info.start_ns),
@@ -193,7 +193,7 @@ _LEFT = (0, 1, 6)
 
 
 def _make_field_rows(log_info: "LogInfo") -> list[tuple[str, ...]]:
-    from estimators.errors import one_line
+    from estimators.errors import join_to_one_line
 
     several = len({each.topic for each in log_info.fields}) > 1
     rows: list[tuple[str, ...]] = []
@@ -201,7 +201,12 @@ def _make_field_rows(log_info: "LogInfo") -> list[tuple[str, ...]]:
         name = f"{each.topic} {each.field}" if several else each.field
         numbers = (each.rate_hz, each.low, each.middle, each.high)
         rows.append(
-            (one_line(name), each.unit or "–", *map(_format_number_or_dash, numbers), each.course)
+            (
+                join_to_one_line(name),
+                each.unit or "–",
+                *map(_format_number_or_dash, numbers),
+                each.course,
+            )
         )
     return rows
 

@@ -12,12 +12,12 @@ def command(
     ],
 ) -> None:
     """Rewrite files whose keys have old names; comments, order and values are kept."""
-    from estimators.errors import one_line
+    from estimators.errors import join_to_one_line
     from replay.machines.old_names import migrate_toml_file
 
     for file in files:
         renamed = migrate_toml_file(file)
         if not renamed:
-            typer.echo(one_line(f"{file}: no old names"))
+            typer.echo(join_to_one_line(f"{file}: no old names"))
         for old, new in renamed.items():
-            typer.echo(one_line(f"{file}: {old} -> {new}"))
+            typer.echo(join_to_one_line(f"{file}: {old} -> {new}"))

@@ -21,9 +21,9 @@ def make_table_of_checks(checks: Sequence["Check"]) -> "Table":
     table.add_column("meaning", overflow="fold")
     for check in checks:
         value = "–" if check.value is None else f"{check.value:.3g}"
-        passed = "near" if check.is_near else "ok"
+        passed = "near" if check.is_near_limit else "ok"
         state = format_check_outcome(check, passed=passed, failed="[red]failed[/]", absent="n/a")
-        table.add_row(check.check, value, check.limit, state, check.meaning)
+        table.add_row(check.check, value, check.limit_text, state, check.meaning)
     return table
 
 

@@ -12,7 +12,7 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from estimators.errors import one_line
+from estimators.errors import join_to_one_line
 from replay.commands.screen_limits import LIMITS
 
 
@@ -33,7 +33,7 @@ def make_plain_table(*column_titles: str) -> Table:
 
 def print_line(console: Console, line: str, prefix_markup: str = "") -> None:
     """Print one line behind a mark in markup: broken between words on a screen, whole in a pipe."""
-    text = Text.from_markup(prefix_markup) + Text(one_line(line))
+    text = Text.from_markup(prefix_markup) + Text(join_to_one_line(line))
     console.print(text, soft_wrap=not console.is_terminal)
 
 

@@ -113,8 +113,7 @@ def command(
         ),
     ] = "",
     author: Annotated[
-        str,
-        typer.Option(help="Name of the one who gives the verdict.", rich_help_panel=_VERDICT),
+        str, typer.Option(help="Name of the one who gives the verdict.", rich_help_panel=_VERDICT)
     ] = "",
     overrides: Annotated[
         list[str] | None,
@@ -140,7 +139,7 @@ def command(
 
     Exit status 1 if no cycle counts; stderr and the page say why.
     """
-    from estimators.errors import one_line
+    from estimators.errors import join_to_one_line
     from recordings.review.shift_facts import summarise_shift_in_line
     from replay.commands.print_tables import make_stdout_console, print_json
     from replay.commands.progress_bar import StageProgress
@@ -199,7 +198,9 @@ def command(
         print_shift_review(make_stdout_console(), made)
     if made.missing_tonnes_reason:
         typer.echo(
-            one_line(summarise_shift_in_line(made.shift, made.missing_tonnes_reason, made.state)),
+            join_to_one_line(
+                summarise_shift_in_line(made.shift, made.missing_tonnes_reason, made.state)
+            ),
             err=True,
         )
         raise typer.Exit(1)
@@ -245,11 +246,7 @@ def print_week_of_reviews(
         sum_week_parts_by_group,
         sum_whole_week,
     )
-    from replay.commands.print_tables import (
-        make_stdout_console,
-        print_json,
-        print_line,
-    )
+    from replay.commands.print_tables import make_stdout_console, print_json, print_line
 
     parts, shifts = (
         read_counted_loads_of_reviews(review_folders),

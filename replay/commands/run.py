@@ -141,7 +141,7 @@ def replay_on_machine_file_changes(
     print_answer: "Callable[[Answer], None]",
 ) -> None:
     """Replay after each change of the machine file and print the change, until interrupted."""
-    from estimators.errors import PayscopeError, one_line
+    from estimators.errors import PayscopeError, join_to_one_line
     from replay.commands.print_tables import format_setting_value
     from replay.runs.run_logs import watch_machine_file
 
@@ -151,13 +151,13 @@ def replay_on_machine_file_changes(
                 f"{each.name} {format_setting_value(each.a)} → {format_setting_value(each.b)}"
                 for each in changed
             )
-            typer.echo(one_line(f"{machine_file} changed: {said}"), err=True)
+            typer.echo(join_to_one_line(f"{machine_file} changed: {said}"), err=True)
         print_answer(answer)
         sys.stdout.flush()
         typer.echo(f"watching {machine_file}; ctrl-C ends", err=True)
 
     def print_error(error: PayscopeError) -> None:
-        typer.echo(f"payscope: {one_line(str(error))}", err=True)
+        typer.echo(f"payscope: {join_to_one_line(str(error))}", err=True)
 
     # interrupted is how it ends
     with suppress(KeyboardInterrupt):
@@ -351,7 +351,7 @@ def print_weighing_verdict(console: "Console", answer: "Answer", verbosity: int)
         console.print(f"Log usable: {passed} {of} passed; {share} of the samples used.")
     else:
         console.print("Log not usable for weighing: the mass is withheld. Failed checks:")
-    near = verdict.near_checks if verdict.can_weigh else ()
+    near = verdict.checks_near_limit if verdict.can_weigh else ()
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
     if shown or verbosity > 1:
         print_table_uncut(console, make_table_of_checks(verdict.checks if verbosity > 1 else shown))

@@ -135,11 +135,7 @@ def _verify_notary_list(
     list_path: Path, key_file: Path | None, *, is_signature_required: bool, as_json: bool
 ) -> None:
     """Verify a notary list and print the result."""
-    from replay.commands.print_tables import (
-        make_stdout_console,
-        print_json,
-        print_line,
-    )
+    from replay.commands.print_tables import make_stdout_console, print_json, print_line
     from replay.notary.list_file import UNSEEN, verify_notary_list
 
     found = verify_notary_list(

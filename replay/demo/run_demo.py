@@ -15,7 +15,7 @@ from analysis import Machine, Run
 from analysis.calibration.campaign.by_method import (
     fit_calibration_line_by_method,
     make_calibration_frame,
-    make_method_rows,
+    make_calibration_rows_of_method,
 )
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
@@ -233,7 +233,9 @@ def add_evidence_calibration_line(
     document = calibration_outcome.document
     points = () if document.calibration is None else document.calibration.points
     first = make_calibration_frame(
-        make_method_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
+        make_calibration_rows_of_method(
+            JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg
+        )
     )
     both = pl.concat([first, replayed_run.frames["calibration"]])
     return replace(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.explain import Finding
-from estimators.errors import MachineError, one_line
+from estimators.errors import MachineError, join_to_one_line
 from recordings.report.finding_text import describe_mass_change_if_fixed, find_readable_cause_name
 from replay.machines.old_names import BothNamesError, migrate_toml_text
 
@@ -56,7 +56,7 @@ def split_finding_to_proposal_per_key(finding: Finding) -> tuple[Proposal, ...]:
             key,
             value,
             finding.cause,
-            one_line(said),
+            join_to_one_line(said),
             None if number else finding.mass_change_kg,
             None if number else finding.mass_change_u_kg,
         )
@@ -114,7 +114,7 @@ def insert_proposals_into_machine_file(
     except BothNamesError as error:
         raise MachineError(f"{machine_path}: {error}") from None
     except (TOMLKitError, tomllib.TOMLDecodeError) as error:
-        raise MachineError(f"{machine_path}: is not TOML: {one_line(str(error))}") from None
+        raise MachineError(f"{machine_path}: is not TOML: {join_to_one_line(str(error))}") from None
 
 
 def _format_change_comment(table: Any, key_name: str, reason: str) -> str:

@@ -11,7 +11,7 @@ from typing import Final
 import polars as pl
 
 from analysis.fleet.daily_figures import UNDATED
-from analysis.fleet.results_comparison import FleetComparison, compare_results
+from analysis.fleet.results_comparison import FleetComparison, compare_fleet_results
 from estimators.errors import FleetError
 from replay.fleet.gathered_tables import FleetResults, open_results_of_fleet
 from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
@@ -107,7 +107,7 @@ def compare_fleets(
     Raises:
         FleetError: the two have no log in common.
     """
-    found = compare_results(
+    found = compare_fleet_results(
         day_range.select_results_in_range(fleet_a.selected_results),
         day_range.select_results_in_range(fleet_b.selected_results),
     )

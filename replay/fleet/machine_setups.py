@@ -42,12 +42,7 @@ _STRICT: Final = ConfigDict(extra="forbid", frozen=True)
 #: Stands for the machine's name in a rule.
 NAME: Final = "{machine}"
 #: Parts of a pattern, longest first, and what they stand for.
-_PARTS: Final = {
-    NAME: r"(?P<machine>[^/]+)",
-    "**/": r"(?:[^/]+/)*",
-    "*": r"[^/]*",
-    "?": r"[^/]",
-}
+_PARTS: Final = {NAME: r"(?P<machine>[^/]+)", "**/": r"(?:[^/]+/)*", "*": r"[^/]*", "?": r"[^/]"}
 _PART: Final = re.compile("|".join(map(re.escape, _PARTS)))
 _Text = Annotated[str, StringConstraints(min_length=1)]
 
@@ -82,7 +77,7 @@ class MachineSetup:
         """Day in the machine's time zone; None without a date."""
         if unix_ns is None or unix_ns < FIRST_DATE_NS:
             return None
-        return dt.datetime.fromtimestamp(unix_ns // _S, self.machine.machine.zone).date()
+        return dt.datetime.fromtimestamp(unix_ns // _S, self.machine.machine.time_zone).date()
 
     @property
     def calibration(self) -> FleetCalibration | None:

@@ -121,13 +121,13 @@ class RayEngine:
         return max(int(self._ray.cluster_resources().get("CPU", 1)), 1)
 
     def run(
-        self, function: Callable[[Task], Result], work: Sequence[TaskWork[Task]]
+        self, function: Callable[[Task], Result], task_work: Sequence[TaskWork[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it finishes; nodes import the function."""
         remote = self._ray.remote(
             num_cpus=1, max_retries=LIMITS.max_retries, max_calls=LIMITS.tasks_per_worker
         )(function)
-        waiting = deque(work)
+        waiting = deque(task_work)
         running: dict[Any, TaskWork[Task]] = {}
         try:
             while waiting or running:

@@ -36,7 +36,7 @@ class TaskEngine(Protocol):
         ...
 
     def run(
-        self, function: Callable[[Task], Result], work: Sequence[TaskWork[Task]]
+        self, function: Callable[[Task], Result], task_work: Sequence[TaskWork[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it comes, in any order; each exactly once."""
         ...

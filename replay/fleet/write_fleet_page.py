@@ -14,10 +14,10 @@ from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
     UNDATED,
-    make_daily_figures,
-    sum_daily_figures_over_machines,
+    sum_daily_results_over_machines,
     sum_tonnes_by_group,
     sum_weekly_tonnes,
+    summarise_results_by_day,
 )
 from analysis.fleet.machine_drifts import MachineChart, make_machine_charts
 from recordings.fleet.fleet_page import FleetPage, render_fleet_html
@@ -50,7 +50,7 @@ class FleetReport:
         machines = sum_tonnes_by_group(page.results, ["machine"])
         return {
             "page": str(self.path),
-            "sum": dict(sum_daily_figures_over_machines(machines)),
+            "sum": dict(sum_daily_results_over_machines(machines)),
             "machines": machines.to_dicts(),
             "drifts": [
                 _convert_drift_to_dict(c) for c in page.charts if c.chart.flagged is not None
@@ -96,7 +96,7 @@ def write_fleet_report(
 def make_fleet_page(results: FleetResults, destination: str, fleet_name: str) -> FleetPage:
     """Contents of the page of a fleet."""
     rows, cycles = results.selected_results, results.scan_rows_of_selected_results("cycles")
-    days = make_daily_figures(rows, cycles)
+    days = summarise_results_by_day(rows, cycles)
     calibrations = results.calibrations_in_use
     last = days["day"].max()
     return FleetPage(

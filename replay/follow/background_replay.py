@@ -24,7 +24,7 @@ from typing import Any, Final, Self
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.online.replay_report import ReplayReport, ReplayValidity, make_replay_report
-from estimators.errors import DataError, PayscopeError, one_line
+from estimators.errors import DataError, PayscopeError, join_to_one_line
 from replay.follow.follow_limits import LIMITS
 from replay.logs import ACTIVE, open_log
 from replay.machines.machine_file import find_time_axis_of_machine
@@ -359,7 +359,7 @@ def serve_replay_request(request_json: Mapping[str, Any]) -> ReplayReport:
 
 def make_report_of_failed_replay(fault_text: str, validity: ReplayValidity) -> ReplayReport:
     """Report of a replay without a result."""
-    return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=one_line(fault_text))
+    return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=join_to_one_line(fault_text))
 
 
 if __name__ == "__main__":

@@ -212,7 +212,7 @@ def process_new_log_data(
     """
     began = time.monotonic()
     # one that is still recorded ends within a line, which would be half a row
-    frames = growing_log.poll(is_whole=is_last and not following.is_interrupted)
+    frames = growing_log.poll(is_log_complete=is_last and not following.is_interrupted)
     following.topics, following.losses = growing_log.topics, [*growing_log.losses]
     for topic, frame in frames.items():
         following.follower.take(topic, frame)

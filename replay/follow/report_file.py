@@ -16,7 +16,7 @@ from mcap.writer import CompressionType, Writer
 from analysis.online.answer_progress import describe_missing_manoeuvres
 from analysis.online.online_report import OnlineReport, make_report_schema
 from analysis.online.replay_report import LoadReport, ReplayReport, make_replay_report_schema
-from estimators.errors import counted
+from estimators.errors import format_count
 from recordings.report.atomic_output import (
     AppendedFile,
     refuse_input_as_output,
@@ -261,7 +261,7 @@ def describe_progress_to_answer(report: OnlineReport) -> str:
 def describe_load_state(load: LoadReport) -> str:
     """A load state in a line: when, mass and payload with uncertainties, or why there is none."""
     head = f"load {load.load_id}, {format_utc_time(load.start_unix_ns)} to "
-    head += f"{format_utc_time(load.end_unix_ns)}, {counted(load.manoeuvres, 'manoeuvre')}: "
+    head += f"{format_utc_time(load.end_unix_ns)}, {format_count(load.manoeuvres, 'manoeuvre')}: "
     if load.mass_kg is None:
         return f"{head}no mass, withheld by {load.withheld_by}"
     mass = f"{format_plus_minus(load.mass_kg, load.mass_u_kg)} kg"
@@ -282,7 +282,7 @@ def describe_replay_result(replay_report: ReplayReport) -> str:
         if replay_report.is_whole
         else f"{until}, {replay_report.age_s:,.0f} s ago"
     )
-    loads = counted(len(replay_report.loads), "load")
+    loads = format_count(len(replay_report.loads), "load")
     if replay_report.inertia_z_kg_m2 is not None:
         turning = format_plus_minus(replay_report.inertia_z_kg_m2, replay_report.inertia_u_kg_m2)
         loads += f", yaw inertia {turning} kg·m²"

@@ -59,7 +59,7 @@ def scan_log(  # noqa: PLR0913 - each names one choice
     """
     options = FrameOptions(nested, arrays, enums, times)
     return make_lazy_frame_of_topic(
-        make_row_source_of_topic(logs, topic, options, fields=fields, time=time, losses=losses)
+        make_row_source_of_topic(logs, topic, options, fields=fields, time_axis=time, losses=losses)
     )
 
 
@@ -201,7 +201,9 @@ def stream_log(
     Raises:
         LogError: the log, topic, field or column does not exist.
     """
-    source = make_row_source_of_topic(logs, topic, options, fields=fields, time=time, losses=losses)
+    source = make_row_source_of_topic(
+        logs, topic, options, fields=fields, time_axis=time, losses=losses
+    )
     return LogStream(source, columns, where)
 
 
@@ -275,7 +277,7 @@ def make_row_source_of_topic(
     options: FrameOptions = FrameOptions(),  # noqa: B008 - it is frozen
     *,
     fields: Sequence[str] | None = None,
-    time: TimeAxis | None = None,
+    time_axis: TimeAxis | None = None,
     losses: list[Loss] | None = None,
 ) -> TopicSource:
     """Row source of a topic, for a lazy frame or a stream.
@@ -285,7 +287,7 @@ def make_row_source_of_topic(
         topic: as in `scan_log`.
         options: how messages become columns.
         fields: as in `scan_log`.
-        time: time column and format of tables.
+        time_axis: time column and format of tables.
         losses: receives data that could not be read.
 
     Raises:
@@ -293,5 +295,11 @@ def make_row_source_of_topic(
     """
     paths, is_several = expand_log_paths_and_tell_if_many(logs)
     return TopicSource(
-        paths, topic, options, fields=fields, with_source=is_several, time=time, losses=losses
+        paths,
+        topic,
+        options,
+        fields=fields,
+        with_source=is_several,
+        time_axis=time_axis,
+        losses=losses,
     )

@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from estimators.errors import QueryError, list_some, suggest_choice
+from estimators.errors import QueryError, join_first_names, suggest_choice
 from replay.frames.frame_limits import LIMITS
 
 #: A table is made when a statement names it.
@@ -124,7 +124,7 @@ def describe_available_tables(missing_name: str, tables: Tables) -> str:
 
 
 def _format_list_of_tables(tables: Tables) -> str:
-    return list_some(list(tables), LIMITS.max_names)
+    return join_first_names(list(tables), LIMITS.max_names)
 
 
 def add_order_by_all_columns(sql: str, columns: Sequence[str]) -> str:

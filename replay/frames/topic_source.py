@@ -49,7 +49,7 @@ class TopicSource:
         *,
         fields: Sequence[str] | None = None,
         with_source: bool = False,
-        time: TimeAxis | None = None,
+        time_axis: TimeAxis | None = None,
         losses: list[Loss] | None = None,
     ) -> None:
         """Examine the first log that has the topic.
@@ -60,7 +60,7 @@ class TopicSource:
             options: how messages become columns.
             fields: dotted names, including elements of lists; None for all fields.
             with_source: whether to add a column with the log of each row.
-            time: time column and format of tables.
+            time_axis: time column and format of tables.
             losses: receives data that could not be read, besides the attribute.
 
         Raises:
@@ -69,7 +69,7 @@ class TopicSource:
         self.losses: list[Loss] = [] if losses is None else losses
         self.failure: PayscopeError | None = None
         self.topic, self._paths, self._options = topic, tuple(paths), options
-        self._time, self._field_names = time, fields
+        self._time, self._field_names = time_axis, fields
         self._source = SOURCE if with_source else None
         self._shape = self._find_shape_of_first_log()
 
@@ -238,21 +238,21 @@ def _warn_of_losses_of_log(path: Path, losses: Sequence[Loss]) -> None:
         warnings.warn(f"{path}: {losses[0]}{more}", LossWarning, stacklevel=2)
 
 
-def open_or_reuse_log(path: Path, time: TimeAxis | None = None) -> Log:
+def open_or_reuse_log(path: Path, time_axis: TimeAxis | None = None) -> Log:
     """Open a log, or reuse the open one if its files are unchanged.
 
     Args:
         path: path of the log.
-        time: time column and format of a table.
+        time_axis: time column and format of a table.
 
     Raises:
         LogError: as `open_log`.
     """
     with _one_at_a_time:
-        key = (str(path.absolute()), read_names_sizes_and_times(path), time)
+        key = (str(path.absolute()), read_names_sizes_and_times(path), time_axis)
         log = _opened.pop(key, None)
         if log is None:
-            log = open_log(path, time=time)
+            log = open_log(path, time=time_axis)
         _opened[key] = log
         # one that is still read closes when that is over: nothing else holds it
         while len(_opened) > LIMITS.max_open_logs:

@@ -167,7 +167,7 @@ def _iter_campaign_run_blocks(log: Log, log_name: str, machine: Machine | None) 
     topics = log.topics()
     start_ns = topics["start_ns"].min()
     dated = isinstance(start_ns, int) and start_ns >= FIRST_DATE_NS
-    zone = dt.UTC if machine is None else machine.machine.zone
+    zone = dt.UTC if machine is None else machine.machine.time_zone
     day = (
         f"{dt.datetime.fromtimestamp(start_ns // 10**9, zone):%Y-%m-%d}"
         if dated and isinstance(start_ns, int)

@@ -83,12 +83,12 @@ class ChannelGuess:
     reason: str | None = None
 
 
-def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]:
+def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[str]]:
     """Draft a machine file for a log.
 
     Args:
         log: an opened log.
-        time: time column of a table, if given.
+        time_axis: time column of a table, if given.
 
     Returns:
         Text of the file, and a sentence about each item that `run` still needs.
@@ -110,7 +110,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     kinematic = "specific_force_x_m_s2" not in found
     lacking = [
         *told.questions,
-        *_describe_missing_channels(found, told.questions, is_kinematic=kinematic),
+        *_describe_missing_channels(found, told.questions, needs_acceleration=kinematic),
     ]
     lines = [
         f"# A first machine file for {_replace_unprintable(log.path.name)}: check every line.",
@@ -129,8 +129,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     ]
     sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
     lines += make_imu_mounting_lines(log, sources)
-    if is_table and time is not None:
-        lines += ["[log]", *_make_log_section_lines(time), ""]
+    if is_table and time_axis is not None:
+        lines += ["[log]", *_make_log_section_lines(time_axis), ""]
     lines += [f"# {_replace_unprintable(note)}" for note in log.notes()]
     lines += [""] if log.notes() else []
     for guess in guesses:
@@ -173,9 +173,13 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     return "\n".join(lines) + "\n", lacking
 
 
-def _make_log_section_lines(time: TimeAxis) -> list[str]:
+def _make_log_section_lines(time_axis: TimeAxis) -> list[str]:
     """Lines of `[log]` for the given time column."""
-    keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
+    keys: dict[str, object] = {
+        "time": time_axis.column,
+        "time_unit": time_axis.unit,
+        **asdict(time_axis.table),
+    }
     return [f"{key} = {format_toml(value)}" for key, value in keys.items() if value is not None]
 
 
@@ -289,7 +293,7 @@ def _derive_missing_channels(channels: set[str]) -> dict[str, str]:
 
 
 def _describe_missing_channels(
-    channels: set[str], questions: list[str], *, is_kinematic: bool
+    channels: set[str], questions: list[str], *, needs_acceleration: bool
 ) -> list[str]:
     lacking: list[str] = []
     if "force_x_N" not in channels and not {"torque_left_N_m", "torque_right_N_m"} <= channels:
@@ -298,7 +302,7 @@ def _describe_missing_channels(
         lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
     if "speed_x_m_s" not in channels:
         lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")
-    if is_kinematic and "acc_x_m_s2" not in channels:
+    if needs_acceleration and "acc_x_m_s2" not in channels:
         lacking.append("an acceleration: channels.specific_force_x_m_s2 or channels.acc_x_m_s2")
     return lacking
 

@@ -56,16 +56,16 @@ class _CachedDescription(BaseModel):
 class DecodedLog(Log):
     """A log whose needed fields are read from the cache."""
 
-    def __init__(self, log: Log, kept: Path, time: TimeAxis | None) -> None:
+    def __init__(self, log: Log, kept: Path, time_axis: TimeAxis | None) -> None:
         """Read the description.
 
         Args:
             log: decoded log; its digests were compared.
             kept: folder of the cache entry.
-            time: time column and format of a table.
+            time_axis: time column and format of a table.
         """
         super().__init__(log.path, log.format)
-        self._files, self._digests, self._time = log.files, log.digests, time
+        self._files, self._digests, self._time = log.files, log.digests, time_axis
         self._kept = kept
         self._machine_ids = log.machine_ids()
         self._about = _CachedDescription.model_validate_json((kept / _ABOUT).read_bytes())

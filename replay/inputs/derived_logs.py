@@ -223,10 +223,10 @@ def _rename_topics_of_disjoint_tables(
 class MemoryLog(Log):
     """Topics of a simulation as a log, with fields named like channels."""
 
-    def __init__(self, simulated: "SimulatedLog") -> None:
+    def __init__(self, simulated_log: "SimulatedLog") -> None:
         # a name for messages; there is no file
-        super().__init__(Path(f"simulated_{simulated.load_kg:g}kg"), _FORMAT)
-        self._frames = simulated.topics
+        super().__init__(Path(f"simulated_{simulated_log.load_kg:g}kg"), _FORMAT)
+        self._frames = simulated_log.topics
 
     @property
     def files(self) -> tuple[Path, ...]:

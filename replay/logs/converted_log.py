@@ -10,7 +10,7 @@ import polars as pl
 from pydantic import ValidationError
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, list_some, suggest_choice
+from estimators.errors import LogError, join_first_names, suggest_choice
 from estimators.file_digest import file_sha256
 from replay.logs.converted import DESCRIPTION
 from replay.logs.converted.description import (
@@ -177,7 +177,7 @@ class ConvertedLog(Log):
         }
         missing = [part for part in self._parts if not (path / part).is_file()]
         if missing:
-            named = list_some([f"'{part}'" for part in missing], 1)
+            named = join_first_names([f"'{part}'" for part in missing], 1)
             raise LogError(f"{path}: {named} is missing; convert the log again")
 
     @cached_property

@@ -148,8 +148,8 @@ class GrowingLogFile(Protocol):
         """Losses so far: data that could not be read."""
         ...
 
-    def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
-        """New complete rows of each topic; `is_whole` includes incomplete ones at the end."""
+    def poll(self, *, is_log_complete: bool = False) -> dict[str, pl.DataFrame]:
+        """New complete rows of each topic; `is_log_complete` includes incomplete last ones."""
         ...
 
     def close(self) -> None:
@@ -158,7 +158,7 @@ class GrowingLogFile(Protocol):
 
 
 def open_growing_log(
-    paths: Sequence[Path], fields: Mapping[str, Sequence[str]], time: TimeAxis | None = None
+    paths: Sequence[Path], fields: Mapping[str, Sequence[str]], time_axis: TimeAxis | None = None
 ) -> GrowingLogFile:
     """Open one or several logs that are still being recorded.
 
@@ -166,7 +166,7 @@ def open_growing_log(
         paths: `.bag` (or `.bag.active`), `.mcap`, `.db3`, one text table, or one folder of a
             recorder that starts new files, as rosbag2 does.
         fields: fields by topic, as in `Log.read_many`.
-        time: time column and format of a table.
+        time_axis: time column and format of a table.
 
     Raises:
         LogError: the file does not exist, or its format cannot be followed.
@@ -188,7 +188,7 @@ def open_growing_log(
             )
         from replay.logs.log_tails import TableTail
 
-        return TableTail(first, time, fields)
+        return TableTail(first, time_axis, fields)
     unknown = suffixes - set(_TAILS)
     if unknown:
         raise LogError(

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from estimators.errors import LogError, list_some
+from estimators.errors import LogError, join_first_names
 from replay.logs.converted import DESCRIPTION
 from replay.logs.log import Log, TimeAxis
 from replay.logs.log_limits import LIMITS
@@ -13,36 +13,36 @@ from replay.logs.log_limits import LIMITS
 # import, and `payscope --help` needs none of them.
 
 
-def _open_bag(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+def _open_bag(path: Path, time_axis: TimeAxis | None) -> Log:  # noqa: ARG001
     from replay.logs.bag import BagFile
     from replay.logs.message_log import MessageLog
 
     return MessageLog(path, "ROS 1 bag", BagFile)
 
 
-def _open_mcap(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+def _open_mcap(path: Path, time_axis: TimeAxis | None) -> Log:  # noqa: ARG001
     from replay.logs.mcap import McapFile
     from replay.logs.message_log import MessageLog
 
     return MessageLog(path, "MCAP", McapFile)
 
 
-def _open_db3(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+def _open_db3(path: Path, time_axis: TimeAxis | None) -> Log:  # noqa: ARG001
     from replay.logs.message_log import MessageLog
     from replay.logs.sqlite import Db3File
 
     return MessageLog(path, "rosbag2 SQLite", Db3File)
 
 
-def _open_table(path: Path, time: TimeAxis | None) -> Log:
+def _open_table(path: Path, time_axis: TimeAxis | None) -> Log:
     if path.suffix.lower() == ".gz" and Path(path.stem).suffix.lower() not in _TEXTS:
         raise LogError(f"{path}: only text tables can be read from .gz; unpack this file first")
     from replay.logs.table_log import TableLog
 
-    return TableLog(path, time)
+    return TableLog(path, time_axis)
 
 
-def _open_recording(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+def _open_recording(path: Path, time_axis: TimeAxis | None) -> Log:  # noqa: ARG001
     from replay.logs.recording_log import RecordingLog
 
     return RecordingLog(path)
@@ -59,7 +59,7 @@ def _open_directory(path: Path) -> Log:
     if not (path / METADATA).exists() and not list_storage_files(path):
         logs = sorted(each.name for each in path.iterdir() if is_path_named_like_log(each))
         if logs:
-            named = list_some(logs, LIMITS.max_logs)
+            named = join_first_names(logs, LIMITS.max_logs)
             raise LogError(f"{path}: is a folder of logs; give one of them: {named}")
         raise LogError(
             f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "

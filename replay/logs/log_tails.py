@@ -23,18 +23,18 @@ class TableTail:
     """A growing text table. It does not show whether its recorder has ended."""
 
     def __init__(
-        self, path: Path, time: TimeAxis | None, fields: Mapping[str, Sequence[str]]
+        self, path: Path, time_axis: TimeAxis | None, fields: Mapping[str, Sequence[str]]
     ) -> None:
         """Begin before the first line.
 
         Args:
             path: path of the table.
-            time: time column and format; None to detect them.
+            time_axis: time column and format; None to detect them.
             fields: fields by topic; a table has one topic.
         """
         self.is_finished = False
         self.topics = [TABLE]
-        self._path, self._time, self._fields = path, time, list(fields.get(TABLE, ()))
+        self._path, self._time, self._fields = path, time_axis, list(fields.get(TABLE, ()))
         self._file = FileBytes(path)
         self._scratch = TemporaryDirectory(prefix="payscope-")
         self._losses = LossList()
@@ -50,16 +50,16 @@ class TableTail:
         """Losses so far: data that could not be read."""
         return [*self._losses]
 
-    def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
+    def poll(self, *, is_log_complete: bool = False) -> dict[str, pl.DataFrame]:
         """Rows completed since the last poll; at the file's end also a row without a newline."""
         new = self._file.update_size() - self._at
         data = self._file.read_bytes(self._at, min(new, LIMITS.poll_bytes))
-        end = len(data) if is_whole and len(data) == new else data.rfind(b"\n") + 1
+        end = len(data) if is_log_complete and len(data) == new else data.rfind(b"\n") + 1
         self._at += end
         self._waiting += data[:end].splitlines(keepends=True)
         if not self._waiting:
             return {}
-        if self._head is None and len(self._waiting) < LIMITS.head_rows and not is_whole:
+        if self._head is None and len(self._waiting) < LIMITS.head_rows and not is_log_complete:
             return {}
         frame = self._parse_table_text(b"".join([self._head or b"", *self._before, *self._waiting]))
         if self._head is None:
@@ -123,7 +123,7 @@ class MessageTail:
         """Losses so far: data that could not be read."""
         return [*self._tail.losses, *self._losses]
 
-    def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
+    def poll(self, *, is_log_complete: bool = False) -> dict[str, pl.DataFrame]:
         """New complete rows of each topic, in the order of the file.
 
         Raises:
@@ -140,7 +140,7 @@ class MessageTail:
                 what = f"messages cannot be decoded: {decoded.first_fault}"
                 self._losses.add_loss(self._path, what, connection.topic)
             found.setdefault(connection.topic, []).append(decoded.frame)
-        if is_whole:
+        if is_log_complete:
             self._tail.note_incomplete_end()
         return {topic: pl.concat(frames) for topic, frames in found.items()}
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from estimators.errors import one_line
+from estimators.errors import join_to_one_line
 from replay.logs.log_limits import LIMITS
 
 #: What recorders call it, with anything but letters and digits read as `_`.
@@ -36,7 +36,7 @@ def iter_serial_numbers_in_metadata(texts: Mapping[str, str], record: str = "") 
     """
     for key, text in texts.items():
         names = (key, f"{record}_{key}") if record else (key,)
-        said = " ".join(one_line(text).split())
+        said = " ".join(join_to_one_line(text).split())
         if said and any(_SEPARATORS.sub("_", name.lower()).strip("_") in KEYS for name in names):
             yield said[: LIMITS.machine_id_characters]
 

@@ -23,7 +23,7 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 
-from estimators.errors import one_line
+from estimators.errors import join_to_one_line
 from replay.logs.log_limits import LIMITS
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.messages.message_types import (
@@ -68,7 +68,7 @@ class DefinitionError(Exception):
     """Messages of a connection cannot be decoded; one line with the reason."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(one_line(text))
+        super().__init__(join_to_one_line(text))
 
 
 def make_message_type_of_connection(connection: Connection) -> MessageType:

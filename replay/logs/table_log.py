@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import polars as pl
 
 from analysis.model.loss import Loss
-from estimators.errors import LogError, counted, list_some, suggest_choice
+from estimators.errors import LogError, format_count, join_first_names, suggest_choice
 from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
 from replay.logs.log_limits import LIMITS
 from replay.logs.machine_ids import iter_serial_numbers_in_metadata, iter_serial_numbers_in_preamble
@@ -41,21 +41,23 @@ class TableLog(Log):
     If pairs of time and value stand side by side, each time is a topic: `table`, `table/2` ….
     """
 
-    def __init__(self, path: Path, time: TimeAxis | None) -> None:
+    def __init__(self, path: Path, time_axis: TimeAxis | None) -> None:
         inner = path.with_suffix("") if path.suffix.lower() == ".gz" else path
         self._suffix = inner.suffix.lower().removeprefix(".")
         copies = ExitStack()
         super().__init__(path, _FORMATS.get(self._suffix, "text table"), copies.close)
         self._losses = LossList()
-        self._hints = time.table if time else TableHints()
+        self._hints = time_axis.table if time_axis else TableHints()
         try:
             self._columns = self._open_columns_of_table(copies)
         except BrokenBytesError as error:
             raise LogError(f"{path}: not a {self._suffix} table: {error}") from error
         except DialectError as error:
             raise LogError(f"{path}: {error} {_WHERE}") from error
-        self._is_time_given = time is not None and not (time.column is None and time.unit is None)
-        found = self._find_time_columns(time)
+        self._is_time_given = time_axis is not None and not (
+            time_axis.column is None and time_axis.unit is None
+        )
+        found = self._find_time_columns(time_axis)
         names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
         self._parts = dict(zip(names, found, strict=True))
         self._stamps: dict[str, pl.Series] = {}
@@ -133,7 +135,7 @@ class TableLog(Log):
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:
-            named = list_some([*map(repr, columns)], LIMITS.max_columns)
+            named = join_first_names([*map(repr, columns)], LIMITS.max_columns)
             raise LogError(
                 f"{self.path}: no time column among {named}; "
                 'name it in the machine file: [log] time = "COLUMN", time_unit = "s", or where '
@@ -196,7 +198,8 @@ class TableLog(Log):
             self._refuse_restarting_time(axis, there, backwards)
             self._losses.add_loss(
                 self.path,
-                f"the time goes back at {counted(backwards, 'row')}; all rows were sorted by time",
+                f"the time goes back at {format_count(backwards, 'row')}; all rows were sorted by "
+                "time",
                 TABLE,
             )
         return times.alias("log_time_ns")

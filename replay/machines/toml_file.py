@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, NamedTuple, TypeVar, Union, get_args, 
 
 from pydantic import BaseModel, ValidationError
 
-from estimators.errors import PayscopeError, counted, suggest_choice
+from estimators.errors import PayscopeError, format_count, suggest_choice
 from replay.machines.old_names import (
     OLD_NAMES,
     BothNamesError,
@@ -189,7 +189,7 @@ def explain_validation_fault(validation_fault: ValidationError, model: type[Base
     others = len(details) - 1
     # a quoted key may hold line breaks
     return " ".join(
-        f"{text} (and {counted(others, 'more fault')})".split() if others else text.split()
+        f"{text} (and {format_count(others, 'more fault')})".split() if others else text.split()
     )
 
 

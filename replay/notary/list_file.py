@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from estimators.errors import EvidenceError, OutputError, counted
+from estimators.errors import EvidenceError, OutputError, format_count
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
@@ -269,7 +269,7 @@ class VerifiedList:
     @property
     def verdict(self) -> str:
         """Outcome in one sentence."""
-        holds = f"{counted(self.logs, 'log')} verified; {self.kept_by}"
+        holds = f"{format_count(self.logs, 'log')} verified; {self.kept_by}"
         return format_bundle_verdict(self.path, self.findings, holds)
 
     def to_dict(self) -> dict[str, Any]:

@@ -194,7 +194,7 @@ def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _To
             chosen,
             topic,
             fields=options.choose_fields_of_topic(first, topic),
-            time=options.time,
+            time_axis=options.time,
             losses=tables.losses,
         )
         tables.sources.append(source)

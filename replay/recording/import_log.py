@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.stages.signals.timestamps import assign_timestamps
-from estimators.errors import LogError, PayscopeError, counted, one_line
+from estimators.errors import LogError, PayscopeError, format_count, join_to_one_line
 from recordings.rrd.viewer_stream import (
     ViewerRequest,
     stream_run_to_stdout,
@@ -45,7 +45,7 @@ def stream_log_to_viewer(log: Path, request: ViewerRequest) -> str | None:
             with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
                 replayed = run(opened, machine)
         except PayscopeError as error:
-            fault = one_line(str(error))
+            fault = join_to_one_line(str(error))
         else:
             stream_run_to_stdout(replayed, request)
             return None
@@ -107,7 +107,7 @@ def _iter_paths_of_list_elements(
 
 def _describe_log_markdown(log: Log, machine_file: Path | None, weighing_fault: str | None) -> str:
     """Describe the log, and how to weigh it, in Markdown."""
-    parts = [f"# {one_line(log.path.name)}", f"{log.format}, read by payscope."]
+    parts = [f"# {join_to_one_line(log.path.name)}", f"{log.format}, read by payscope."]
     if weighing_fault is not None:
         parts.append(
             f"**{machine_file} does not fit the log, so nothing was replayed:** {weighing_fault}"
@@ -121,10 +121,12 @@ def _describe_log_markdown(log: Log, machine_file: Path | None, weighing_fault: 
     rows = ["| topic | type | messages |", "|---|---|---|"]
     for row in log.topics().to_dicts():
         problem = f": {row['problem']}" if row["problem"] else ""
-        rows.append(one_line(f"| {row['topic']} | {row['type']}{problem} | {row['messages']} |"))
+        rows.append(
+            join_to_one_line(f"| {row['topic']} | {row['type']}{problem} | {row['messages']} |")
+        )
     parts.append("\n".join(rows))
     lost = log.losses()
     if lost:
-        parts.append(f"## {counted(len(lost), 'loss')}")
-        parts.append("\n".join(f"- {one_line(str(loss))}" for loss in lost))
+        parts.append(f"## {format_count(len(lost), 'loss')}")
+        parts.append("\n".join(f"- {join_to_one_line(str(loss))}" for loss in lost))
     return "\n\n".join(parts)

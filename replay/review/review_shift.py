@@ -312,13 +312,13 @@ def _convert_review_inputs_to_dict(
 
 
 def _list_changes_since_earlier_review(
-    earlier: ReviewState, state: ReviewState
+    earlier_state: ReviewState, state: ReviewState
 ) -> list[ChangedSetting]:
     """Settings, options and logs that differ from the earlier review."""
-    was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (earlier, state))
+    was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (earlier_state, state))
     logs = [ChangedSetting(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [ChangedSetting(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *list_changed_settings(earlier, state.resolved)]
+    return [*logs, *list_changed_settings(earlier_state, state.resolved)]
 
 
 def find_torn_logs(

@@ -138,12 +138,12 @@ def _replay_setting_combination(
 
 
 def compute_rms_errors_of_masses(
-    replayed: Run, true_trials: pl.DataFrame, *, can_weigh: bool
+    replayed_run: Run, true_trials: pl.DataFrame, *, can_weigh: bool
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
-    estimates = average_masses_by_method_and_run(replayed, true_trials)
+    estimates = average_masses_by_method_and_run(replayed_run, true_trials)
     errors = compute_start_errors(estimates).with_columns(
-        raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
+        raw_kg=pl.col("mass_kg") - pl.col("reference_kg")
     )
     names = {"rmse_kg": "raw_kg"}
     if true_trials["load_kg"].n_unique() >= LIMITS.calibration_min_loads:
@@ -154,7 +154,7 @@ def compute_rms_errors_of_masses(
             method: _compute_rms_error(by_method[method][column])
             if can_weigh and method in by_method
             else None
-            for method in replayed.frames["masses"]["method"]
+            for method in replayed_run.frames["masses"]["method"]
         }
         for name, column in names.items()
     }

@@ -19,18 +19,18 @@ def make_truth_path_of_log(log: Path) -> Path:
     return log.with_name(f"{log.name}.truth.json")
 
 
-def write_truth_of_log(simulated: SimulatedLog, log: Path) -> None:
+def write_truth_of_log(simulated_log: SimulatedLog, log: Path) -> None:
     """Write the truth of a simulated log next to it."""
     truth = {
         "log": log.name,
-        "load_kg": simulated.load_kg,
+        "load_kg": simulated_log.load_kg,
         # the log's own times are unix times less this
-        "time_zero_unix_ns": simulated.origin_unix_ns if log.suffix == ".csv" else 0,
+        "time_zero_unix_ns": simulated_log.origin_unix_ns if log.suffix == ".csv" else 0,
         # first sample of each topic since the log's beginning
-        "phase_s": dict(simulated.phase_s),
-        "runs": simulated.trials.to_dicts(),
-        "manoeuvres": simulated.manoeuvres.to_dicts(),
-        "scenario": simulated.scenario.model_dump(mode="json"),
+        "phase_s": dict(simulated_log.phase_s),
+        "runs": simulated_log.trials.to_dicts(),
+        "manoeuvres": simulated_log.manoeuvres.to_dicts(),
+        "scenario": simulated_log.scenario.model_dump(mode="json"),
     }
     make_truth_path_of_log(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
 

@@ -8,9 +8,9 @@ import pytest
 
 from analysis.model.machine import Machine
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
+from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis.settings_by_name import staged
 
@@ -121,7 +121,7 @@ def make_raw(drive):
 
 
 def channel_frames(unix_ns=None, **columns):
-    """Channels as `derive` gives them, all at the same stamps."""
+    """Channels as `derive_channels_in_si` gives them, all at the same stamps."""
     frames = {}
     for name, x in columns.items():
         t, x = x if isinstance(x, tuple) else (unix_ns, x)
@@ -135,9 +135,9 @@ def make_excitation(drive, machine=None):
     """The drive through every stage up to `forces`."""
     machine = machine or make_machine()
     placed, _, _ = assign_timestamps(make_raw(drive))
-    channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
-    aligned, _ = align(channels, machine)
-    return compute_excitation(smooth(aligned, machine.settings.smooth), machine)
+    channels, _ = derive_channels_in_si(read_measured_channels(placed, machine)[0], machine)
+    aligned, _ = align_channels_on_grid(channels, machine)
+    return compute_excitation(smooth_by_trailing_mean(aligned, machine.settings.smooth), machine)
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.signals import filters
 from tests.analysis.conftest import make_machine
 
@@ -15,10 +15,7 @@ RATE_HZ = 100
 PERIOD_NS = 10_000_000
 #: Standard deviations of a sample of acceleration, speed and force.
 STD = np.array([0.01, 0.005, 60.0])
-KINEMATIC = {
-    "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
-    "specific_force_x_m_s2": None,
-}
+KINEMATIC = {"acc_x_m_s2": {"derive": "d/dt speed_x_m_s"}, "specific_force_x_m_s2": None}
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,9 @@ def noisy_log(kind, seed, starts=6):
     names = ("acc_x_m_s2" if "derived" in kind else "specific_force_x_m_s2", "speed_x_m_s")
     columns = dict(zip((*names, "force_x_N"), seen.T, strict=True))
     aligned = pl.DataFrame({"t_ns": t, **columns, "gap": np.zeros(t.size, np.bool_)})
-    excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
+    excitation = compute_excitation(
+        smooth_by_trailing_mean(aligned, machine.settings.smooth), machine
+    )
     if "never stands" in kind:
         stands = pl.col("phase") == "standstill"
         excitation = excitation.with_columns(

@@ -12,20 +12,16 @@ from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
+from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 
 STARTS = 9
 TRUE_KG = 3614.0
 T0_NS = 1_700_000_000_000_000_000
 NOISE = {"force": 60.0, "speed": 0.005, "imu": 0.01}
-FIELDS = {
-    "force": "measured_force_x_N",
-    "speed": "speed_x_m_s",
-    "imu": "specific_force_x_m_s2",
-}
+FIELDS = {"force": "measured_force_x_N", "speed": "speed_x_m_s", "imu": "specific_force_x_m_s2"}
 CHANNELS = {
     "force_x_N": {"topic": "/force", "field": "x"},
     "speed_x_m_s": {"topic": "/speed", "field": "x"},
@@ -62,9 +58,11 @@ def raw(seed=1, noise=1.0, **topics):
 
 def excitation(log, machine):
     """The log through every stage up to `forces`."""
-    channels, _ = derive(read_measured_channels(assign_timestamps(log)[0], machine)[0], machine)
-    aligned, _ = align(channels, machine)
-    return compute_excitation(smooth(aligned, machine.settings.smooth), machine)
+    channels, _ = derive_channels_in_si(
+        read_measured_channels(assign_timestamps(log)[0], machine)[0], machine
+    )
+    aligned, _ = align_channels_on_grid(channels, machine)
+    return compute_excitation(smooth_by_trailing_mean(aligned, machine.settings.smooth), machine)
 
 
 def pooled(log, machine, method="pooled"):

@@ -14,12 +14,12 @@ from analysis.planar.centre_of_mass import make_planar_frames
 from analysis.stages.estimation.masses import summarise_masses, withhold_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import pool_by_manoeuvre
+from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.noise.channel_noise import estimate_channel_noise
-from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.mounting import compute_rotation_to_machine_axes
 from estimators.planar import planar_rows as model
 from tests.analysis.settings_by_name import staged
@@ -149,7 +149,7 @@ def machine(without=(), imu=None, **settings):
     """A machine with every channel, its yaw acceleration derived from the gyroscope."""
     channels = {name: {"field": name} for name in NOISE if name not in without}
     if "yaw_acc_rad_s2" not in without:
-        channels["yaw_acc_rad_s2"] = {"derive": "d/dt yaw_rate_rad_s"}
+        channels["yaw_acc_rad_s2"] = {"derive_channels_in_si": "d/dt yaw_rate_rad_s"}
     body = {"name": "loader", "empty_mass_kg": 3614.0}
     if imu is not None:
         body["imu"] = imu.model_dump()
@@ -164,9 +164,11 @@ def excitation(said, loader=None):
 
 
 def _to_excitation(said, loader):
-    channels, _ = derive(read_measured_channels({"table": said}, loader)[0], loader)
-    aligned, _ = align(channels, loader)
-    return aligned, compute_excitation(smooth(aligned, loader.settings.smooth), loader)
+    channels, _ = derive_channels_in_si(read_measured_channels({"table": said}, loader)[0], loader)
+    aligned, _ = align_channels_on_grid(channels, loader)
+    return aligned, compute_excitation(
+        smooth_by_trailing_mean(aligned, loader.settings.smooth), loader
+    )
 
 
 def replayed(said, loader=None):
@@ -185,7 +187,7 @@ def replayed(said, loader=None):
         "noise": noise,
         "gate": gated,
         **{f"estimates/{method}": each for method, each in estimates.items()},
-        "segments": pool_by_manoeuvre(excitation, gated, settings, noise),
+        "segments": estimate_each_manoeuvre_by_pooling(excitation, gated, settings, noise),
         "verdict": judged,
         "masses": withhold_masses(
             summarise_masses(excitation, gated, estimates, loader, noise), opinion, ()

@@ -8,10 +8,13 @@ from scipy.signal import lfilter
 from analysis.model.axes import make_straight_regressor_and_force
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import number_manoeuvres_for_pooling, pool_by_manoeuvre
+from analysis.stages.gating.segments import (
+    estimate_each_manoeuvre_by_pooling,
+    number_manoeuvres_for_pooling,
+)
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
-from analysis.stages.signals.align import align
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
+from analysis.stages.signals.align import align_channels_on_grid
 
 TRUE_KG = 3614.0
 
@@ -58,7 +61,12 @@ def excitation_of_starts(seed, starts, machine):
         ),
         "specific_force_x_m_s2": imu.select(stamp, "specific_force_x_m_s2"),
     }
-    return compute_excitation(smooth(align(channels, machine)[0], machine.settings.smooth), machine)
+    return compute_excitation(
+        smooth_by_trailing_mean(
+            align_channels_on_grid(channels, machine)[0], machine.settings.smooth
+        ),
+        machine,
+    )
 
 
 def textbook_deviations(A, f, ids):
@@ -78,7 +86,7 @@ def found(seeds, starts, plain):
     for seed in seeds:
         excitation = excitation_of_starts(seed, starts, plain)
         gated = gate_windows(excitation, plain.settings)
-        table = pool_by_manoeuvre(excitation, gated, plain.settings).filter(
+        table = estimate_each_manoeuvre_by_pooling(excitation, gated, plain.settings).filter(
             pl.col("mass_kg").is_not_null()
         )
         ids = number_manoeuvres_for_pooling(excitation, gated, plain.settings)

@@ -8,10 +8,10 @@ from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.noise.channel_noise import estimate_channel_noise
-from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis.conftest import T0_NS, make_machine, topic
 from tests.analysis.noisy_logs import KINEMATIC
@@ -57,9 +57,11 @@ def weighed(starts, force_of_speed, speed_noise_m_s, known=True, seed=1, index=N
     machine = make_machine(settings, body={"empty_mass_kg": CAR_KG}, **KINEMATIC)
     t = T0_NS + np.arange(v.size) * 10_000_000
     placed, _, _ = assign_timestamps({"/can": topic(t, force=f, speed=v)})
-    channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
-    aligned, _ = align(channels, machine)
-    excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
+    channels, _ = derive_channels_in_si(read_measured_channels(placed, machine)[0], machine)
+    aligned, _ = align_channels_on_grid(channels, machine)
+    excitation = compute_excitation(
+        smooth_by_trailing_mean(aligned, machine.settings.smooth), machine
+    )
     noise = estimate_channel_noise(aligned, excitation, machine) if known else None
     gated = gate_windows(excitation, machine.settings, noise)
     estimates = trace_estimates(excitation, gated, machine.settings, noise)
@@ -126,9 +128,11 @@ def test_clean_starts_keep_their_windows(throttle_N):
         placed, _, _ = assign_timestamps(
             {"/can": topic(t, force=f, speed=v), "/imu": topic(t, x=a)}
         )
-        channels, _ = derive(read_measured_channels(placed, machine)[0], machine)
-        aligned, _ = align(channels, machine)
-        excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
+        channels, _ = derive_channels_in_si(read_measured_channels(placed, machine)[0], machine)
+        aligned, _ = align_channels_on_grid(channels, machine)
+        excitation = compute_excitation(
+            smooth_by_trailing_mean(aligned, machine.settings.smooth), machine
+        )
         before = gate_windows(excitation, machine.settings)["accepted_x"].to_numpy()
         noise = estimate_channel_noise(aligned, excitation, machine)
         gated = gate_windows(excitation, machine.settings, noise)

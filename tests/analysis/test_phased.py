@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from analysis.stages.signals.align import list_alignment_notes
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis import phased
 from tests.analysis.conftest import make_machine
@@ -22,7 +22,10 @@ def in_phase_kg(method):
 
 def said(log, machine):
     return list_alignment_notes(
-        derive(read_measured_channels(assign_timestamps(log)[0], machine)[0], machine)[0], machine
+        derive_channels_in_si(
+            read_measured_channels(assign_timestamps(log)[0], machine)[0], machine
+        )[0],
+        machine,
     )
 
 
@@ -83,7 +86,7 @@ DERIVED = {
     "force_x_N": phased.CHANNELS["force_x_N"],
     "speed_x_m_s": phased.CHANNELS["speed_x_m_s"],
     "specific_force_x_m_s2": None,
-    "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
+    "acc_x_m_s2": {"derive_channels_in_si": "d/dt speed_x_m_s"},
 }
 
 

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.model.machine_body import ImuMounting
-from analysis.model.windows import mark_samples_in_windows
+from analysis.model.windows import mark_samples_in_accepted_windows
 from analysis.stages.estimation.masses import list_reasons_for_no_answer
 from tests.analysis.plane_drives import (
     LOADER,
@@ -84,7 +84,7 @@ def test_what_spins_add_does_not_change_the_mass(stages):
 
 def test_an_accepted_window_of_spins_holds_spins_and_standstill_alone(stages):
     accepted = stages["gate"]["accepted_z"].to_numpy()
-    inside = mark_samples_in_windows(accepted, 320)
+    inside = mark_samples_in_accepted_windows(accepted, 320)
     held = stages["excitation"]["phase"].filter(pl.Series(inside)).unique().to_list()
     assert sorted(held) == ["spinning", "standstill"]
     assert stages["gate"].filter("accepted_z")["mi_z_nat"].min() >= 0.7

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-
-from tests.one_line import assert_one_line
+from tests.join_to_one_line import assert_one_line
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class Said:
 Payscope = Callable[..., Said]
 
 
-def one_line(said: Said, *parts: str) -> None:
+def join_to_one_line(said: Said, *parts: str) -> None:
     """Exit 2, nothing on stdout, one line on stderr that names what it should.
 
     The command folds its message into one line: so the error must be one before.

@@ -13,7 +13,7 @@ from replay.commands.frame_output import format_frame_as_table
 from replay.machines.machine_file import find_time_axis_of_machine
 from tests.replay.logs.damaged import chunks, overwrite
 from tests.replay.logs.written_logs import Joints, write_mcap
-from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
+from tests.replay.sledge import MACHINE, Payscope, join_to_one_line, sledge
 from tests.twins import mark_slow_after
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
@@ -75,18 +75,20 @@ class TestShow:
         out = tmp_path / "masses.parquet"
         assert payscope("show", recording, "masses", "-o", out).status == 0
         assert pl.read_parquet(out).equals(read_recording(recording).frames["masses"])
-        one_line(payscope("show", recording, "masses", "-o", tmp_path / "masses.txt"), ".parquet")
+        join_to_one_line(
+            payscope("show", recording, "masses", "-o", tmp_path / "masses.txt"), ".parquet"
+        )
 
     def test_a_stage_is_not_written_over_its_recording(
         self, payscope: Payscope, recording: Path
     ) -> None:
         said = payscope("show", recording, "gate", "--format", "csv", "-o", recording, "--force")
-        one_line(said, "out.rrd", "is also an input")
+        join_to_one_line(said, "out.rrd", "is also an input")
         assert read_recording(recording).frames
 
     def test_what_only_a_stage_can_do_needs_one(self, payscope: Payscope, recording: Path) -> None:
         for words in (["--from", 1], ["-o", recording.with_name("a.csv")], ["--format", "csv"]):
-            one_line(payscope("show", recording, *words), "a frame")
+            join_to_one_line(payscope("show", recording, *words), "a frame")
 
     def test_a_moment_is_its_last_row_or_the_spans_that_hold_it(
         self, payscope: Payscope, recording: Path
@@ -110,16 +112,16 @@ class TestShow:
     def test_a_moment_is_no_range_and_needs_a_time(
         self, payscope: Payscope, recording: Path
     ) -> None:
-        one_line(
+        join_to_one_line(
             payscope("show", recording, "gate", "--at", 2, "--from", 1), "use one or the other"
         )
         for ends in (["--from", 5, "--to", 1], ["--from", "nan"], ["--to", "inf"]):
-            one_line(
+            join_to_one_line(
                 payscope("show", recording, "gate", *ends), "is not a time span", "earlier first"
             )
-        one_line(payscope("show", recording, "gate", "--at", "nan"), "is not a time")
-        one_line(payscope("show", recording, "masses", "--at", 2), "has no time")
-        one_line(payscope("show", recording, "--at", 2), "need the name of a frame")
+        join_to_one_line(payscope("show", recording, "gate", "--at", "nan"), "is not a time")
+        join_to_one_line(payscope("show", recording, "masses", "--at", 2), "has no time")
+        join_to_one_line(payscope("show", recording, "--at", 2), "need the name of a frame")
 
     def test_a_joints_name_in_a_column_is_no_markup(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
@@ -151,17 +153,17 @@ class TestShow:
     def test_wrong_stage_and_wrong_file(
         self, payscope: Payscope, recording: Path, log: Path
     ) -> None:
-        one_line(payscope("show", recording, "gat"), "did you mean 'gate'?")
-        one_line(payscope("show", log, "gate"), "sledge.csv")
-        one_line(payscope("show", recording, "gate", "--format", "parquet"), "-o")
-        one_line(payscope("show", recording, "masses", "--from", 1), "no time")
+        join_to_one_line(payscope("show", recording, "gat"), "did you mean 'gate'?")
+        join_to_one_line(payscope("show", log, "gate"), "sledge.csv")
+        join_to_one_line(payscope("show", recording, "gate", "--format", "parquet"), "-o")
+        join_to_one_line(payscope("show", recording, "masses", "--from", 1), "no time")
 
     def test_plot_draws_a_page(self, payscope: Payscope, recording: Path, tmp_path: Path) -> None:
         picture = tmp_path / "page.png"
         assert payscope("plot", recording, "-o", picture).status == 0
         assert picture.read_bytes().startswith(b"\x89PNG")
-        one_line(payscope("plot", recording, "-o", picture), "--force")
-        one_line(payscope("plot", recording, "-o", tmp_path / "page.doc"), ".png")
+        join_to_one_line(payscope("plot", recording, "-o", picture), "--force")
+        join_to_one_line(payscope("plot", recording, "-o", tmp_path / "page.doc"), ".png")
 
 
 class TestInit:
@@ -272,7 +274,7 @@ class TestInfo:
             if said.status == 0:
                 assert path.name in said.out
             else:
-                one_line(said, path.name)
+                join_to_one_line(said, path.name)
 
     def test_several_logs_are_described_though_one_is_empty(
         self, payscope: Payscope, data: Path
@@ -331,8 +333,8 @@ class TestInfo:
         assert "no such file" in said.err
 
     def test_wrong_time_zone(self, payscope: Payscope, log: Path) -> None:
-        one_line(payscope("info", log, "--timezone", "Mars/Base"), "Mars/Base")
+        join_to_one_line(payscope("info", log, "--timezone", "Mars/Base"), "Mars/Base")
 
     def test_an_unknown_unit_of_time_is_refused(self, payscope: Payscope, log: Path) -> None:
         words = ("--time", "a", "--time-unit", "fortnight")
-        one_line(payscope("info", log, *words), "no unit of time 'fortnight'")
+        join_to_one_line(payscope("info", log, *words), "no unit of time 'fortnight'")

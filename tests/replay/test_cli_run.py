@@ -18,7 +18,7 @@ from replay.commands import print_tables
 from replay.commands.run import print_answer
 from replay.runs.run_logs import STEPS
 from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
-from tests.replay.sledge import Payscope, one_line, sledge
+from tests.replay.sledge import Payscope, join_to_one_line, sledge
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -241,7 +241,9 @@ class TestRun:
             pl.when(pl.int_range(pl.len()) == 100).then(None).otherwise("force_N").alias("force_N")
         ).write_csv(holed)
         out = tmp_path / "out.rrd"
-        one_line(payscope("run", holed, "-m", machine_file, "-o", out, "--strict"), "--strict")
+        join_to_one_line(
+            payscope("run", holed, "-m", machine_file, "-o", out, "--strict"), "--strict"
+        )
         assert not out.exists()
         assert payscope("run", holed, "-m", machine_file, "-o", out).status == 0
         assert "lost: " in payscope("show", out).out
@@ -251,7 +253,9 @@ class TestRun:
     ) -> None:
         log.write_bytes(log.read_bytes()[:-40])
         said = payscope("run", log, "-m", machine_file, "--strict")
-        one_line(said, "sledge.csv: its last row", "is cut off", "(leave out --strict to accept)")
+        join_to_one_line(
+            said, "sledge.csv: its last row", "is cut off", "(leave out --strict to accept)"
+        )
 
 
 def test_the_installed_command_answers(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from recordings import read_recording
 from tests.conftest import REPO
 from tests.replay.fewer_rights import obeying_modes
-from tests.replay.sledge import Payscope, Said, one_line, sledge
+from tests.replay.sledge import Payscope, Said, join_to_one_line, sledge
 
 
 class TestWrongInput:
@@ -24,67 +24,71 @@ class TestWrongInput:
         assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
 
     def test_missing_log(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
-        one_line(payscope("run", tmp_path / "no.bag", "-m", machine_file), "no.bag", "no such")
+        join_to_one_line(
+            payscope("run", tmp_path / "no.bag", "-m", machine_file), "no.bag", "no such"
+        )
 
     def test_missing_machine_file(self, payscope: Payscope, log: Path, tmp_path: Path) -> None:
-        one_line(payscope("run", log, "-m", tmp_path / "no.toml"), "no.toml")
+        join_to_one_line(payscope("run", log, "-m", tmp_path / "no.toml"), "no.toml")
 
     def test_directory_without_bags(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:
         (tmp_path / "empty").mkdir()
-        one_line(payscope("run", tmp_path / "empty", "-m", machine_file), "no bag")
+        join_to_one_line(payscope("run", tmp_path / "empty", "-m", machine_file), "no bag")
 
     def test_wrong_suffix(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
         (tmp_path / "log.doc").write_text("hello")
-        one_line(payscope("run", tmp_path / "log.doc", "-m", machine_file), ".bag", ".mcap")
+        join_to_one_line(payscope("run", tmp_path / "log.doc", "-m", machine_file), ".bag", ".mcap")
 
     def test_wrong_field_names_the_choices(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.field=force_n")
-        one_line(said, "force_n", "force_N")
+        join_to_one_line(said, "force_n", "force_N")
 
     def test_wrong_topic_names_the_nearest_and_the_key_to_set(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.topic=/tabel")
-        one_line(said, "no topic '/tabel'", "table", "channels.force_x_N.topic")
+        join_to_one_line(said, "no topic '/tabel'", "table", "channels.force_x_N.topic")
 
     def test_wrong_unit(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.unit=kg")
-        one_line(said, "sledge.toml", "channels.force_x_N", "kg")
+        join_to_one_line(said, "sledge.toml", "channels.force_x_N", "kg")
         said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.unit=blob")
-        one_line(said, "blob")
+        join_to_one_line(said, "blob")
 
     def test_unknown_key_names_the_nearest(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", "settings.window_sample=400")
-        one_line(said, "settings: unknown key 'window_sample'", "'settings.gate.window_samples'?")
+        join_to_one_line(
+            said, "settings: unknown key 'window_sample'", "'settings.gate.window_samples'?"
+        )
         said = payscope("run", log, "-m", machine_file, "--set", "settings.gate.window=400")
-        one_line(said, "settings.gate.window", "did you mean 'window_samples'?")
+        join_to_one_line(said, "settings.gate.window", "did you mean 'window_samples'?")
 
     @pytest.mark.parametrize(("stage", "meant"), [("gat", "gate"), ("smoth", "smooth")])
     def test_a_misspelt_stage_is_answered_with_the_stage(
         self, payscope: Payscope, log: Path, machine_file: Path, stage: str, meant: str
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", f"settings.{stage}.samples=4")
-        one_line(said, f"unknown key 'settings.{stage}'; did you mean '{meant}'?")
+        join_to_one_line(said, f"unknown key 'settings.{stage}'; did you mean '{meant}'?")
 
     def test_override_without_a_value(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
-        one_line(payscope("run", log, "-m", machine_file, "--set", "rate"), "key=value")
+        join_to_one_line(payscope("run", log, "-m", machine_file, "--set", "rate"), "key=value")
 
     def test_a_value_of_another_kind_is_asked_for_in_the_words_of_toml(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         for override, wanted in (("trace.methods=ls", "a list"), ("verdict=3", "a table")):
             said = payscope("run", log, "-m", machine_file, "--set", f"settings.{override}")
-            one_line(said, f"input should be {wanted}, not")
+            join_to_one_line(said, f"input should be {wanted}, not")
         said = payscope("run", log, "-m", machine_file, "--set", "settings.trace.methods=ls")
-        one_line(said, 'write ["ls"]')
+        join_to_one_line(said, 'write ["ls"]')
 
     @pytest.mark.parametrize(
         ("words", "says"),
@@ -99,13 +103,13 @@ class TestWrongInput:
     def test_wrong_usage_is_said_in_words_that_help(
         self, payscope: Payscope, words: tuple[str, ...], says: str
     ) -> None:
-        one_line(payscope(*words), says)
+        join_to_one_line(payscope(*words), says)
 
     def test_a_decimal_comma_is_answered_with_the_point(
         self, payscope: Payscope, log: Path, tmp_path: Path
     ) -> None:
         (tmp_path / "m.toml").write_text('[machine]\nname = "a"\nwheel_radius_m = 0,42  # worn\n')
-        one_line(
+        join_to_one_line(
             payscope("run", log, "-m", tmp_path / "m.toml"), "write 0.42, with a decimal point"
         )
 
@@ -122,7 +126,7 @@ class TestWrongInput:
     ) -> None:
         speed = 'field = "speed"\nscale = "wheel_radius_m"\n'
         (tmp_path / "m.toml").write_text(f"{text}\n[channels.speed_x_m_s]\n{speed}")
-        one_line(payscope("run", log, "-m", tmp_path / "m.toml"), says)
+        join_to_one_line(payscope("run", log, "-m", tmp_path / "m.toml"), says)
 
     @pytest.mark.parametrize(
         ("text", "says"),
@@ -137,20 +141,20 @@ class TestWrongInput:
         self, payscope: Payscope, log: Path, tmp_path: Path, text: str, says: str
     ) -> None:
         (tmp_path / "m.toml").write_text(text)
-        one_line(payscope("run", log, "-m", tmp_path / "m.toml"), says, "no machine file")
+        join_to_one_line(payscope("run", log, "-m", tmp_path / "m.toml"), says, "no machine file")
 
     def test_machine_file_without_channels_says_which_it_needs(
         self, payscope: Payscope, log: Path, tmp_path: Path
     ) -> None:
         (tmp_path / "m.toml").write_text('[machine]\nname = "bare"\n')
         said = payscope("run", log, "-m", tmp_path / "m.toml")
-        one_line(said, "m.toml", "no force channel: give channels.force_x_N")
+        join_to_one_line(said, "m.toml", "no force channel: give channels.force_x_N")
 
     def test_machine_file_that_is_no_toml(
         self, payscope: Payscope, log: Path, tmp_path: Path
     ) -> None:
         (tmp_path / "m.toml").write_text("[machine\n")
-        one_line(payscope("run", log, "-m", tmp_path / "m.toml"), "m.toml", "TOML")
+        join_to_one_line(payscope("run", log, "-m", tmp_path / "m.toml"), "m.toml", "TOML")
 
     def test_log_shorter_than_the_window_is_a_stated_refusal(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
@@ -163,18 +167,18 @@ class TestWrongInput:
 
     def test_log_of_one_row(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
         sledge(seconds=0.01).write_csv(tmp_path / "one.csv")
-        one_line(payscope("run", tmp_path / "one.csv", "-m", machine_file), "single sample")
+        join_to_one_line(payscope("run", tmp_path / "one.csv", "-m", machine_file), "single sample")
 
     def test_log_of_no_row(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
         sledge()[:0].write_csv(tmp_path / "none.csv")
-        one_line(payscope("run", tmp_path / "none.csv", "-m", machine_file), "none.csv")
+        join_to_one_line(payscope("run", tmp_path / "none.csv", "-m", machine_file), "none.csv")
 
     def test_channel_of_nothing_but_nan(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:
         nans = tmp_path / "nans.parquet"
         sledge().with_columns(pl.lit(float("nan")).alias("force_N")).write_parquet(nans)
-        one_line(payscope("run", nans, "-m", machine_file), "force_x_N", "no number")
+        join_to_one_line(payscope("run", nans, "-m", machine_file), "force_x_N", "no number")
 
     def test_nan_and_infinite_samples_are_left_out_and_stated(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
@@ -222,23 +226,23 @@ class TestWrongInput:
         words = tmp_path / "words.parquet"
         sledge().with_columns(pl.lit("fast").alias("force_N")).write_parquet(words)
         said = payscope("run", words, "-m", machine_file)
-        one_line(said, "words.parquet with", "sledge.toml: force_x_N", "not a number")
+        join_to_one_line(said, "words.parquet with", "sledge.toml: force_x_N", "not a number")
 
     def test_channels_that_share_no_time(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.delay_s=1000")
-        one_line(said, "the channels do not overlap in time")
+        join_to_one_line(said, "the channels do not overlap in time")
 
     def test_live_without_a_recording_to_show(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
-        one_line(payscope("run", log, "-m", machine_file, "--live"), "--live", "-o")
+        join_to_one_line(payscope("run", log, "-m", machine_file, "--live"), "--live", "-o")
 
     def test_unknown_option_and_command(self, payscope: Payscope) -> None:
-        one_line(payscope("run", "--frobnicate"), "--frobnicate")
-        one_line(payscope("rum"), "rum")
-        one_line(payscope("run"), "logs")
+        join_to_one_line(payscope("run", "--frobnicate"), "--frobnicate")
+        join_to_one_line(payscope("rum"), "rum")
+        join_to_one_line(payscope("run"), "logs")
 
 
 class TestOutputs:
@@ -247,7 +251,7 @@ class TestOutputs:
     ) -> None:
         out = tmp_path / "out.rrd"
         out.write_text("mine")
-        one_line(payscope("run", log, "-m", machine_file, "-o", out), "out.rrd", "--force")
+        join_to_one_line(payscope("run", log, "-m", machine_file, "-o", out), "out.rrd", "--force")
         assert out.read_text() == "mine"
         assert payscope("run", log, "-m", machine_file, "-o", out, "--force").status == 0
         assert read_recording(out).frames
@@ -256,7 +260,7 @@ class TestOutputs:
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:
         out = tmp_path / "no" / "out.rrd"
-        one_line(payscope("run", log, "-m", machine_file, "-o", out), "out.rrd", "folder")
+        join_to_one_line(payscope("run", log, "-m", machine_file, "-o", out), "out.rrd", "folder")
 
     def test_read_only_folder(self, log: Path, machine_file: Path, tmp_path: Path) -> None:
         locked = tmp_path / "locked"
@@ -270,7 +274,9 @@ class TestOutputs:
             check=False,
             cwd=REPO,
         )
-        one_line(Said(left.returncode, left.stdout, left.stderr), "locked", "Permission denied")
+        join_to_one_line(
+            Said(left.returncode, left.stdout, left.stderr), "locked", "Permission denied"
+        )
 
     def test_a_recording_ends_in_rrd_so_that_no_log_is_lost_to_force(
         self, payscope: Payscope, log: Path, machine_file: Path
@@ -278,7 +284,7 @@ class TestOutputs:
         before = log.read_bytes(), machine_file.read_bytes()
         for out in (log, machine_file):
             said = payscope("run", log, "-m", machine_file, "-o", out, "--force")
-            one_line(said, out.name, ".rrd")
+            join_to_one_line(said, out.name, ".rrd")
         assert (log.read_bytes(), machine_file.read_bytes()) == before
 
     def test_a_log_is_not_overwritten_by_its_machine_file(
@@ -287,5 +293,7 @@ class TestOutputs:
         before = log.read_bytes()
         (tmp_path / "link.toml").symlink_to(log)
         for out in (log, tmp_path / "link.toml"):
-            one_line(payscope("init", log, "-o", out, "--force"), out.name, "is also an input")
+            join_to_one_line(
+                payscope("init", log, "-o", out, "--force"), out.name, "is also an input"
+            )
         assert log.read_bytes() == before

@@ -18,7 +18,7 @@ from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.sledge_campaign import campaign_folder
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
@@ -177,7 +177,7 @@ def test_the_query_is_one_that_openssl_answers(
     campaign = campaign_folder(tmp_path / "c", loads=(0,))
     query = tmp_path / "query.tsq"
     ask = ("--timestamp-request", query)
-    one_line(payscope("calibrate", campaign, "-o", tmp_path / "e", *ask), "give --key")
+    join_to_one_line(payscope("calibrate", campaign, "-o", tmp_path / "e", *ask), "give --key")
     said = payscope("calibrate", campaign, "-o", tmp_path / "e", "--key", made.private, *ask)
     assert said.status == 1, said.err  # one load gives no line
     (tmp_path / "e" / TIMESTAMP).write_bytes(stamped(authority, query.read_bytes()))
@@ -261,11 +261,7 @@ def test_back_dating_a_signature_past_its_time_stamp_is_found(
 
 
 def test_a_stolen_key_is_worth_nothing_after_its_revocation_but_a_stamp_saves_what_was_signed(
-    made: Made,
-    bundle: Path,
-    authority: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    made: Made, bundle: Path, authority: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PAYSCOPE_KEYRING", str(tmp_path / "keys.toml"))
     tomorrow = dt.datetime.now(dt.UTC).date() + dt.timedelta(days=1)
@@ -282,6 +278,8 @@ def test_a_certificate_that_is_none_is_refused_in_one_line(
 ) -> None:
     pytest.importorskip("rfc3161_client")
     (tmp_path / "ca.pem").write_text("nothing")
-    one_line(payscope("verify", made.bundle, "--tsa", tmp_path / "ca.pem"), "no certificate in PEM")
+    join_to_one_line(
+        payscope("verify", made.bundle, "--tsa", tmp_path / "ca.pem"), "no certificate in PEM"
+    )
     with pytest.raises(EvidenceError, match="cannot be read"):
         verify_bundle(made.bundle, authority_certificates=tmp_path / "none.pem")

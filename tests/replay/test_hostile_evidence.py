@@ -23,7 +23,7 @@ from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attack_list import JSON_FORMS, OUTSIDE
 from tests.replay.attacker import Bundle, tampered
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.sledge_campaign import campaign_folder
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
@@ -113,8 +113,8 @@ def test_more_entries_than_any_bundle_are_refused(tmp_path: Path, genuine: Path)
 
 def test_a_folder_without_evidence_is_bad_input(payscope: Payscope, tmp_path: Path) -> None:
     (tmp_path / "note.txt").touch()
-    one_line(payscope("verify", tmp_path), "no evidence in this folder")
-    one_line(payscope("verify", tmp_path / "none"), "no such folder")
+    join_to_one_line(payscope("verify", tmp_path), "no evidence in this folder")
+    join_to_one_line(payscope("verify", tmp_path / "none"), "no such folder")
 
 
 def test_tables_are_read_by_another_process_that_may_die() -> None:

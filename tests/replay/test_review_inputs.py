@@ -24,7 +24,7 @@ from replay.logs import expand_log_folders
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
 from tests.replay.attacker import key_files
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.sledge_campaign import campaign_folder
 from tests.replay.sledge_shift import PAYLOADS_KG, sledge_shift, write_parts
 
@@ -155,7 +155,7 @@ def test_evidence_that_is_not_of_this_shift_is_refused_in_a_line(
 ) -> None:
     def refused(*more: object, log: Path = folder / "shift/whole.csv", says: str) -> None:
         ask = ("-m", machine, "-o", tmp_path / "r", "--calibration", evidence.folder)
-        one_line(payscope("review", log, *ask, *more), says)
+        join_to_one_line(payscope("review", log, *ask, *more), says)
         assert not (tmp_path / "r/review.html").exists()
 
     refused("--require-signed", says="unsigned")

@@ -36,7 +36,7 @@ from replay.fleet.machine_setups import NamedFiles, make_setups_of_machine
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, key_files, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -117,7 +117,7 @@ def test_the_line_that_refuses_a_key_adds_it(made: Made, keyring: Path, payscope
         == "known"
     )
     assert "Test lab" in payscope("keys", "list").out
-    one_line(
+    join_to_one_line(
         payscope("keys", "add", made.public, "--owner", "Another"),
         "already contains key",
         "of Test lab",
@@ -240,7 +240,7 @@ def test_keys_are_revoked_from_the_command_line(
     (held,) = load_keyring().keys
     assert (held.revoked, held.because) == (dt.date(2026, 6, 1), "lost")
     assert held.valid_from == dt.date(2026, 1, 1)
-    one_line(payscope("keys", "revoke", "0123"), "no key '0123'")
+    join_to_one_line(payscope("keys", "revoke", "0123"), "no key '0123'")
     assert keyring.exists()
 
 
@@ -260,7 +260,7 @@ def test_a_damaged_keyring_is_refused_in_one_line(
 ) -> None:
     keyring.parent.mkdir()
     keyring.write_text(text)
-    one_line(payscope("keys", "list"), str(keyring), words)
+    join_to_one_line(payscope("keys", "list"), str(keyring), words)
 
 
 SMALL_ORDER = {
@@ -283,7 +283,9 @@ def test_a_key_that_anyone_can_sign_for_is_refused(
     raw = (SMALL_ORDER[name] | sign).to_bytes(32, "little")
     with pytest.raises(EvidenceError, match="weak key"):
         PublicKey.from_base64_text(PublicKey(raw).base64_text)
-    one_line(payscope("keys", "add", PublicKey(raw).base64_text, "--owner", "x"), "weak key")
+    join_to_one_line(
+        payscope("keys", "add", PublicKey(raw).base64_text, "--owner", "x"), "weak key"
+    )
     header = bytes.fromhex("302a300506032b6570032100")
     pem = tmp_path / "key.pub.pem"
     body = base64.b64encode(header + raw).decode()

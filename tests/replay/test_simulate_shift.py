@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 import pytest
 from rosbags.highlevel import AnyReader
+from tests.join_to_one_line import assert_one_line
 
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
@@ -18,8 +19,7 @@ from replay.simulation.simulate_logs import (
     make_shift_truth_path,
     simulate_scenario_to_logs,
 )
-from tests.one_line import assert_one_line
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 SHIFT = Scenario.model_validate(
     {
@@ -159,7 +159,7 @@ class TestCommand:
         assert (said.status, said.out.split()) == (0, [str(tmp_path / "day.mcap")])
         assert (tmp_path / "day.cycles.json").is_file()
         again = payscope("simulate", scenario, "-o", tmp_path / "day.mcap")
-        one_line(again, "exists already; give another output, or give --force")
+        join_to_one_line(again, "exists already; give another output, or give --force")
 
     @pytest.mark.parametrize(
         ("text", "says"),

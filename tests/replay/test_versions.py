@@ -120,8 +120,7 @@ def from_later(*place: str) -> Callable[[Bundle], None]:
 
 
 @pytest.mark.parametrize(
-    "place",
-    [("campaign", "method", "later"), ("machine", "settings", "gate", "later"), ("later",)],
+    "place", [("campaign", "method", "later"), ("machine", "settings", "gate", "later"), ("later",)]
 )
 def test_a_setting_that_this_version_lacks_is_no_tampering(
     made: Made, tmp_path: Path, payscope: Payscope, place: tuple[str, ...]

@@ -46,7 +46,9 @@ def fit_calibration_line_by_method(estimates: pl.DataFrame) -> pl.DataFrame:
             line, points = None, average_readings_of_runs(found.readings, known)
         else:
             points = line.points
-        rows += make_method_rows(method, points, line, lambda point: float(point.load_id))
+        rows += make_calibration_rows_of_method(
+            method, points, line, lambda point: float(point.load_id)
+        )
     return make_calibration_frame(rows)
 
 
@@ -85,11 +87,11 @@ def iter_readings_by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, Meth
         yield str(method), MethodReadings(readings, known, exact)
 
 
-def make_method_rows(
+def make_calibration_rows_of_method(
     method: str,
     points: Iterable[Point],
     line: Calibration | None,
-    load_kg: Callable[[Point], float],
+    find_load_kg: Callable[[Point], float],
 ) -> list[dict[str, Any]]:
     """Rows of a method, by ascending load.
 
@@ -97,13 +99,13 @@ def make_method_rows(
         method: name of the method.
         points: a point per load.
         line: line through them; None without one.
-        load_kg: returns the load of a point, without the machine.
+        find_load_kg: returns the load of a point, without the machine.
     """
     ordered = sorted(points, key=lambda point: point.reference_kg)
     return [
         {
             "method": method,
-            "load_kg": load_kg(point),
+            "load_kg": find_load_kg(point),
             **{name: getattr(point, own) for own, name in _COLUMNS.items()},
             "alpha_1": None if line is None else line.alpha_1,
             "beta_kg": None if line is None else line.beta_kg,

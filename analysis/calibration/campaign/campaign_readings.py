@@ -42,8 +42,8 @@ _NO_ZERO: Final = "no run of this log without load, so there is no payload as a 
 _FACTORS: Final = tuple(scale.name for scale in SCALES if not scale.by_load)
 
 
-def read_campaign_runs(
-    replayed: Run,
+def make_readings_of_campaign_runs(
+    replayed_run: Run,
     runs: Sequence[CampaignRun],
     estimator: Estimator,
     procedure: Procedure = PRESENT_PROCEDURE,
@@ -51,7 +51,7 @@ def read_campaign_runs(
     """Readings of the campaign's runs in one log.
 
     Args:
-        replayed: the replay of that log.
+        replayed_run: the replay of that log.
         runs: the campaign's runs in it, in order.
         estimator: estimator of the mass.
         procedure: procedure of the calibration.
@@ -62,9 +62,9 @@ def read_campaign_runs(
     """
     joint = estimator in JOINT_ESTIMATORS
     said = (
-        make_joint_fit_readings(replayed, procedure)
+        make_joint_fit_readings(replayed_run, procedure)
         if joint
-        else make_method_readings(replayed, estimator)
+        else make_method_readings(replayed_run, estimator)
     )
     rows: list[dict[str, Any]] = []
     for run in runs:
@@ -92,19 +92,19 @@ def read_campaign_runs(
 
 
 def make_run_responses_to_learnt_means(
-    replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
+    replayed_run: Run, runs: Sequence[CampaignRun], estimator: Estimator
 ) -> tuple[RunResponse, ...]:
     """Responses of the runs in one log to errors of learnt means; empty without any.
 
     Args:
-        replayed: replay of the log under learnt priors.
+        replayed_run: replay of the log under learnt priors.
         runs: the campaign's runs in it, in order.
         estimator: estimator of the mass.
     """
-    shared = SharedErrors.from_frames(replayed.frames)
+    shared = SharedErrors.from_frames(replayed_run.frames)
     if shared is None or estimator not in JOINT_ESTIMATORS:
         return ()
-    said = replayed.frames["manoeuvres"].to_dicts()
+    said = replayed_run.frames["manoeuvres"].to_dicts()
     moved = {
         run.id: np.mean([shared.moved_kg["mass", each["load_id"]] for each in inside], axis=0)
         for run in runs
@@ -129,15 +129,15 @@ def make_run_responses_to_learnt_means(
     )
 
 
-def make_joint_fit_readings(replayed: Run, procedure: Procedure) -> list[dict[str, Any]]:
+def make_joint_fit_readings(replayed_run: Run, procedure: Procedure) -> list[dict[str, Any]]:
     """Readings of the joint fit, one per manoeuvre."""
-    loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
+    loads = {row["load_id"]: row for row in replayed_run.frames["loads"].to_dicts()}
     factors = () if procedure.factors_in_common else _FACTORS
-    absorbed = [*list_sources_common_within_log(replayed), *factors]
-    own = replayed.frames["budget"].filter(pl.col("cause").is_in(absorbed))
+    absorbed = [*list_uncertainty_sources_common_within_log(replayed_run), *factors]
+    own = replayed_run.frames["budget"].filter(pl.col("cause").is_in(absorbed))
     own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
     found: list[dict[str, Any]] = []
-    for row in replayed.frames["manoeuvres"].to_dicts():
+    for row in replayed_run.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
         common_kg = subtract_common_uncertainty_kg(load["u_common_kg"], own_kg.get(row["load_id"]))
@@ -147,13 +147,13 @@ def make_joint_fit_readings(replayed: Run, procedure: Procedure) -> list[dict[st
     return found
 
 
-def list_sources_common_within_log(replayed: Run) -> list[str]:
+def list_uncertainty_sources_common_within_log(replayed_run: Run) -> list[str]:
     """Uncertainty sources common to one log's masses but not to all masses of the campaign.
 
     Errors of learnt means are absorbed by the line. Their prior widths vary from log to log, and
     scatter the runs about the line.
     """
-    nuisances = replayed.frames["nuisances"]
+    nuisances = replayed_run.frames["nuisances"]
     if "prior_mean_u" not in nuisances.columns:
         return []
     learnt = nuisances.filter(pl.col("prior_mean_u") > 0.0)["term"]
@@ -167,11 +167,11 @@ def subtract_common_uncertainty_kg(u_kg: float | None, part_kg: float | None) ->
     return float(np.sqrt(max(u_kg**2 - part_kg**2, 0.0)))
 
 
-def make_method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
+def make_method_readings(replayed_run: Run, method: str) -> list[dict[str, Any]]:
     """Reading of each manoeuvre by a method of the paper, with a statistical ± only."""
-    about = replayed.provenance
-    segments = replayed.frames["segments"]
-    if f"estimates/{method}" not in replayed.frames or segments.is_empty():
+    about = replayed_run.provenance
+    segments = replayed_run.frames["segments"]
+    if f"estimates/{method}" not in replayed_run.frames or segments.is_empty():
         return []
     t0_ns = about.t0_unix_ns
     trials = segments.select(
@@ -180,12 +180,12 @@ def make_method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
         load_kg=0.0,
         mass_kg=0.0,
     )
-    masses = average_masses_by_method_and_run(replayed, trials).filter(pl.col("method") == method)[
-        "mass_kg"
-    ]
-    verdict = [row for row in replayed.frames["loads"].to_dicts() if row["withheld"]]
+    masses = average_masses_by_method_and_run(replayed_run, trials).filter(
+        pl.col("method") == method
+    )["mass_kg"]
+    verdict = [row for row in replayed_run.frames["loads"].to_dicts() if row["withheld"]]
     withheld = f"this log cannot weigh: {verdict[0]['withheld_for']}" if verdict else ""
-    stated = replayed.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
+    stated = replayed_run.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
     found: list[dict[str, Any]] = []
     for row, mass_kg in zip(segments.to_dicts(), masses, strict=True):
         if mass_kg is None:
@@ -245,22 +245,22 @@ def subtract_mean_empty_reading(readings: pl.DataFrame) -> pl.DataFrame:
     return pl.concat(parts)
 
 
-def average_masses_by_method_and_run(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
+def average_masses_by_method_and_run(replayed_run: Run, runs: pl.DataFrame) -> pl.DataFrame:
     """One mass per method and run; null if nothing in the run was accepted.
 
     Windowed methods give the mean of the windows that end in the run, weighted by 1/std²; the
     recursive one its last state in it; `pooled` the run's own fit.
 
     Args:
-        replayed: a replay of the campaign's logs.
+        replayed_run: a replay of the campaign's logs.
         runs: a row per run: `start_ns`, `end_ns` (Unix), `load_kg`, `mass_kg` (the reference).
 
     Returns:
         A row per method and run: method, run, load_kg, reference_kg, mass_kg.
     """
-    t0 = replayed.provenance.t0_unix_ns
+    t0 = replayed_run.provenance.t0_unix_ns
     rows: list[dict[str, object]] = []
-    for name, frame in replayed.frames.items():
+    for name, frame in replayed_run.frames.items():
         stage, _, method = name.partition("/")
         if stage != "estimates":
             continue

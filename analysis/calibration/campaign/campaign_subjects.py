@@ -28,7 +28,7 @@ class Organisation(BaseModel):
     email: Line = Field("", description="of whoever answers questions")
 
     @property
-    def text(self) -> str:
+    def name_and_address_line(self) -> str:
         """Name and address in a line."""
         email = f", {self.email}" if self.email else ""
         return f"{self.name}, {self.address}, {self.city}, {self.country}{email}"

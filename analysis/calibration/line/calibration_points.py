@@ -9,7 +9,7 @@ from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import Points
 from analysis.calibration.line.variance_components import WithinRunVariance
 from estimators.arrays import Floats
-from estimators.errors import DataError, counted
+from estimators.errors import DataError, format_count
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ def _refuse_points_without_line(points: Points) -> None:
     loads = np.unique(points.x_kg).size
     if loads < LIMITS.min_loads:
         raise DataError(
-            f"calibration: readings of {counted(loads, 'different load')} only; at least "
+            f"calibration: readings of {format_count(loads, 'different load')} only; at least "
             f"{LIMITS.min_loads} are needed to check that the line is straight; add runs with "
             "other loads"
         )

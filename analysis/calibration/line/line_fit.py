@@ -36,7 +36,7 @@ from analysis.calibration.line.point_errors import (
     compute_scatter_to_stated_std_ratio,
     estimate_slope_attenuation,
     make_point_rows,
-    root_mean_square_of_known,
+    root_mean_square_without_none,
 )
 from analysis.calibration.line.shared_errors import RunResponse, compute_line_responses
 from analysis.calibration.line.variance_components import estimate_variances_by_reml
@@ -46,12 +46,12 @@ from estimators.errors import DataError
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
 
 
-def compute_lack_of_fit_test(points: Points, day_known_kg: float | None) -> LackOfFit:
+def compute_lack_of_fit_test(points: Points, known_day_std_kg: float | None) -> LackOfFit:
     """Test the means of the loads against the line.
 
     Args:
         points: means of runs.
-        day_known_kg: known deviation between days, in kg of m̂; None if unknown.
+        known_day_std_kg: known deviation between days, in kg of m̂; None if unknown.
 
     Returns:
         The F test: its ratio, probability and degrees of freedom, all None if the points allow no
@@ -59,7 +59,9 @@ def compute_lack_of_fit_test(points: Points, day_known_kg: float | None) -> Lack
     """
     design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
     loads, count = design.shape[1], points.y_kg.size
-    names = choose_estimable_effects(points, loads, is_day_variance_known=day_known_kg is not None)
+    names = choose_estimable_effects(
+        points, loads, is_day_variance_known=known_day_std_kg is not None
+    )
     above = loads - 2
     below = count - loads - (points.day_count - 1 if DAY in names else 0)
     against = "run to run, at the same load"
@@ -73,7 +75,7 @@ def compute_lack_of_fit_test(points: Points, day_known_kg: float | None) -> Lack
             "nothing: no load has two runs, nor a run two readings",
             separate=False,
         )
-    scatter = make_covariance_structure(points, names, day_known_kg)
+    scatter = make_covariance_structure(points, names, known_day_std_kg)
     found = estimate_variances_by_reml(
         points.y_kg,
         design,
@@ -179,8 +181,8 @@ def fit_calibration_line(
         references_covariance_kg2=tuple(tuple(map(float, row)) for row in points.covariance_kg2),
         points=rows,
         outliers=find_outlying_readings_and_runs(campaign, line),
-        rms_error_kg=root_mean_square_of_known([row.error_kg for row in rows]) or 0.0,
-        rms_error_left_out_kg=root_mean_square_of_known(left_out),
+        rms_error_kg=root_mean_square_without_none([row.error_kg for row in rows]) or 0.0,
+        rms_error_left_out_kg=root_mean_square_without_none(left_out),
         attenuation_1=estimate_slope_attenuation(campaign),
         stated_ratio_1=compute_scatter_to_stated_std_ratio(campaign),
         range_kg=(low - margin, high + margin),
@@ -201,17 +203,17 @@ def fit_calibration_line(
 
 
 def fit_line_and_test_lack_of_fit(
-    points: Points, day_known_kg: float | None
+    points: Points, known_day_std_kg: float | None
 ) -> tuple[FittedLine, LackOfFit]:
     """Fit the line, with an extra deviation of each load if the points show one.
 
     Args:
         points: means of runs.
-        day_known_kg: known deviation between days, in kg of m̂; None if unknown.
+        known_day_std_kg: known deviation between days, in kg of m̂; None if unknown.
     """
-    test = compute_lack_of_fit_test(points, day_known_kg)
+    test = compute_lack_of_fit_test(points, known_day_std_kg)
     lacking = test.separate and test.p_1 is not None and test.p_1 < LIMITS.lack_of_fit_probability
-    line = fit_line_and_variances(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
+    line = fit_line_and_variances(points, known_day_std_kg=known_day_std_kg, lack_of_fit=lacking)
     if line.slope_1 == 0.0:
         raise DataError(
             "calibration: the estimates do not change with the reference masses; check the mass "
@@ -286,7 +288,7 @@ def compute_beta_confidence_interval_kg(
 
 def write_calibration_notes(calibration: Calibration) -> tuple[str, ...]:
     """One sentence per matter, the most important first."""
-    found = [*_write_day_notes(calibration), *_write_line_notes(calibration)]
+    found = [*_write_notes_on_days(calibration), *_write_notes_on_line(calibration)]
     found += [
         f"{one.test}: {one.about} stands out (p = {one.p_1:.2g}); it is in the fit"
         for one in calibration.outliers
@@ -294,7 +296,7 @@ def write_calibration_notes(calibration: Calibration) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _write_day_notes(calibration: Calibration) -> list[str]:
+def _write_notes_on_days(calibration: Calibration) -> list[str]:
     """Notes on what the runs' days show of changes from day to day."""
     days = len({point.day for point in calibration.points if point.readings})
     if calibration.day_freedom is None and calibration.day_kg is not None:
@@ -317,7 +319,7 @@ def _write_day_notes(calibration: Calibration) -> list[str]:
     return []
 
 
-def _write_line_notes(calibration: Calibration) -> list[str]:
+def _write_notes_on_line(calibration: Calibration) -> list[str]:
     """Notes on a large offset, an undetermined slope, lack of fit and attenuation."""
     found: list[str] = []
     middle_kg = sum(calibration.range_kg) / 2.0

@@ -200,39 +200,39 @@ class CovarianceStructure:
 
 
 def make_covariance_structure(
-    points: Points, effect_names: tuple[str, ...], day_known_kg: float | None
+    points: Points, effect_names: tuple[str, ...], known_day_std_kg: float | None
 ) -> CovarianceStructure:
     """Covariance structure of the points for these effects."""
     day = points.effect_covariance(DAY)
     known = (
         np.eye(points.y_kg.size) * (LIMITS.rounding_mass_fraction * np.abs(points.y_kg).max()) ** 2
     )
-    if day_known_kg is not None:
-        known = known + day_known_kg**2 * day
+    if known_day_std_kg is not None:
+        known = known + known_day_std_kg**2 * day
     each = np.array([points.effect_covariance(name) for name in effect_names])
     return CovarianceStructure(
         effect_names,
         each,
         make_mean_square_to_variance_matrix(points, effect_names),
         day,
-        day_known_kg,
+        known_day_std_kg,
         known,
     )
 
 
 def fit_line_and_variances(
-    points: Points, *, day_known_kg: float | None = None, lack_of_fit: bool = False
+    points: Points, *, known_day_std_kg: float | None = None, lack_of_fit: bool = False
 ) -> FittedLine:
     """Fit line and variances together.
 
     Args:
         points: means of runs.
-        day_known_kg: known deviation between days, in kg of m̂; None if unknown.
+        known_day_std_kg: known deviation between days, in kg of m̂; None if unknown.
         lack_of_fit: whether each load has its own deviation from the line.
     """
-    names = choose_estimable_effects(points, 2, is_day_variance_known=day_known_kg is not None)
+    names = choose_estimable_effects(points, 2, is_day_variance_known=known_day_std_kg is not None)
     scatter = make_covariance_structure(
-        points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg
+        points, (*names, LACK_OF_FIT) if lack_of_fit else names, known_day_std_kg
     )
     by_squares = scatter.mean_square_covariances
     x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2

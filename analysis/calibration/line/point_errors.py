@@ -78,7 +78,7 @@ def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, S
     return found
 
 
-def root_mean_square_of_known(errors: Sequence[float | None]) -> float | None:
+def root_mean_square_without_none(errors: Sequence[float | None]) -> float | None:
     """Root mean square of the known errors; None without any."""
     known = [error for error in errors if error is not None]
     return float(np.sqrt(np.mean(np.square(known)))) if known else None

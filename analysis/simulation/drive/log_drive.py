@@ -116,7 +116,7 @@ class TrialDriver(MachineDriver):
             case Excite():
                 times = self._drive_waveform(manoeuvre, body)
             case Travel():
-                times = self._drive_by_pedal(manoeuvre, body)
+                times = self._follow_target_speeds_by_pedal(manoeuvre, body)
             case _:
                 raise ScenarioError(
                     f"campaign.manoeuvres.{manoeuvre_number}: a {manoeuvre.kind} cannot be "
@@ -150,7 +150,7 @@ class TrialDriver(MachineDriver):
         self.brake_to_stop(stage._replace(begin_s=braking_s))
         return ManoeuvreTimes("excite", begin_s, begin_s, None, braking_s, self.time_s)
 
-    def _drive_by_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
+    def _follow_target_speeds_by_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
         """Follow target speeds by a pedal, with brakes and a rest at each stand.
 
         Raises:

@@ -104,7 +104,7 @@ class ShiftDriver(MachineDriver):
         self._record_boom_angles(_DRIVE, at_s=0.0)
 
     @property
-    def is_over(self) -> bool:
+    def is_shift_over(self) -> bool:
         """Whether the shift is over and its last cycle finished."""
         return self.time_s >= self.shift.duration_h * 3600.0
 

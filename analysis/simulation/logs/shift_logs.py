@@ -25,7 +25,7 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_random_generator
 from analysis.simulation.sensors.recorder import list_recorded_topics, topic_phase_s
-from analysis.simulation.sensors.sensors import measure_topics
+from analysis.simulation.sensors.sensors import simulate_topics_of_log
 from analysis.simulation.trials.trial_limits import refuse_undrivable_shift
 from estimators.arrays import Floats
 
@@ -81,7 +81,7 @@ class ShiftSimulation:
         for index, span in enumerate(planned):
             is_last = index == len(planned) - 1
             self._driver.reserve_rows(max(span.end_s - self._driver.time_s, 0.0))
-            while not self._driver.is_over and (is_last or self._driver.time_s < span.end_s):
+            while not self._driver.is_shift_over and (is_last or self._driver.time_s < span.end_s):
                 self._driver.drive_cycle()
             end_s = self._driver.time_s if is_last else min(span.end_s, self._driver.time_s)
             self._spans.append(span._replace(end_s=end_s))
@@ -147,7 +147,7 @@ class ShiftSimulation:
         return SimulatedLog(
             scenario=scenario,
             load_kg=0.0,
-            topics=measure_topics(scenario, timeline, index),
+            topics=simulate_topics_of_log(scenario, timeline, index),
             trials=pl.DataFrame(),
             manoeuvres=timeline.make_manoeuvre_table(),
             timeline=timeline,

@@ -18,7 +18,7 @@ from analysis.simulation.motion.timeline import (
 )
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.recorder import TOPICS, make_sample_times_ns, topic_phase_s
-from analysis.simulation.sensors.sensors import measure_topics
+from analysis.simulation.sensors.sensors import simulate_topics_of_log
 from analysis.simulation.trials.solve_trial import solve_motion
 from analysis.simulation.trials.switches import find_key_needing_integration
 from analysis.simulation.trials.trial_limits import refuse_undrivable_scenario
@@ -32,7 +32,8 @@ class SimulatedLog:
     Attributes:
         scenario: simulated scenario.
         load_kg: the load.
-        topics: `imu`, `torque` and `speed`, in a shift also others, as from `measure_topics`.
+        topics: `imu`, `torque` and `speed`, in a shift also others, as from
+            `simulate_topics_of_log`.
         trials: a row a trial (none in a shift): `run` (its number), the unix times `start_ns` and
             `end_ns`, `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without
             one), and the true `load_kg mass_kg friction_N_s_m coulomb_N rolling_N slope_deg
@@ -97,7 +98,7 @@ def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
         yield SimulatedLog(
             scenario=scenario,
             load_kg=load_kg,
-            topics=measure_topics(scenario, timeline, index),
+            topics=simulate_topics_of_log(scenario, timeline, index),
             trials=timeline.make_trial_table(scenario.terrain.slope_deg),
             manoeuvres=timeline.make_manoeuvre_table(),
             timeline=timeline,

@@ -126,7 +126,7 @@ def make_plant_of_scenario(scenario: Scenario) -> Plant:
         gravity_m_s2=terrain.gravity_m_s2,
         slope_rad=terrain.slope_rad,
         hills_rad=math.radians(terrain.hills_deg),
-        hills_rad_m=terrain.hills_rad_m,
+        hills_rad_m=terrain.hill_phase_rad_m,
         hills_phase_rad=math.radians(terrain.hills_phase_deg),
         drag_N=scenario.brakes.drag_N,
         rolling=rolling.coefficient,

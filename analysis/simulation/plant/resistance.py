@@ -11,11 +11,11 @@ _AXLES_APART_M: Final = 1.2
 
 
 @compiled_inline
-def cold_friction_fraction(time_s: float, warming: float, warming_s: float) -> float:
+def cold_friction_fraction(time_s: float, cold_excess_fraction: float, warming_s: float) -> float:
     """Remaining fraction of a cold machine's extra friction at a time."""
-    if warming == 0.0:
+    if cold_excess_fraction == 0.0:
         return 1.0
-    return 1.0 + warming * math.expm1(-time_s / warming_s)
+    return 1.0 + cold_excess_fraction * math.expm1(-time_s / warming_s)
 
 
 @compiled_inline

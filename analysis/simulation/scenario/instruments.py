@@ -51,10 +51,7 @@ class SimulatedSensors(BaseModel):
     gyro_bias_rad_s: float = Field(default=0.0, description="bias of each gyroscope axis")
     force_bias_N: float = Field(default=0.0, description="bias of the total force")
     force_gain: float = Field(
-        default=1.0,
-        gt=0,
-        le=100,
-        description=("ratio of reported to true torque"),
+        default=1.0, gt=0, le=100, description=("ratio of reported to true torque")
     )
     torque_lsb_N_m: float = Field(
         default=0.0, ge=0, description="resolution of each torque sensor; 0: not quantised"
@@ -79,10 +76,7 @@ class SimulatedSensors(BaseModel):
         default=0.0, ge=0, le=10, description="delay of the torque sensors"
     )
     speed_delay_s: float = Field(
-        default=0.0,
-        ge=0,
-        le=10,
-        description=("delay of the wheel speed sensors"),
+        default=0.0, ge=0, le=10, description=("delay of the wheel speed sensors")
     )
     imu_delay_s: float = Field(default=0.0, ge=0, le=10, description="delay of the IMU")
     seed: int = Field(default=1, ge=0, description="the same seed gives the same logs")
@@ -181,10 +175,7 @@ class SimulatedDefects(BaseModel):
         default=0.0, ge=-1e-2, le=1e-2, description="relative change of the gain per kg of load"
     )
     force_gain_drift: float = Field(
-        default=0.0,
-        ge=-1,
-        le=1,
-        description="relative growth of the force gain over a log, linear",
+        default=0.0, ge=-1, le=1, description="relative growth of the force gain over a log, linear"
     )
     force_clip_N: float = Field(
         default=0.0,
@@ -286,7 +277,7 @@ class SimulatedSampling(BaseModel):
         }
         return phases.get(topic, -1.0)
 
-    def clock_ppm(self, topic: TopicName) -> float:
+    def clock_rate_error_ppm(self, topic: TopicName) -> float:
         """Rate error of a topic's clock in ppm; positive if it runs fast."""
         clocks: dict[str, float] = {
             "imu": self.imu_clock_ppm,

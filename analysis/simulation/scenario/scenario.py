@@ -300,7 +300,7 @@ class SimulatedTerrain(BaseModel):
         return math.radians(self.slope_deg)
 
     @property
-    def hills_rad_m(self) -> float:
+    def hill_phase_rad_m(self) -> float:
         """Phase of the hills along the way."""
         return 2.0 * math.pi / self.hills_length_m
 
@@ -310,13 +310,13 @@ class SimulatedTerrain(BaseModel):
     def slope_at_rad(self, position_m: Floats) -> Floats: ...
     def slope_at_rad(self, position_m: float | Floats) -> float | Floats:
         """The slope at one or (n,) places, from where a log begins."""
-        phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
+        phase = self.hill_phase_rad_m * position_m + math.radians(self.hills_phase_deg)
         return self.slope_rad + math.radians(self.hills_deg) * np.sin(phase)
 
     def slope_gradient_rad_m(self, position_m: Floats) -> Floats:
         """How much the slope changes along the way, at (n,) places."""
-        phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
-        return math.radians(self.hills_deg) * self.hills_rad_m * np.cos(phase)
+        phase = self.hill_phase_rad_m * position_m + math.radians(self.hills_phase_deg)
+        return math.radians(self.hills_deg) * self.hill_phase_rad_m * np.cos(phase)
 
 
 class Scenario(BaseModel):

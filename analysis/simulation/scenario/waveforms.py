@@ -33,7 +33,7 @@ class Waveform(ABC, BaseModel):
 
     @property
     @abstractmethod
-    def range(self) -> tuple[float, float]:
+    def value_range(self) -> tuple[float, float]:
         """Lowest and highest value."""
 
     @overload
@@ -42,7 +42,7 @@ class Waveform(ABC, BaseModel):
     def __call__(self, time_s: Floats) -> Floats: ...
     def __call__(self, time_s: float | Floats) -> float | Floats:
         """The values at one or (n,) times in s since the drive began."""
-        lowest, highest = self.range
+        lowest, highest = self.value_range
         # 1 at the peak, 0 at the trough, linear in time between them
         shape = abs(2.0 * ((time_s - self.peak_s) / self.period_s % 1.0) - 1.0)
         if self.waveform == "sinusoidal":
@@ -52,7 +52,7 @@ class Waveform(ABC, BaseModel):
             shape = shape**3 * (10.0 + shape * (6.0 * shape - 15.0))
         return lowest + (highest - lowest) * shape
 
-    def kinks_s(self, duration_s: float) -> list[float]:
+    def kink_times_s(self, duration_s: float) -> list[float]:
         """The peaks and troughs before `duration_s`, where it is not smooth."""
         half = self.period_s / 2.0
         first = math.ceil(-self.peak_s / half)
@@ -69,7 +69,7 @@ class ForceWave(Waveform):
     )
 
     @property
-    def range(self) -> tuple[float, float]:
+    def value_range(self) -> tuple[float, float]:
         """Lowest and highest force in N."""
         return self.lowest_N, self.highest_N
 
@@ -81,6 +81,6 @@ class TorqueWave(Waveform):
     highest_N_m: float = Field(default=3000.0, ge=-1e7, le=1e7, description="highest torque")
 
     @property
-    def range(self) -> tuple[float, float]:
+    def value_range(self) -> tuple[float, float]:
         """Lowest and highest torque in N·m."""
         return self.lowest_N_m, self.highest_N_m

@@ -93,7 +93,7 @@ def make_random_generator(
 
 
 @dataclass(frozen=True)
-class Streams:
+class RandomStreams:
     """Random numbers for the samples of one topic.
 
     Attributes:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.simulation.motion.timeline import Timeline
 from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.random_streams import Streams, make_random_generator
+from analysis.simulation.sensors.random_streams import RandomStreams, make_random_generator
 from estimators.arrays import Floats
 
 TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
@@ -49,7 +49,7 @@ def record_topic(
     scenario: Scenario,
     topic: TopicName,
     at_ns: NDArray[np.int64],
-    streams: Streams,
+    random_streams: RandomStreams,
     timeline: Timeline,
     readings: dict[str, Floats],
 ) -> pl.DataFrame:
@@ -59,21 +59,26 @@ def record_topic(
         scenario: scenario with clocks and losses.
         topic: name of the topic.
         at_ns: (n,) unix times of the measurements.
-        streams: random numbers of those samples.
+        random_streams: random numbers of those samples.
         timeline: time line of the log.
         readings: columns of readings, (n,) each.
     """
     log = scenario.log
-    latency_s = log.latency_s + log.latency_jitter_s * streams.draw_uniform_0_to_1_per_sample(
-        f"{topic}_latency"
+    latency_s = (
+        log.latency_s
+        + log.latency_jitter_s * random_streams.draw_uniform_0_to_1_per_sample(f"{topic}_latency")
     )
     log_time_ns = at_ns + np.rint(latency_s * 1e9).astype(np.int64)
-    keeps = ~mark_dropped_samples(scenario, at_ns, streams, timeline)
+    keeps = ~mark_dropped_samples(scenario, at_ns, random_streams, timeline)
     if log.dropout_share:
-        keeps &= streams.draw_uniform_0_to_1_per_sample(f"{topic}_dropout") >= log.dropout_share
+        keeps &= (
+            random_streams.draw_uniform_0_to_1_per_sample(f"{topic}_dropout") >= log.dropout_share
+        )
     frame = pl.DataFrame(
         {
-            "header_stamp_ns": stamp_samples_ns(scenario, topic, at_ns, streams, timeline.start_ns),
+            "header_stamp_ns": stamp_samples_ns(
+                scenario, topic, at_ns, random_streams, timeline.start_ns
+            ),
             "log_time_ns": log_time_ns,
             **readings,
         }
@@ -81,7 +86,8 @@ def record_topic(
     if not log.swapped_share:
         return frame
     late = swap_messages_with_next(
-        log_time_ns, streams.draw_uniform_0_to_1_per_sample(f"{topic}_swap") < log.swapped_share
+        log_time_ns,
+        random_streams.draw_uniform_0_to_1_per_sample(f"{topic}_swap") < log.swapped_share,
     )
     return frame.with_columns(log_time_ns=late[keeps]).sort("log_time_ns")
 
@@ -90,14 +96,14 @@ def stamp_samples_ns(
     scenario: Scenario,
     topic: TopicName,
     at_ns: NDArray[np.int64],
-    streams: Streams,
+    random_streams: RandomStreams,
     start_ns: int,
 ) -> NDArray[np.int64]:
     """Stamp of each measurement by the topic's clock, (n,) in Unix ns."""
     sampling = scenario.sampling
-    ahead_ns = (at_ns - start_ns) * (sampling.clock_ppm(topic) * 1e-6)
+    ahead_ns = (at_ns - start_ns) * (sampling.clock_rate_error_ppm(topic) * 1e-6)
     if sampling.stamp_jitter_s:
-        part = 2.0 * streams.draw_uniform_0_to_1_per_sample(f"{topic}_stamp") - 1.0
+        part = 2.0 * random_streams.draw_uniform_0_to_1_per_sample(f"{topic}_stamp") - 1.0
         ahead_ns = ahead_ns + part * (sampling.stamp_jitter_s * 1e9)
     return at_ns + np.rint(ahead_ns).astype(np.int64)
 
@@ -115,7 +121,7 @@ def swap_messages_with_next(
 
 
 def mark_dropped_samples(
-    scenario: Scenario, at_ns: NDArray[np.int64], streams: Streams, timeline: Timeline
+    scenario: Scenario, at_ns: NDArray[np.int64], random_streams: RandomStreams, timeline: Timeline
 ) -> NDArray[np.bool_]:
     """Mark lost samples (n,): dropouts begin at any sample with equal probability."""
     log, rate = scenario.log, scenario.sensors.rate_hz
@@ -123,7 +129,9 @@ def mark_dropped_samples(
         return np.zeros(at_ns.shape, np.bool_)
     # the same stretches in all topics, whatever their rates
     grid_ns = make_sample_times_ns(timeline, rate, 0.0)
-    common = Streams(streams.seed, streams.load_index, timeline.assign_trial_numbers(grid_ns))
+    common = RandomStreams(
+        random_streams.seed, random_streams.load_index, timeline.assign_trial_numbers(grid_ns)
+    )
     begins = common.draw_uniform_0_to_1_per_sample("blackout") < -math.expm1(
         -1.0 / rate / log.blackout_every_s
     )

@@ -17,7 +17,7 @@ from analysis.simulation.motion.timeline import Hints, Timeline
 from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
-from analysis.simulation.sensors.random_streams import Streams
+from analysis.simulation.sensors.random_streams import RandomStreams
 from analysis.simulation.sensors.recorder import (
     list_recorded_topics,
     make_sample_times_ns,
@@ -33,7 +33,7 @@ _SIDES: Final = (("left", -1.0), ("right", 1.0))
 _EARTH_M: Final = 6_371_008.8
 
 
-def measure_topics(
+def simulate_topics_of_log(
     scenario: Scenario, timeline: Timeline, load_index: int
 ) -> dict[str, pl.DataFrame]:
     """Measure a motion by the simulated instruments.
@@ -52,7 +52,9 @@ def measure_topics(
     for topic in list_recorded_topics(scenario):
         phase = topic_phase_s(scenario, topic, load_index)
         at_ns = make_sample_times_ns(timeline, topic_rate_hz(scenario, topic), phase)
-        streams = Streams(scenario.sensors.seed, load_index, timeline.assign_trial_numbers(at_ns))
+        streams = RandomStreams(
+            scenario.sensors.seed, load_index, timeline.assign_trial_numbers(at_ns)
+        )
         readings = _READERS[topic](scenario, timeline, at_ns, streams)
         if scenario.defects.frozen_topic == topic:
             held = find_repeated_sample_indices(scenario, at_ns - timeline.start_ns)
@@ -69,9 +71,9 @@ class WhiteNoise(NamedTuple):
 
 
 def _add_sensor_errors(
-    value: Floats, streams: Streams, name: str, white_noise: WhiteNoise
+    value: Floats, random_streams: RandomStreams, name: str, white_noise: WhiteNoise
 ) -> Floats:
-    reading = value + streams.draw_white_noise(name, white_noise.std)
+    reading = value + random_streams.draw_white_noise(name, white_noise.std)
     return np.rint(reading / white_noise.lsb) * white_noise.lsb if white_noise.lsb else reading
 
 
@@ -94,8 +96,8 @@ def delay_and_filter_signals(
     return low_pass_signals(true_signals_at, at_ns - round(delay_s * 1e9), lag_s)
 
 
-def _measure_imu(
-    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+def _simulate_imu_readings(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
     sensors, defects = scenario.sensors, scenario.defects
     times_s = (sensors.imu_delay_s, defects.imu_lag_s)
@@ -108,7 +110,7 @@ def _measure_imu(
         moving = timeline.sample(at_ns).wheel_speed_x_m_s != 0.0
         seconds = (at_ns - timeline.start_ns) * np.float64(1e-9)
         made["specific_force_x_m_s2"] = made["specific_force_x_m_s2"] + np.where(
-            moving, draw_vibration(scenario, seconds, streams), 0.0
+            moving, draw_vibration(scenario, seconds, random_streams), 0.0
         )
     acc = WhiteNoise(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
     gyro = WhiteNoise(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
@@ -118,7 +120,7 @@ def _measure_imu(
     }
     return {
         name: _add_sensor_errors(
-            value, streams, name, white.get(name, acc if "force" in name else gyro)
+            value, random_streams, name, white.get(name, acc if "force" in name else gyro)
         )
         for name, value in made.items()
     }
@@ -159,20 +161,20 @@ def _compute_true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str,
     }
 
 
-def draw_vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
+def draw_vibration(scenario: Scenario, seconds: Floats, random_streams: RandomStreams) -> Floats:
     """Narrow-band noise (n,): a carrier with two Gauss-Markov amplitudes."""
     defects = scenario.defects
     samples = topic_rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
     turn = 2.0 * math.pi * defects.vibration_hz * seconds
     in_phase, in_quadrature = (
-        streams.draw_gauss_markov_drift(f"vibration_{name}", defects.vibration_m_s2, samples)
+        random_streams.draw_gauss_markov_drift(f"vibration_{name}", defects.vibration_m_s2, samples)
         for name in ("in_phase", "in_quadrature")
     )
     return in_phase * np.cos(turn) + in_quadrature * np.sin(turn)
 
 
-def _measure_torque(
-    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+def _simulate_torque_readings(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
     """Torques of both sides, whose noise adds up to that of their sum."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
@@ -188,14 +190,14 @@ def _measure_torque(
     readings: dict[str, Floats] = {}
     for side, _ in _SIDES:
         name = f"torque_{side}_N_m"
-        drift = streams.draw_gauss_markov_drift(
+        drift = random_streams.draw_gauss_markov_drift(
             f"torque_{side}_drift",
             sensors.force_drift_N * lever_m / math.sqrt(2),
             sensors.force_drift_s * topic_rate_hz(scenario, "torque"),
         )
         follows = apply_play_hysteresis(signals[name], play_N_m) if play_N_m else signals[name]
         reading = _add_sensor_errors(
-            follows + drift, streams, name, WhiteNoise(noise, sensors.torque_lsb_N_m)
+            follows + drift, random_streams, name, WhiteNoise(noise, sensors.torque_lsb_N_m)
         )
         readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
     readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain
@@ -220,8 +222,8 @@ def compute_true_torques(
     }
 
 
-def _measure_speed(
-    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+def _simulate_speed_readings(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
     sensors = scenario.sensors
     times_s = (sensors.speed_delay_s, scenario.defects.speed_lag_s)
@@ -231,7 +233,8 @@ def _measure_speed(
     # the mean of both sides has the scenario's noise
     white = WhiteNoise(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
     readings = {
-        name: _add_sensor_errors(value, streams, name, white) for name, value in signals.items()
+        name: _add_sensor_errors(value, random_streams, name, white)
+        for name, value in signals.items()
     }
     return _swap_sides_if_defective(scenario, "speed_{}_m_s", readings)
 
@@ -269,16 +272,16 @@ def _swap_sides_if_defective(
 
 
 def find_repeated_sample_indices(
-    scenario: Scenario, since_ns: NDArray[np.int64]
+    scenario: Scenario, times_since_start_ns: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Index (n,) of the sample that each message repeats: its own, unless frozen."""
     defects = scenario.defects
     every_ns = round(defects.frozen_every_s * 1e9)
-    number = since_ns // every_ns
+    number = times_since_start_ns // every_ns
     begins_ns = number * every_ns
-    stuck = (number > 0) & (since_ns - begins_ns < round(defects.frozen_s * 1e9))
-    before = np.searchsorted(since_ns, begins_ns) - 1
-    return np.where(stuck, before, np.arange(since_ns.size))
+    stuck = (number > 0) & (times_since_start_ns - begins_ns < round(defects.frozen_s * 1e9))
+    before = np.searchsorted(times_since_start_ns, begins_ns) - 1
+    return np.where(stuck, before, np.arange(times_since_start_ns.size))
 
 
 def low_pass_signals(
@@ -297,10 +300,7 @@ def low_pass_signals(
         return signals(at_ns)
     from scipy.signal import lfilter
 
-    step_ns = max(
-        round(min(LIMITS.filter_step_s, lag_s / LIMITS.filter_steps_per_lag) * 1e9),
-        1,
-    )
+    step_ns = max(round(min(LIMITS.filter_step_s, lag_s / LIMITS.filter_steps_per_lag) * 1e9), 1)
     grid_ns = np.arange(at_ns[0], at_ns[-1] + 2 * step_ns, step_ns)
     keeps = math.exp(-step_ns * 1e-9 / lag_s)
     # exact for a signal that is a straight line from step to step
@@ -315,26 +315,26 @@ def low_pass_signals(
     return made
 
 
-def measure_boom(
-    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+def simulate_boom_readings(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
     """Angles of boom and bucket, positive up, in rad."""
     hints, noise = _require_hints_of_samples(timeline, at_ns), _boom_angle_noise_std_rad(scenario)
     return {
-        "boom_rad": hints.boom_rad + streams.draw_white_noise("boom_rad", noise),
-        "bucket_rad": hints.bucket_rad + streams.draw_white_noise("bucket_rad", noise),
+        "boom_rad": hints.boom_rad + random_streams.draw_white_noise("boom_rad", noise),
+        "bucket_rad": hints.bucket_rad + random_streams.draw_white_noise("bucket_rad", noise),
     }
 
 
-def measure_odometry(
-    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+def simulate_odometry_readings(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
     """True position and heading along the way; speed and yaw rate with sensor noise."""
     motion, sensors = timeline.sample(at_ns), scenario.sensors
-    speed = motion.wheel_speed_x_m_s + streams.draw_white_noise(
+    speed = motion.wheel_speed_x_m_s + random_streams.draw_white_noise(
         "odometry_speed", sensors.speed_noise_m_s
     )
-    rate = motion.yaw_rate_rad_s + streams.draw_white_noise(
+    rate = motion.yaw_rate_rad_s + random_streams.draw_white_noise(
         "odometry_yaw", sensors.gyro_noise_rad_s
     )
     return {
@@ -345,16 +345,20 @@ def measure_odometry(
     }
 
 
-def measure_gnss(
-    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+def simulate_gnss_readings(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
     """Latitude and longitude in degrees, on a sphere."""
     shift = scenario.shift
     assert shift is not None
     bearing = math.radians(shift.bearing_deg)
     along = _require_hints_of_samples(timeline, at_ns).position_m
-    north = along * math.cos(bearing) + streams.draw_white_noise("gnss_north", shift.gnss_noise_m)
-    east = along * math.sin(bearing) + streams.draw_white_noise("gnss_east", shift.gnss_noise_m)
+    north = along * math.cos(bearing) + random_streams.draw_white_noise(
+        "gnss_north", shift.gnss_noise_m
+    )
+    east = along * math.sin(bearing) + random_streams.draw_white_noise(
+        "gnss_east", shift.gnss_noise_m
+    )
     parallel_m = _EARTH_M * math.cos(math.radians(shift.latitude_deg))
     return {
         "latitude_deg": shift.latitude_deg + np.degrees(north / _EARTH_M),
@@ -372,12 +376,12 @@ def _boom_angle_noise_std_rad(scenario: Scenario) -> float:
     return scenario.shift.boom_noise_rad
 
 
-_Reader = Callable[[Scenario, Timeline, NDArray[np.int64], Streams], dict[str, Floats]]
+_Reader = Callable[[Scenario, Timeline, NDArray[np.int64], RandomStreams], dict[str, Floats]]
 _READERS: Final[Mapping[TopicName, _Reader]] = {
-    "imu": _measure_imu,
-    "torque": _measure_torque,
-    "speed": _measure_speed,
-    "boom": measure_boom,
-    "odometry": measure_odometry,
-    "gnss": measure_gnss,
+    "imu": _simulate_imu_readings,
+    "torque": _simulate_torque_readings,
+    "speed": _simulate_speed_readings,
+    "boom": simulate_boom_readings,
+    "odometry": simulate_odometry_readings,
+    "gnss": simulate_gnss_readings,
 }

@@ -192,7 +192,9 @@ class _Trial:
                 force(since) if force else 0.0, torque(since) if torque else 0.0
             )
 
-        kinks = [begin_s + kink for wave in waves for kink in wave.kinks_s(manoeuvre.duration_s)]
+        kinks = [
+            begin_s + kink for wave in waves for kink in wave.kink_times_s(manoeuvre.duration_s)
+        ]
         hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
         state = np.array([0.0, 0.0, -hold.x, 0.0, 0.0, -hold.z, heading_rad])
         machine = DrivenMotion(

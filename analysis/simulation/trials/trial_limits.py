@@ -118,7 +118,7 @@ class _TrialLimits:
             case _:
                 pass
 
-    def _largest_rolling_deceleration_m_s2(self) -> float:
+    def _largest_rolling_resistance_deceleration_m_s2(self) -> float:
         """Largest deceleration by rolling resistance of a slow machine."""
         terrain = self.scenario.terrain
         return (
@@ -140,7 +140,7 @@ class _TrialLimits:
         full_N = campaign.throttle_force_N * campaign.drive_fraction_at_throttle(start.throttle)
         coulomb_N = self.heaviest.coulomb_x_N
         resistance_N = coulomb_N + self.heaviest.mass_kg * (
-            worst + self._largest_rolling_deceleration_m_s2()
+            worst + self._largest_rolling_resistance_deceleration_m_s2()
         )
         reached_N = full_N * -math.expm1(-start.start_s / campaign.valve_lag_s)
         if reached_N <= resistance_N:
@@ -185,8 +185,8 @@ class _TrialLimits:
 
     def _refuse_undrivable_excitation(self, excitation: Excite, scenario_key: str) -> None:
         light, force, torque = self.lightest, excitation.force, excitation.torque
-        highest_N = max(map(abs, force.range)) if force else 0.0
-        highest_N_m = max(map(abs, torque.range)) if torque else 0.0
+        highest_N = max(map(abs, force.value_range)) if force else 0.0
+        highest_N_m = max(map(abs, torque.value_range)) if torque else 0.0
         self._refuse_beyond_full_throttle(highest_N, highest_N_m, scenario_key)
         push_N = highest_N + light.mass_kg * abs(light.uphill_m_s2)
         slow = max(light.friction_x_N_s_m, light.mass_kg / excitation.duration_s)

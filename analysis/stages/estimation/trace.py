@@ -96,7 +96,7 @@ def _trace_methods(
         options = method.options(settings.trace, noise)
         if method.feed is FeedKind.SETTLED and load_begin_rows:
             fed_by = (*inputs_for_feed(method.feed), options)
-            traced = trace_by_load(method, A, f, fed_by, load_begin_rows)
+            traced = trace_each_load_separately(method, A, f, fed_by, load_begin_rows)
         else:
             traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
         if method.feed is not FeedKind.SEGMENTS:
@@ -116,7 +116,7 @@ def _trace_methods(
     return traces
 
 
-def trace_by_load(
+def trace_each_load_separately(
     method: Method,
     A: Floats,
     f: Floats,

@@ -19,7 +19,7 @@ from analysis.model.axes import X, make_regressor_and_force
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import reject_windows_with_rows
+from analysis.stages.gating.gate import reject_windows_with_excluded_rows
 from analysis.stages.motion.phases import count_rows_of_speed_rate_span
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
@@ -101,7 +101,7 @@ def find_starts_with_changed_resistance(
         stands = (stood | np.isnan(speed)) & ~drives
         ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
         goes_on = np.flatnonzero(drives)
-        for rows in split_drive_stretches(drives, speed, machine.settings):
+        for rows in split_driving_at_pauses_and_turns(drives, speed, machine.settings):
             way = int(np.sign(np.mean(speed[rows])))
             grown_N, std_N = estimate_resistance_growth_and_std(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
@@ -112,14 +112,13 @@ def find_starts_with_changed_resistance(
                 LIMITS.digging_misfit_fraction * largest_N,
             )
             least_N = max(
-                LIMITS.pile_min_growth_fraction * largest_N,
-                LIMITS.pile_min_growth_std * std_N,
+                LIMITS.pile_min_growth_fraction * largest_N, LIMITS.pile_min_growth_std * std_N
             )
             if least_N < abs(grown_N) < LIMITS.pile_max_growth_fraction * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
-                stops = find_first_row_after(ends[way], int(rows[-1])) <= find_first_row_after(
-                    goes_on, int(rows[-1])
-                )
+                stops = find_next_row_or_infinity(
+                    ends[way], int(rows[-1])
+                ) <= find_next_row_or_infinity(goes_on, int(rows[-1]))
                 stops &= float(np.abs(speed[rows]).max()) <= LIMITS.pile_max_speed_m_s
                 found.append(_PileContact(row, way, stops))
     return found
@@ -137,7 +136,7 @@ def select_pile_contacts(candidates: list[_PileContact]) -> list[_PileContact]:
     return piles if against < LIMITS.pile_contradiction_fraction * len(piles) else []
 
 
-def find_first_row_after(rows: Ints, after_row: int) -> float:
+def find_next_row_or_infinity(rows: Ints, after_row: int) -> float:
     """First of the rows after `after_row`; infinite if there is none."""
     place = int(np.searchsorted(rows, after_row, "right"))
     return float(rows[place]) if place < rows.size else np.inf
@@ -160,7 +159,7 @@ def reject_windows_with_digging(
     dug = mark_digging_samples(
         excitation["t_ns"].to_numpy(), digs, count_rows_of_speed_rate_span(machine.settings)
     )
-    return reject_windows_with_rows(gated, dug, "digging", machine.settings)
+    return reject_windows_with_excluded_rows(gated, dug, "digging", machine.settings)
 
 
 def add_digs_column(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
@@ -184,7 +183,9 @@ def find_robust_maximum_force(force: Floats) -> float:
     return float(np.quantile(np.abs(force), LIMITS.reached_quantile))
 
 
-def split_drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
+def split_driving_at_pauses_and_turns(
+    driving: Bools, speed: Floats, settings: Settings
+) -> list[Ints]:
     """Row numbers of each short enough stretch of driving one way, across short holes."""
     rows = np.flatnonzero(driving)
     hole = max(1, round(LIMITS.start_pause_s * settings.align.rate_hz))

@@ -6,12 +6,12 @@ import polars as pl
 from analysis.model.axes import Axis, X, list_axes_allowed_by_channels, make_regressor_and_force
 from analysis.model.schema import PHASE, REASON, build_frame, column_values
 from analysis.model.settings import Settings
-from analysis.model.windows import flag_windows, mark_samples_in_windows
+from analysis.model.windows import flag_windows_with_flagged_rows, mark_samples_in_accepted_windows
 from analysis.stages.gating.gate_rules import (
     UNKNOWN,
     Codes,
     decide_window_acceptance,
-    flag_excluding_rows_by_reason,
+    flag_rows_that_exclude_windows_by_reason,
     mark_braking_rows,
 )
 from analysis.stages.motion.phases import (
@@ -62,7 +62,7 @@ def _make_gate_columns(
     phase = encode_phases_as_codes(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
     missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
-    complete = ~flag_windows(missing, window)
+    complete = ~flag_windows_with_flagged_rows(missing, window)
     complete[: window - 1] = False
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
@@ -81,7 +81,7 @@ def _make_gate_columns(
     brakes = mark_deceleration(axis, excitation, settings)
     flags = {
         "gap": missing,
-        **flag_excluding_rows_by_reason(axis, phase, f, brakes, slips, settings.gate),
+        **flag_rows_that_exclude_windows_by_reason(axis, phase, f, brakes, slips, settings.gate),
     }
 
     def estimate_window_information(window_ends: Ints) -> Floats:
@@ -93,7 +93,7 @@ def _make_gate_columns(
         axis,
         seen,
         np.arange(n) < first + window - 1,
-        {why: flag_windows(flag, window) for why, flag in flags.items()},
+        {why: flag_windows_with_flagged_rows(flag, window) for why, flag in flags.items()},
         estimate_window_information,
         settings.gate,
     )
@@ -106,11 +106,7 @@ def _make_gate_columns(
     if decided.ksg_nat is not None:
         columns[f"ksg_{letter}_nat"] = decided.ksg_nat
     reason = pl.Series(decided.reasons, dtype=REASON).gather(decided.chosen)
-    return {
-        **columns,
-        f"accepted_{letter}": reason == "accepted",
-        f"reason_{letter}": reason,
-    }
+    return {**columns, f"accepted_{letter}": reason == "accepted", f"reason_{letter}": reason}
 
 
 def encode_phases_as_codes(excitation: pl.DataFrame) -> Codes:
@@ -128,7 +124,7 @@ def mark_samples_for_pooling(
     standstill alone would cost 150 kg of 3614. The phase detects braking late by up to its span and
     the moving mean; windows must accept that on board, pooling need not.
     """
-    used = mark_samples_in_windows(
+    used = mark_samples_in_accepted_windows(
         gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples
     )
     used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
@@ -137,7 +133,7 @@ def mark_samples_for_pooling(
     )
 
 
-def reject_windows_with_rows(
+def reject_windows_with_excluded_rows(
     gated: pl.DataFrame, excluded_rows: Bools, rejection_reason: str, settings: Settings
 ) -> pl.DataFrame:
     """The gate, with accepted straight windows that contain one of these rows rejected.
@@ -148,7 +144,7 @@ def reject_windows_with_rows(
         rejection_reason: the reason.
         settings: settings with the window.
     """
-    held = pl.Series(flag_windows(excluded_rows, settings.gate.window_samples))
+    held = pl.Series(flag_windows_with_flagged_rows(excluded_rows, settings.gate.window_samples))
     accepted = pl.col("accepted_x")
     reason = (
         pl.when(held & accepted)
@@ -174,7 +170,7 @@ def mark_settled_windows(
 
 def mark_possible_braking(braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
-    return flag_windows(
+    return flag_windows_with_flagged_rows(
         braking[::-1], count_rows_of_speed_rate_span(settings) + settings.smooth.samples
     )[::-1]
 

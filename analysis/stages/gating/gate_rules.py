@@ -61,8 +61,13 @@ class Decision(NamedTuple):
     chosen: Codes
 
 
-def flag_excluding_rows_by_reason(
-    axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
+def flag_rows_that_exclude_windows_by_reason(
+    axis: Axis,
+    phase: Codes,
+    force: Floats,
+    is_braking: Bools,
+    is_slipping: Bools,
+    settings: GateSettings,
 ) -> dict[str, Bools]:
     """Flags of rows that exclude a window, by reason in order of precedence.
 
@@ -70,8 +75,8 @@ def flag_excluding_rows_by_reason(
         axis: straight motion or spins.
         phase: (rows,) codes of the phase.
         force: (rows,) force or yaw torque.
-        brakes: (rows,) whether travel or spin slows down.
-        slips: (rows,) whether the wheels slip.
+        is_braking: (rows,) whether travel or spin slows down.
+        is_slipping: (rows,) whether the wheels slip.
         settings: settings of the gate, which say what is refused.
 
     Returns:
@@ -80,7 +85,7 @@ def flag_excluding_rows_by_reason(
     limit = settings.saturation_force_N if axis is X else settings.saturation_torque_z_N_m
     # a mean of clipped samples is the limit but for rounding
     clipped = np.abs(force) >= (np.inf if limit is None else limit * (1.0 - 1e-9))
-    braking = brakes if settings.exclude_braking else np.zeros_like(brakes)
+    braking = is_braking if settings.exclude_braking else np.zeros_like(is_braking)
     moving = phase != _STANDSTILL
     if axis is X:
         turning = _TURNING[phase]
@@ -89,15 +94,10 @@ def flag_excluding_rows_by_reason(
             "turning": turning,
             "braking": braking,
             "standstill": moving,
-            "slip": slips,
+            "slip": is_slipping,
         }
     travels = ~_IN_PLACE[phase]
-    return {
-        "saturated": clipped,
-        "translating": travels,
-        "braking": braking,
-        "standstill": moving,
-    }
+    return {"saturated": clipped, "translating": travels, "braking": braking, "standstill": moving}
 
 
 def mark_braking_rows(phase: Codes) -> Bools:

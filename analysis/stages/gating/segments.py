@@ -48,7 +48,7 @@ def number_manoeuvres_for_pooling(
     return np.where(used, number_manoeuvres(excitation, settings), -1)
 
 
-def pool_by_manoeuvre(
+def estimate_each_manoeuvre_by_pooling(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     settings: Settings,

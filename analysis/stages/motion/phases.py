@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.model.schema import PHASE, column_values
 from analysis.model.settings import Settings
-from analysis.model.windows import flag_windows
+from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.motion.smooth import compute_trailing_mean
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats
@@ -114,7 +114,7 @@ def mark_speed_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Set
     falls = np.ones(speed.size, np.bool_)
     # beside a hole nothing is known against braking
     falls[span:] = ~((size[span:] - size[:-span]) * rate_hz / span >= -steady_m_s2)
-    return flag_windows(falls[::-1], span + 1)[::-1]
+    return flag_windows_with_flagged_rows(falls[::-1], span + 1)[::-1]
 
 
 def _mean_speed_over_span(speed: Floats, speed_rate: Floats, settings: Settings) -> Floats:

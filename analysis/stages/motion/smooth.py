@@ -8,7 +8,7 @@ from analysis.model.schema import build_frame, column_values
 from analysis.model.settings import SmoothSettings
 
 
-def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
+def smooth_by_trailing_mean(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
     """Average each sample with the ones before it, `samples` in all.
 
     The mean never reaches across a gap: a row is null until its whole mean is inside one gap-free

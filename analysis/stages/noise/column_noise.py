@@ -17,7 +17,7 @@ from estimators.methods.attenuation import compute_attenuation_corrections_of_wi
 from estimators.methods.ls import compute_residual_noise_variance, solve_windows
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.methods.tls import TlsOptions
-from estimators.numerics.small_systems import factor_packed_ldl, invert
+from estimators.numerics.small_systems import factor_packed_ldl, invert_factored_systems
 
 #: Ratios for TLS where neither log nor settings tell the noise: what the paper's sensors have.
 _USUAL: Final[Mapping[str, TlsOptions]] = {
@@ -186,7 +186,7 @@ def estimate_window_stds_by_column_noise(
         return np.zeros_like(theta)
     p = A.shape[1]
     grams = np.ascontiguousarray(solve_windows(A, f, window, index).grams.T)
-    bread = invert(*factor_packed_ldl(grams, p, p))
+    bread = invert_factored_systems(*factor_packed_ldl(grams, p, p))
     each = np.ascontiguousarray(theta.T)
     # slow columns add up what lasts; no sample has less than its own
     variance = np.maximum(

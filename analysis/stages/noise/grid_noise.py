@@ -27,8 +27,8 @@ from analysis.stages.noise.noise_spectra import (
     mean_block_spectrum,
 )
 from analysis.stages.signals import filters, mounting, rates
-from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import UNFILTERED, derive
+from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.derive import UNFILTERED, derive_channels_in_si
 from analysis.stages.signals.grid_rate import PAPER_HZ
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from estimators.arrays import Floats, Ints
@@ -162,7 +162,7 @@ def simulate_noise_covariances_on_grid(
         name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
     }
     try:
-        x = columns(align(derive(noise, machine)[0], machine)[0])
+        x = columns(align_channels_on_grid(derive_channels_in_si(noise, machine)[0], machine)[0])
     except DataError:
         return None
     sums, pairs = sum_lagged_products_and_counts(x)

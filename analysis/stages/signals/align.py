@@ -17,7 +17,9 @@ from estimators.arrays import Ints
 from estimators.errors import DataError
 
 
-def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.DataFrame, int]:
+def align_channels_on_grid(
+    channels: Mapping[str, pl.DataFrame], machine: Machine
+) -> tuple[pl.DataFrame, int]:
     """Put every channel on one grid: on the line between the samples before and after.
 
     Neighbours are no further apart than `gap_periods` of their channel's own median period (or of
@@ -84,7 +86,7 @@ def align_known_rows_on_causal_grid(
     origin: Origin,
     after_ns: int,
     *,
-    is_whole: bool,
+    is_log_complete: bool,
 ) -> pl.DataFrame:
     """Rows of a causal grid that are known by now, equal to those of `align` for the whole log.
 
@@ -93,15 +95,15 @@ def align_known_rows_on_causal_grid(
         machine: machine file with channels, IMU mounting and rate.
         origin: origin of the grid.
         after_ns: first `t_ns` to return.
-        is_whole: whether no further samples will come; otherwise a row waits until every channel
-            has a sample known no earlier.
+        is_log_complete: whether no further samples will come; otherwise a row waits until every
+            channel has a sample known no earlier.
 
     Returns:
         `aligned`, rows from `after_ns` on.
     """
     raw, series = _make_channel_and_regressor_series(channels, machine)
     needed = select_required_series(series)
-    if is_whole:
+    if is_log_complete:
         end = min(int(each.t_ns[-1]) for each in needed.values())
     else:
         end = min(int(raw[name].known_ns[-1]) for name in needed) - origin.late_ns

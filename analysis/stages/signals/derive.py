@@ -33,7 +33,7 @@ _SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
 UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
 
 
-def derive(
+def derive_channels_in_si(
     measured: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[dict[str, pl.DataFrame], list[str]]:
     """Compute every channel of the machine file from the measured ones.

@@ -41,7 +41,7 @@ def _skip_prefetch(data: Bytes, offset: int) -> None:
 _RECORD_BYTES: Final = 256
 
 
-def estimate_scan_iterations(_: Bytes, begin: int, end: int, *__: Any) -> int:
+def estimate_scan_iterations(_data: Bytes, begin: int, end: int, *__: Any) -> int:
     """The turns of a loop over the records between two places."""
     return (end - begin) // _RECORD_BYTES
 

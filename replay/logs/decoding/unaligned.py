@@ -42,7 +42,7 @@ def _make_load_intrinsic(number_type: Any) -> Any:
 
 
 def _emit_copy_of_bytes(
-    _: Any, data: Any, offset: Any, target: Any, target_offset: Any, size: Any
+    _typing_context: Any, data: Any, offset: Any, target: Any, target_offset: Any, size: Any
 ) -> tuple[Any, Any] | None:
     def generate_copy(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         source = _emit_address_of_array_item(context, builder, signature.args[0], *arguments[:2])
@@ -54,8 +54,8 @@ def _emit_copy_of_bytes(
     return (signature, generate_copy) if _are_byte_arrays_of_numba(data, target) else None
 
 
-def _emit_float_to_double_conversion(_: Any, bits: Any) -> tuple[Any, Any]:
-    def generate_widen(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+def _emit_float_to_double_conversion(_typing_context: Any, bits: Any) -> tuple[Any, Any]:
+    def generate_widen(context: Any, builder: Any, _typing_context: Any, arguments: Any) -> Any:
         word = builder.trunc(arguments[0], context.get_data_type(types.uint32))
         single = builder.bitcast(word, context.get_data_type(types.float32))
         double = builder.fpext(single, context.get_data_type(types.float64))
@@ -64,7 +64,7 @@ def _emit_float_to_double_conversion(_: Any, bits: Any) -> tuple[Any, Any]:
     return types.int64(bits), generate_widen
 
 
-def _prefetch_cache_line(_: Any, data: Any, offset: Any) -> tuple[Any, Any] | None:
+def _prefetch_cache_line(_typing_context: Any, data: Any, offset: Any) -> tuple[Any, Any] | None:
     def generate_prefetch(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         address = _emit_address_of_array_item(context, builder, signature.args[0], *arguments)
         word = ir.IntType(32)

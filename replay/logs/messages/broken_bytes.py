@@ -8,7 +8,7 @@ own code are passed on unchanged.
 import struct
 from typing import Final
 
-from estimators.errors import one_line
+from estimators.errors import join_to_one_line
 
 #: What the format libraries raise on bytes that are not what they should be, their own errors
 #: aside (lz4 raises RuntimeError, bz2 OSError and EOFError, rosbags asserts).
@@ -58,4 +58,4 @@ class BrokenBytesError(Exception):
     """Data cannot be used; one line with the reason."""
 
     def __init__(self, why: object) -> None:
-        super().__init__(one_line(" ".join(str(why).split())))
+        super().__init__(join_to_one_line(" ".join(str(why).split())))

@@ -163,8 +163,11 @@ class TestWhatIsNamed:
             force[begin : begin + 100] = 150.0
         force[850] = 170.0
         found = self.signals(force)
-        assert found.frozen_s == 0.0
-        assert found.clipped_fraction_and_limit["force_x_N"] == (pytest.approx(0.299), 150.0)
+        assert found.longest_frozen_duration_s == 0.0
+        assert found.clipped_fraction_and_limit_by_channel["force_x_N"] == (
+            pytest.approx(0.299),
+            150.0,
+        )
         begins_s = [begin / 1e9 for begin, _ in found.clipped_spans["force_x_N"]]
         assert begins_s == pytest.approx([1.0, 4.0, 8.0], abs=0.3)
 
@@ -178,12 +181,12 @@ class TestWhatIsNamed:
         t_ns = np.arange(60) * 1_000_000_000
         force = np.repeat(np.arange(30.0) + 1.0, 2)
         channels = {"force_x_N": (t_ns, force), "speed_x_m_s": (t_ns, np.arange(60.0) ** 2)}
-        assert RawSignals(channels, None, 60.0).frozen_s == 0.0
+        assert RawSignals(channels, None, 60.0).longest_frozen_duration_s == 0.0
 
     def test_single_readings_at_the_extreme_are_noise_that_reaches_it(self) -> None:
         force = np.minimum(self.noisy(), 100.0)  # one in twenty
         found = self.signals(force)
-        assert found.clipped_share > 0.0
+        assert found.largest_clipped_fraction > 0.0
         assert found.clipped_spans["force_x_N"] == []
 
 

@@ -75,14 +75,8 @@ def backwards(topics):
 
 #: By check: a log with its fault.
 #: Starts so weak, and wheels so noisy, that the derivative of their speed is mostly noise.
-NOISY_WHEELS = {
-    "campaign": {"throttle_force_N": 2000.0},
-    "sensors": {"speed_noise_m_s": 0.01},
-}
-DERIVED = (
-    "settings.forces.acceleration=kinematic",
-    "channels.acc_x_m_s2.derive=d/dt speed_x_m_s",
-)
+NOISY_WHEELS = {"campaign": {"throttle_force_N": 2000.0}, "sensors": {"speed_noise_m_s": 0.01}}
+DERIVED = ("settings.forces.acceleration=kinematic", "channels.acc_x_m_s2.derive=d/dt speed_x_m_s")
 FAULTS = {
     "clock_drift_s": lambda: situation("force clock +0.1 %"),
     "clipped_share": lambda: situation("force clipped"),
@@ -281,45 +275,49 @@ class TestSignals:
     def test_a_reading_that_repeats_while_another_changes_is_frozen(self):
         force = np.random.default_rng(1).normal(0.0, 60.0, 1000)
         force[300:700] = force[300]
-        found = self.signals(force_x_N=force, speed_x_m_s=self.ramp()).frozen_s
+        found = self.signals(force_x_N=force, speed_x_m_s=self.ramp()).longest_frozen_duration_s
         assert found == pytest.approx(3.99)
 
     def test_a_reading_that_repeats_while_nothing_changes_is_not(self):
         force = np.random.default_rng(1).normal(0.0, 60.0, 1000)
         force[300:700] = force[300]
         still = np.where(np.arange(1000) < 800, 1.0, 2.0)
-        assert self.signals(force_x_N=force, speed_x_m_s=still).frozen_s == 0.0
+        assert self.signals(force_x_N=force, speed_x_m_s=still).longest_frozen_duration_s == 0.0
 
     def test_a_machine_that_stands_has_a_speed_of_zero_and_is_not_frozen(self):
         speed = np.where(np.arange(1000) < 400, 0.0, self.ramp())
-        assert self.signals(force_x_N=self.ramp(), speed_x_m_s=speed).frozen_s == 0.0
+        assert (
+            self.signals(force_x_N=self.ramp(), speed_x_m_s=speed).longest_frozen_duration_s == 0.0
+        )
 
     @pytest.mark.parametrize("reading", [0.0, 700.0])
     def test_a_sensor_that_never_moves_while_the_other_side_does_is_dead(self, reading):
         torques = {"torque_left_N_m": np.full(1000, reading), "torque_right_N_m": self.ramp()}
         found = self.signals(**torques, speed_x_m_s=self.ramp())
-        assert found.frozen_s == pytest.approx(9.99)
+        assert found.longest_frozen_duration_s == pytest.approx(9.99)
         assert found.frozen_spans["torque_right_N_m"] == []
 
     def test_a_machine_that_never_drives_is_not_frozen(self):
         noise = np.random.default_rng(3).normal(0.0, 60.0, 1000)
         channels = {"force_x_N": noise, "specific_force_x_m_s2": noise}
-        assert self.signals(**channels, speed_x_m_s=np.zeros(1000)).frozen_s == 0.0
+        assert self.signals(**channels, speed_x_m_s=np.zeros(1000)).longest_frozen_duration_s == 0.0
 
     def test_a_quantised_reading_is_not_frozen(self):
         coarse = np.round(self.ramp() / 0.02) * 0.02
-        assert self.signals(force_x_N=self.ramp(), speed_x_m_s=coarse).frozen_s == 0.0
+        assert (
+            self.signals(force_x_N=self.ramp(), speed_x_m_s=coarse).longest_frozen_duration_s == 0.0
+        )
 
     def test_readings_that_pile_up_at_their_extreme_are_clipped(self):
         force = np.random.default_rng(2).normal(0.0, 2000.0, 1000)
         cut = np.clip(force, None, 3000.0)
         share = (force > 3000.0).mean()
-        assert self.signals(force_x_N=cut).clipped_share == pytest.approx(share)
-        assert self.signals(force_x_N=force).clipped_share == 0.0
+        assert self.signals(force_x_N=cut).largest_clipped_fraction == pytest.approx(share)
+        assert self.signals(force_x_N=force).largest_clipped_fraction == 0.0
 
     def test_a_speed_at_its_extreme_is_not_what_clips(self):
         cruise = np.minimum(self.ramp(), 2.0)
-        assert self.signals(speed_x_m_s=cruise).clipped_share == 0.0
+        assert self.signals(speed_x_m_s=cruise).largest_clipped_fraction == 0.0
 
 
 def test_frames_alone_are_judged_by_what_they_tell():

@@ -13,10 +13,10 @@ from analysis.excitation.error_prediction import (
     make_whitened_window_system,
 )
 from analysis.excitation.excitation_design import (
+    choose_best_waveform_score,
     compute_settling_time_s,
     count_parameters_determined_by_motion,
     design_excitation,
-    find_best_score,
     score_waveform,
     with_trial_of_manoeuvres,
 )
@@ -182,7 +182,7 @@ def test_a_yard_rules_out_what_drives_beyond_it():
     reach = sorted(score.reach_m for score in long.scores)
     made = design_excitation(PLAIN, yard_m=reach[0] + 0.1)
     assert made.best.reach_m == pytest.approx(reach[0])
-    assert find_best_score(long.scores, 0.5) is None
+    assert choose_best_waveform_score(long.scores, 0.5) is None
 
 
 def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_error():

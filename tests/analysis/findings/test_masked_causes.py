@@ -71,7 +71,7 @@ def _never(_: Machine) -> pl.DataFrame:
     ids=["nothing", "another", "behind another", "no proposal", "no scale"],
 )
 def test_what_hides_nothing_or_is_no_scale_is_left_as_it_is(found: pl.DataFrame) -> None:
-    assert add_masked_findings(found, machine(()), _never, is_whole_log=True) is found
+    assert add_masked_findings(found, machine(()), _never, is_complete_log=True) is found
 
 
 @pytest.mark.parametrize("again", [_found("sign_flipped", "delay", setting=LEFT), None])
@@ -83,7 +83,7 @@ def test_a_proposal_that_does_not_mend_is_not_believed(again: pl.DataFrame | Non
         return again
 
     found = _found("sign_flipped", setting=LEFT)
-    assert add_masked_findings(found, machine(()), look, is_whole_log=True) is found
+    assert add_masked_findings(found, machine(()), look, is_complete_log=True) is found
     assert [each.channels["torque_left_N_m"].scale for each in looks] == [-1.0]
 
 
@@ -94,7 +94,7 @@ def test_a_proposal_that_does_not_mend_is_not_believed(again: pl.DataFrame | Non
 def test_what_only_the_whole_log_shows_is_kept(whole: bool, kept: list[str]) -> None:
     found = _found("sign_flipped", "too_little_excitation", "gaps", setting=LEFT)
     both = add_masked_findings(
-        found, machine(()), lambda _: _found("offset", setting=None), is_whole_log=whole
+        found, machine(()), lambda _: _found("offset", setting=None), is_complete_log=whole
     )
     assert both["cause"].to_list() == kept
     assert both["rank"].to_list() == list(range(1, len(kept) + 1))

@@ -9,13 +9,13 @@ import pytest
 from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.calibration_steps import FleetCalibration, find_line_changes
 from analysis.fleet.daily_figures import (
-    make_daily_figures,
-    sum_daily_figures_over_machines,
+    sum_daily_results_over_machines,
     sum_tonnes_by_group,
     sum_weekly_tonnes,
+    summarise_results_by_day,
 )
 from analysis.fleet.fleet_tables import TABLES, convert_frame_to_table_rows, make_table_schema
-from analysis.fleet.results_comparison import compare_results
+from analysis.fleet.results_comparison import compare_fleet_results
 
 OF = {"key": "k", "machine": "m", "day": "2026-01-05", "t0_unix_ns": 1}
 
@@ -112,7 +112,7 @@ def test_random_parts_add_up_in_squares_and_common_ones_as_they_are() -> None:
     assert m["payload_u_random_kg"] == pytest.approx(30.0 * 2**0.5)
     assert m["payload_u_common_kg"] == 80.0
     # what is common to one machine's recordings is not common to two machines
-    assert sum_daily_figures_over_machines(machines)["payload_u_kg"] == pytest.approx(
+    assert sum_daily_results_over_machines(machines)["payload_u_kg"] == pytest.approx(
         (m["payload_u_kg"] ** 2 + n["payload_u_kg"] ** 2) ** 0.5
     )
 
@@ -131,7 +131,9 @@ def test_days_have_means_of_empty_passes_and_counted_payloads() -> None:
         {"empty_after_kg": 3610.0, "payload_kg": 900.0, "counted": False},
         {"empty_after_kg": None, "payload_kg": 720.0},
     )
-    (day,) = make_daily_figures(results({"friction_x_N_s_m": 2900.0}), rows).iter_rows(named=True)
+    (day,) = summarise_results_by_day(results({"friction_x_N_s_m": 2900.0}), rows).iter_rows(
+        named=True
+    )
     assert (day["zero_kg"], day["load_kg"]) == (3605.0, 710.0)
     assert day["friction_N_s_m"] == 2900.0
 
@@ -149,7 +151,7 @@ def test_what_is_most_wrong_comes_first_with_its_place() -> None:
         rows, cycles({"key": "k5", "payload_kg": None, "start_t_ns": 5 * 10**9}), findings()
     )
     assert found.select("key", "at_s").rows() == [
-        *(("k2", 0.0), ("k3", 0.0), ("k4", 812.0), ("k5", 5.0), ("k1", 0.0)),
+        *(("k2", 0.0), ("k3", 0.0), ("k4", 812.0), ("k5", 5.0), ("k1", 0.0))
     ]
     assert found["why"].to_list() == [
         "refused: no log",
@@ -175,7 +177,7 @@ def test_a_comparison_is_of_the_logs_that_both_have_the_largest_change_first() -
         {"log_sha256": "2", "payload_kg": 6500.0, "cycles_counted": 9},
         {"log_sha256": "4"},
     )
-    found = compare_results(a, b)
+    found = compare_fleet_results(a, b)
     assert found.logs["change_kg"].to_list() == [-500.0, 100.0]
     assert (found.only_a, found.only_b) == (1, 1)
     assert found.total_change == {

@@ -14,7 +14,7 @@ from analysis.stages.estimation.masses import (
     withhold_masses,
 )
 from analysis.stages.estimation.trace import trace_estimates
-from analysis.stages.gating.gate import gate_windows, mark_samples_in_windows
+from analysis.stages.gating.gate import gate_windows, mark_samples_in_accepted_windows
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -62,7 +62,7 @@ def test_the_answer_is_plain_json_by_method(replayed):
 
 def test_the_accepted_share_counts_samples_not_windows(replayed):
     run = replayed(WEIGHS)
-    inside = mark_samples_in_windows(run.frames["gate"]["accepted_x"].to_numpy(), 320)
+    inside = mark_samples_in_accepted_windows(run.frames["gate"]["accepted_x"].to_numpy(), 320)
     assert make_answer(run).accepted_share == pytest.approx(inside.mean())
     assert make_answer(run).accepted_share > run.frames["gate"]["accepted_x"].mean()
 
@@ -84,24 +84,9 @@ def test_a_withheld_mass_is_null_in_the_answer(replayed):
             {},
             "the log lasts 3.25 s, a window needs 3.20 s and the moving mean before it 0.09 s",
         ),
-        (
-            ("start", "brake") * 2,
-            (2.0, 1.0) * 2,
-            {},
-            "the longest stretch without braking is 2.",
-        ),
-        (
-            ("standstill",),
-            (9.0,),
-            {},
-            "no window was accepted, most often for: standstill",
-        ),
-        (
-            ("standstill",),
-            (4.0,),
-            {},
-            "no window was accepted, most often for: standstill",
-        ),
+        (("start", "brake") * 2, (2.0, 1.0) * 2, {}, "the longest stretch without braking is 2."),
+        (("standstill",), (9.0,), {}, "no window was accepted, most often for: standstill"),
+        (("standstill",), (4.0,), {}, "no window was accepted, most often for: standstill"),
         (
             TRIP,
             (1.5, 5.0, 2.0, 1.5),

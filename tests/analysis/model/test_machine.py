@@ -36,7 +36,7 @@ def test_a_name_and_three_channels_are_enough():
     machine = load()
     assert machine.machine.force_share == 1.0
     assert machine.machine.gravity_m_s2 == 9.80665
-    assert str(machine.machine.zone) == "UTC"
+    assert str(machine.machine.time_zone) == "UTC"
     assert machine.settings.gate.window_samples == 320
     assert machine.log == LogSection()
 
@@ -91,7 +91,7 @@ def test_a_body_that_cannot_be_is_refused(body):
 
 
 def test_a_time_zone_must_exist():
-    assert str(load(body={"timezone": "America/Santiago"}).machine.zone) == "America/Santiago"
+    assert str(load(body={"timezone": "America/Santiago"}).machine.time_zone) == "America/Santiago"
     assert refusal(body={"timezone": "Santiago"}) == (
         "no time zone 'Santiago'; use a name like 'America/Santiago' or 'UTC'"
     )

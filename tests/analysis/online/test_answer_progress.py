@@ -52,7 +52,7 @@ def test_starts_that_scatter_more_than_they_say_are_believed() -> None:
 def test_another_load_begins_anew() -> None:
     progress = after([3600.0, 3605.0, 3598.0])
     loaded = progress.add_manoeuvre(3900.0, 6.0, 1.0)
-    assert loaded.manoeuvres == 1
+    assert loaded.manoeuvre_count == 1
     assert loaded.mean_kg == 3900.0
     assert loaded.until_u_kg == 3.0
 

@@ -11,7 +11,7 @@ import pytest
 
 from analysis.weighing.gain_by_direction import (
     do_heavy_masses_scatter_more,
-    do_loads_only_follow_direction,
+    do_loads_only_follow_driving_direction,
 )
 from analysis.weighing.growing_load import compute_max_load_loss_of_manoeuvre_kg
 from analysis.weighing.load_states import LoadStates
@@ -135,7 +135,9 @@ def test_a_boom_that_moves_or_times_named_empty_tell_loads() -> None:
     still = replace(to_and_fro_hauls.motion, arms=())
     unseen = SimpleNamespace(states=to_and_fro_hauls.states, motion=still)
     named = SimpleNamespace(states=unseen.states, motion=hauls([1.0, -1.0] * 6, empty=True).motion)
-    seen = [do_loads_only_follow_direction(fit) for fit in (unseen, to_and_fro_hauls, named)]  # pyright: ignore
+    seen = [
+        do_loads_only_follow_driving_direction(fit) for fit in (unseen, to_and_fro_hauls, named)
+    ]  # pyright: ignore
     assert seen == [True, False, False]
 
 
@@ -146,7 +148,7 @@ def test_loads_that_are_hauled_both_ways_are_no_gain() -> None:
     states = replace(both.states, level_kg=level, membership=np.arange(16) // 2)
     motion = replace(both.motion, arms=())
     fit = SimpleNamespace(states=states, motion=motion)
-    assert not do_loads_only_follow_direction(fit)  # pyright: ignore
+    assert not do_loads_only_follow_driving_direction(fit)  # pyright: ignore
 
 
 def test_payloads_scatter_where_the_empty_machine_does_not() -> None:

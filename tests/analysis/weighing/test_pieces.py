@@ -30,7 +30,7 @@ def test_columns_of_pieces_are_those_of_the_whole(found, samples, monkeypatch):
     of_whole = average_columns(fit.motion, noise, fit.terms, samples, found)
     monkeypatch.setattr(motion_samples, "_PIECE", 200)
     motion = replace(fit.motion)  # which has not been cut yet
-    assert len(motion.pieces) > 5
+    assert len(motion.pieces_of_whole_stretches) > 5
     of_pieces = average_columns(motion, noise, fit.terms, samples, found)
     np.testing.assert_array_equal(of_pieces.group, of_whole.group)
     for mine, whole in (

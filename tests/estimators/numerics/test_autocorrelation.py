@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.joint.prior_fit import Solution, solve
+from estimators.joint.prior_fit import Solution, solve_with_priors
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 
 SAMPLES = 40
@@ -15,7 +15,7 @@ def solution(rows: int) -> Solution:
     generator = np.random.default_rng(1)
     A = generator.normal(size=(GROUP.size, 2))[:rows]
     f = A @ [3.0, 1.0] + generator.normal(size=GROUP.size)[:rows]
-    return solve(A, f, GROUP[:rows], None, np.zeros(2), np.full(2, np.inf))
+    return solve_with_priors(A, f, GROUP[:rows], None, np.zeros(2), np.full(2, np.inf))
 
 
 @pytest.mark.parametrize("rows", [GROUP.size, SAMPLES + 2])

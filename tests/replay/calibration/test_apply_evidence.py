@@ -23,7 +23,7 @@ from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, key_files, tampered
 from tests.replay.kept_replays import replays_anew
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.sledge_campaign import campaign_folder
 
 pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
@@ -141,7 +141,7 @@ def test_evidence_that_is_not_of_this_log_is_refused_in_a_line(
 ) -> None:
     def refused(*more: object, evidence: Path = made.folder, says: str) -> None:
         ask = ("-m", folder / "sledge.toml", "--calibration", evidence)
-        one_line(payscope("run", folder / "load-2.csv", *ask, *more), says)
+        join_to_one_line(payscope("run", folder / "load-2.csv", *ask, *more), says)
 
     refused("--require-signed", says="unsigned")
     refused("--key", keys[1], says="cannot be used to calibrate")
@@ -192,7 +192,7 @@ def test_a_recording_made_without_it_is_of_other_priors(
     ask = ("-m", folder / "sledge.toml")
     assert payscope("run", folder / "load-2.csv", *ask, "-o", recording).status == 0
     said = payscope("show", recording, "loads", "--calibration", made.folder)
-    one_line(said, "record it with `payscope run --calibration")
+    join_to_one_line(said, "record it with `payscope run --calibration")
 
 
 def test_the_machine_that_is_weighed_is_that_of_the_evidence(

@@ -19,7 +19,7 @@ from replay.calibration.check_mass import KnownMassOnBoard, write_evidence_of_ma
 from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import key_files
 from tests.replay.kept_replays import replays_anew
-from tests.replay.sledge import Payscope, one_line, sledge
+from tests.replay.sledge import Payscope, join_to_one_line, sledge
 from tests.replay.sledge_campaign import campaign_folder
 
 pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
@@ -107,7 +107,7 @@ def test_unsigned_evidence_says_so_on_every_surface(
     said = payscope("verify", tmp_path / "evidence")
     assert said.status == 0
     assert "UNSIGNED" in said.out
-    one_line(
+    join_to_one_line(
         payscope("calibrate", folder / "campaign.toml", "-o", tmp_path / "evidence"),
         "exists already",
     )
@@ -140,13 +140,15 @@ def test_a_key_that_is_none_is_refused_in_one_line(
     said = payscope(
         "calibrate", folder / "campaign.toml", "-o", tmp_path / "evidence", "--key", key
     )
-    one_line(said, str(key), *parts)
+    join_to_one_line(said, str(key), *parts)
 
 
 def test_the_private_key_is_not_taken_for_the_public_one(
     made: CalibrationOutcome, keys: tuple[Path, Path], payscope: Payscope
 ) -> None:
-    one_line(payscope("verify", made.folder, "--key", keys[0]), "is a private key", "-pubout")
+    join_to_one_line(
+        payscope("verify", made.folder, "--key", keys[0]), "is a private key", "-pubout"
+    )
 
 
 def test_a_known_mass_shows_drift_or_none(
@@ -158,11 +160,7 @@ def test_a_known_mass_shows_drift_or_none(
     known = KnownMassOnBoard(30.0, 0.01, "K-7", "2026-06-01")
     for name, drifted in (("as-before", False), ("drifted", True)):
         checked = write_evidence_of_mass_check(
-            tmp_path / f"{name}.csv",
-            known,
-            tmp_path / name,
-            previous=made.folder,
-            key_file=keys[0],
+            tmp_path / f"{name}.csv", known, tmp_path / name, previous=made.folder, key_file=keys[0]
         )
         drift = checked.document.drift
         assert drift is not None
@@ -185,11 +183,11 @@ def test_nothing_is_chained_to_tampered_evidence_or_another_machine(
     before = Path(shutil.copytree(made.folder, tmp_path / "before"))
     (before / "note.txt").touch()
     words = ("calibrate", folder / "campaign.toml", "-o", tmp_path / "next", "--previous")
-    one_line(payscope(*words, before), "cannot be used as --previous", "note.txt")
+    join_to_one_line(payscope(*words, before), "cannot be used as --previous", "note.txt")
     other = campaign_folder(tmp_path / "other")
     other.write_text(other.read_text().replace("sledge-7", "sledge-8"))
     said = payscope("calibrate", other, "-o", tmp_path / "next", "--previous", made.folder)
-    one_line(said, "is evidence of machine 'sledge-7'")
+    join_to_one_line(said, "is evidence of machine 'sledge-7'")
 
 
 def test_evidence_is_checked_within_seconds_without_its_logs(made: CalibrationOutcome) -> None:

@@ -7,7 +7,7 @@ import pytest
 from estimators.errors import CampaignError
 from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.machines.toml_file import read_toml_file
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.sledge_campaign import campaign_folder
 
 
@@ -49,7 +49,7 @@ def test_a_fault_is_one_line_with_its_remedy(
     assert old in text
     campaign.write_text(text.replace(old, new, 1))
     said = payscope("calibrate", campaign, "-o", campaign.parent / "evidence")
-    one_line(said, *parts)
+    join_to_one_line(said, *parts)
     assert not (campaign.parent / "evidence").exists()
 
 
@@ -135,7 +135,7 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     assert [run["log"] for run in content["runs"]] == [f"logs/load-{k}.csv" for k in range(4)]
     assert content["machine"]["file"] == "logs/sledge.toml"
     left = payscope("calibrate", draft, "-o", tmp_path / "evidence")
-    one_line(left, "draft.toml", "campaign.intended_use: is not filled in yet")
+    join_to_one_line(left, "draft.toml", "campaign.intended_use: is not filled in yet")
     text = draft.read_text()
     undated, loads = ('day = "TODO"', "day = 2026-05-01"), ('["TODO"]', '["mass-1"]')
     countries = [
@@ -152,5 +152,7 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     assert campaign.campaign.author == "Sledges: who made it"
     assert not campaign.missing_certificate_keys
     assert str(tmp_path) not in text
-    one_line(payscope("init", "--campaign", tmp_path / "none", "-o", tmp_path / "x.toml"), "none")
-    one_line(payscope("init", "-o", tmp_path / "x.toml"), "--campaign DIR")
+    join_to_one_line(
+        payscope("init", "--campaign", tmp_path / "none", "-o", tmp_path / "x.toml"), "none"
+    )
+    join_to_one_line(payscope("init", "-o", tmp_path / "x.toml"), "--campaign DIR")

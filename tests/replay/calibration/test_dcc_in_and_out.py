@@ -36,7 +36,7 @@ from tests.recordings.dcc.certificates import (
     weight_set_xml,
     weights_xml,
 )
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.sledge_campaign import MASS, campaign_folder
 
 pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
@@ -176,7 +176,9 @@ def test_a_forged_certificate_stops_the_campaign_in_one_line(
     path = certified_campaign(tmp_path)
     forged = signed_weights().replace(b"20.0005", b"20.0006")
     (tmp_path / "weights.xml").write_bytes(forged)
-    one_line(payscope("calibrate", path, "-o", tmp_path / "e"), "its signature is not valid")
+    join_to_one_line(
+        payscope("calibrate", path, "-o", tmp_path / "e"), "its signature is not valid"
+    )
 
 
 def test_the_certificate_has_the_numbers_of_the_evidence(
@@ -304,7 +306,7 @@ def test_a_certificate_needs_what_the_campaign_does_not_state(
 ) -> None:
     path = campaign_folder(tmp_path)
     said = payscope("calibrate", path, "-o", tmp_path / "e", "--dcc", tmp_path / "e.xml")
-    one_line(said, "a DCC needs laboratory, customer, campaign.authoriser", "machine.model")
+    join_to_one_line(said, "a DCC needs laboratory, customer, campaign.authoriser", "machine.model")
     assert not (tmp_path / "e.xml").exists()
 
 
@@ -326,7 +328,7 @@ def test_a_key_that_signs_no_xml_is_refused(
         *("calibrate", folder / "campaign.toml", "-o", tmp_path / "e"),
         *("--dcc", tmp_path / "e.xml", "--dcc-key", key),
     )
-    one_line(said, "needs an ECDSA or RSA key")
+    join_to_one_line(said, "needs an ECDSA or RSA key")
 
 
 def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) -> None:

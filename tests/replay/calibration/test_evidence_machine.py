@@ -29,7 +29,7 @@ from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import ALIKE, items
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.sledge_campaign import campaign_folder
 
 pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
@@ -100,10 +100,10 @@ def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
     words = f"its metadata name machine '{SISTER}', but machine.id is '{OWN}'"
     ask = ("-m", folder / "sledge.toml", "--calibration", made.folder)
     log = folder / "sister.parquet"
-    one_line(payscope("run", log, *ask), words)
+    join_to_one_line(payscope("run", log, *ask), words)
     over = ("--over", "settings.align.rate_hz=80,100")
-    one_line(payscope("sweep", log, *ask, *over), words)
-    one_line(payscope("review", log, *ask, "-o", tmp_path / "review"), words)
+    join_to_one_line(payscope("sweep", log, *ask, *over), words)
+    join_to_one_line(payscope("review", log, *ask, "-o", tmp_path / "review"), words)
     with pytest.raises(CampaignError, match=f"'{SISTER}', but the campaign is for '{OWN}'|{words}"):
         check_log(log, tmp_path, made.folder)
     # without evidence the log's own word is all there is
@@ -111,7 +111,7 @@ def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
     about = read_provenance(tmp_path / "plain.rrd")
     assert (about.logged_machine_id, about.machine["machine"]["id"]) == (SISTER, SISTER)
     said = payscope("show", tmp_path / "plain.rrd", "loads", "--calibration", made.folder)
-    one_line(said, f"belongs to machine '{OWN}', not to '{SISTER}'")
+    join_to_one_line(said, f"belongs to machine '{OWN}', not to '{SISTER}'")
 
 
 def check_log(log: Path, tmp_path: Path, previous: Path) -> None:
@@ -158,7 +158,7 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
     words = f"belongs to machine '{OWN}', not to '{SISTER}'"
     for command in (("run",), ("review", "-o", tmp_path / "review")):
         ask = ("-m", file, "--calibration", made.folder)
-        one_line(payscope(command[0], folder / "load-1.parquet", *ask, *command[1:]), words)
+        join_to_one_line(payscope(command[0], folder / "load-1.parquet", *ask, *command[1:]), words)
     with pytest.raises(EvidenceError, match=words):
         make_setups_of_machine(
             "sledge",
@@ -304,4 +304,4 @@ def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> No
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:
     logs = (folder / "load-0.parquet", folder / "sister.parquet")
     said = payscope("run", *logs, "-m", folder / "sledge.toml")
-    one_line(said, f"machine '{SISTER}', but those of", f"name '{OWN}'")
+    join_to_one_line(said, f"machine '{SISTER}', but those of", f"name '{OWN}'")

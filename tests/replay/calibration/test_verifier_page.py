@@ -27,7 +27,7 @@ from tests.replay.attacker import Tamper, key_files, sign_with_own_key, tampered
 from tests.replay.calibration.test_calibrate_campaign import ONE_LOAD
 from tests.replay.made_evidence import Made
 from tests.replay.released_evidence import FORMAT_2, FORMAT_3, unpacked
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.tamperings import TAMPERINGS, in_evidence
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
@@ -118,9 +118,9 @@ def test_the_page_is_small_the_same_twice_and_the_one_that_the_version_names(
     out = tmp_path / "page.html"
     assert compute_verifier_page_sha256() in payscope("verify", "--page", "-o", out).out
     assert out.read_bytes() == page
-    one_line(payscope("verify", "--page", "-o", out), "exists already")
-    one_line(payscope("verify", tmp_path, "--page"), "the same page for all evidence")
-    one_line(payscope("verify"), "give the folder of the evidence")
+    join_to_one_line(payscope("verify", "--page", "-o", out), "exists already")
+    join_to_one_line(payscope("verify", tmp_path, "--page"), "the same page for all evidence")
+    join_to_one_line(payscope("verify"), "give the folder of the evidence")
     for name in ("http://", "https://", "{version}", "{script"):
         # names of formats are no addresses that anything is fetched from
         text = page.decode().replace("https://in-toto.io/Statement/v1", "")

@@ -8,7 +8,7 @@ import pytest
 
 from recordings import read_recording
 from tests.replay.kept_replays import replays_anew
-from tests.replay.sledge import Payscope, Said, one_line, sledge
+from tests.replay.sledge import Payscope, Said, join_to_one_line, sledge
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -141,9 +141,9 @@ def test_a_recording_of_both_is_written_beside_what_is_printed(
     assert said.status == 1
     assert said.out == payscope("compare", a, b).out
     assert read_recording(both).frames == {}
-    one_line(payscope("compare", a, b, "-o", both), "exists already")
-    one_line(payscope("compare", a, b, "-o", a, "--force"), "is also an input")
-    one_line(payscope("compare", a, b, "-o", tmp_path / "ab.mcap"), ".rrd")
+    join_to_one_line(payscope("compare", a, b, "-o", both), "exists already")
+    join_to_one_line(payscope("compare", a, b, "-o", a, "--force"), "is also an input")
+    join_to_one_line(payscope("compare", a, b, "-o", tmp_path / "ab.mcap"), ".rrd")
 
 
 def test_a_recording_of_both_shows_what_only_one_of_them_found(
@@ -169,7 +169,9 @@ class TestRefused:
         other = tmp_path / "other.csv"
         sledge(mass_kg=130.0).write_csv(other)
         a, d = recorded("a.rrd"), recorded("d.rrd", of=other)
-        one_line(payscope("compare", a, d), "different logs", "sledge.csv", "other.csv", "--other")
+        join_to_one_line(
+            payscope("compare", a, d), "different logs", "sledge.csv", "other.csv", "--other"
+        )
         said = payscope("compare", a, d, "--other-logs", "--json")
         assert said.status == 1
         found = json.loads(said.out)
@@ -189,12 +191,12 @@ class TestRefused:
         assert "renamed.csv" in said.out
 
     def test_what_is_no_recording(self, payscope: Payscope, recorded, log: Path) -> None:
-        one_line(payscope("compare", recorded("a.rrd"), log), "not a Rerun recording")
-        one_line(payscope("compare", "no.rrd", recorded("a.rrd")), "no such recording")
+        join_to_one_line(payscope("compare", recorded("a.rrd"), log), "not a Rerun recording")
+        join_to_one_line(payscope("compare", "no.rrd", recorded("a.rrd")), "no such recording")
 
     def test_a_tolerance_below_zero(self, payscope: Payscope, recorded) -> None:
         a = recorded("a.rrd")
-        one_line(payscope("compare", a, a, "--rtol", "-1"), "--rtol")
+        join_to_one_line(payscope("compare", a, a, "--rtol", "-1"), "--rtol")
 
 
 def test_a_replay_of_a_recording_is_compared_with_it(
@@ -207,7 +209,9 @@ def test_a_replay_of_a_recording_is_compared_with_it(
         found = json.loads(payscope("compare", *pair, "--json").out)
         assert {change["name"] for change in found["settings"]} == {"settings.gate.threshold_nat"}
         assert "gate" in {stage["name"] for stage in found["stages"]}
-    one_line(payscope("compare", recorded("b.rrd", "--set", THRESHOLD), again), "different logs")
+    join_to_one_line(
+        payscope("compare", recorded("b.rrd", "--set", THRESHOLD), again), "different logs"
+    )
 
 
 def test_the_shortest_of_what_both_have_is_compared_when_rows_are_lost(

@@ -12,6 +12,7 @@ import duckdb
 import polars as pl
 import pyarrow.parquet
 import pytest
+from tests.join_to_one_line import assert_one_line
 
 import payscope as api
 from analysis.simulation import Scenario
@@ -22,9 +23,8 @@ from replay.convert.unfinished_folder import open_unfinished_folder
 from replay.logs import expand_log_folders
 from replay.logs.converted import DESCRIPTION
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
-from tests.one_line import assert_one_line
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -241,15 +241,17 @@ def test_topics_are_chosen_and_an_output_is_kept(
     said = payscope("convert", bag, "-o", out, "--topic", "/joints", "--json")
     assert said.status == 0
     assert [each["topic"] for each in json.loads(said.out)["topics"]] == ["/joints"]
-    one_line(payscope("convert", bag, "-o", out), "exists already", "--force")
+    join_to_one_line(payscope("convert", bag, "-o", out), "exists already", "--force")
     assert payscope("convert", bag, "-o", out, "--force").status == 0
     assert open_log(out).topic_names() == ["/joints", "/rare one"]
     assert expand_log_folders([out]) == [out]
-    one_line(payscope("convert", bag, "-o", bag, "--force"), "is also an input")
-    one_line(payscope("convert", bag, "-o", tmp_path / "no/where"), "create it first")
-    one_line(payscope("convert", bag, "-o", tmp_path / "x", "--topic", "/joint"), "'/joints'?")
+    join_to_one_line(payscope("convert", bag, "-o", bag, "--force"), "is also an input")
+    join_to_one_line(payscope("convert", bag, "-o", tmp_path / "no/where"), "create it first")
+    join_to_one_line(
+        payscope("convert", bag, "-o", tmp_path / "x", "--topic", "/joint"), "'/joints'?"
+    )
     (tmp_path / "mine").mkdir()
-    one_line(payscope("convert", bag, "-o", tmp_path / "mine", "--force"), "is a folder")
+    join_to_one_line(payscope("convert", bag, "-o", tmp_path / "mine", "--force"), "is a folder")
 
 
 def test_two_conversions_to_one_folder_are_one_too_many(bag: Path, tmp_path: Path) -> None:
@@ -271,6 +273,8 @@ def test_a_folder_that_was_changed_says_so(bag: Path, tmp_path: Path, payscope: 
         open_log(folder).read("/rare one", [])
     assert_one_line(fault.value)
     part.unlink()
-    one_line(payscope("info", folder), "rare_one/part-00000.parquet", "convert the log again")
+    join_to_one_line(
+        payscope("info", folder), "rare_one/part-00000.parquet", "convert the log again"
+    )
     (folder / DESCRIPTION).write_text("{}")
-    one_line(payscope("info", folder), "was changed after payscope wrote it")
+    join_to_one_line(payscope("info", folder), "was changed after payscope wrote it")

@@ -12,7 +12,7 @@ from analysis.model.schema import conform_frame_to_schema
 from recordings import read_recording, write_recording
 from recordings.rrd.viewer import find_viewer_executable
 from replay.explain.proposal_edits import Proposal, insert_proposals_into_machine_file
-from tests.replay.sledge import MACHINE, Payscope, one_line
+from tests.replay.sledge import MACHINE, Payscope, join_to_one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -67,7 +67,7 @@ def recovered(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path)
 def test_what_a_recording_lost_is_not_taken_for_what_its_log_does_not_show(
     payscope: Payscope, recovered: Path, tmp_path: Path
 ) -> None:
-    one_line(payscope("explain", recovered), "is incomplete", "rows", "replay the log")
+    join_to_one_line(payscope("explain", recovered), "is incomplete", "rows", "replay the log")
     assert payscope("plot", recovered, "-o", tmp_path / "some.png").status == 0
     both = tmp_path / "both.rrd"
     said = payscope("compare", tmp_path / "whole.rrd", recovered, "-o", both)
@@ -82,8 +82,8 @@ def test_a_recording_that_keeps_no_stages_is_not_explained_or_drawn(
     payscope("run", log, "-m", machine_file, "-o", a)
     payscope("run", log, "-m", late, "-o", b)
     assert payscope("compare", a, b, "-o", both).status == 1
-    one_line(payscope("explain", both), "contains no frames", "two replays", "payscope run")
-    one_line(payscope("plot", both, "-o", tmp_path / "both.png"), "contains no frames")
+    join_to_one_line(payscope("explain", both), "contains no frames", "two replays", "payscope run")
+    join_to_one_line(payscope("plot", both, "-o", tmp_path / "both.png"), "contains no frames")
     assert not (tmp_path / "both.png").exists()
 
 
@@ -102,7 +102,7 @@ def test_a_moment_outside_of_the_run_is_one_line(
     picture = tmp_path / "why.png"
     for second in ("-5", "900"):
         said = payscope("explain", log, "-m", late, "--at", second, "-o", picture)
-        one_line(said, log.name, f"has no data at {second} s", "it has 0 to 39.9 s")
+        join_to_one_line(said, log.name, f"has no data at {second} s", "it has 0 to 39.9 s")
     assert not picture.exists()
 
 
@@ -231,10 +231,7 @@ CHANGE = Proposal("channels.force_x_N.scale", -1.0, "sign_flipped", "sign flippe
             "[channels.force_x_N]\nfield = 'a' # b\n",
             "[channels.force_x_N]\nfield = 'a' # b\nscale = -1.0 # payscope: sign flipped; why\n",
         ),
-        (
-            "channels.force_x_N = {scale = 2.0}\n",
-            "channels.force_x_N = {scale = -1.0}\n",
-        ),
+        ("channels.force_x_N = {scale = 2.0}\n", "channels.force_x_N = {scale = -1.0}\n"),
     ],
     ids=["over a value", "a new key", "inline"],
 )
@@ -261,15 +258,15 @@ class TestRefused:
     """Nothing on stdout, one line on stderr, exit status 2."""
 
     def test_a_log_without_its_machine_file(self, payscope: Payscope, log: Path) -> None:
-        one_line(payscope("explain", log), "sledge.csv", "-m")
+        join_to_one_line(payscope("explain", log), "sledge.csv", "-m")
 
     def test_apply_without_a_file_or_a_machine_file(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:
-        one_line(payscope("explain", log, "-m", machine_file, "--apply"), "-o mended.toml")
+        join_to_one_line(payscope("explain", log, "-m", machine_file, "--apply"), "-o mended.toml")
         target = tmp_path / "mended.toml"
-        one_line(payscope("explain", log, "-m", machine_file, "-o", target), "--apply")
-        one_line(
+        join_to_one_line(payscope("explain", log, "-m", machine_file, "-o", target), "--apply")
+        join_to_one_line(
             payscope("explain", tmp_path / "out.rrd", "--apply", "-o", target),
             "name that file with -m",
         )
@@ -277,7 +274,7 @@ class TestRefused:
     def test_the_machine_file_itself_as_output(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
-        one_line(
+        join_to_one_line(
             payscope("explain", log, "-m", machine_file, "--apply", "-o", machine_file, "--force"),
             "is also an input",
         )
@@ -285,4 +282,6 @@ class TestRefused:
     def test_a_picture_of_no_format(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:
-        one_line(payscope("explain", log, "-m", machine_file, "-o", tmp_path / "a.bmp"), ".bmp")
+        join_to_one_line(
+            payscope("explain", log, "-m", machine_file, "-o", tmp_path / "a.bmp"), ".bmp"
+        )

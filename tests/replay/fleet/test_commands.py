@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.fleet_logs import SerialEngine
 from replay.fleet import ray_engine as module
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 SQL = "SELECT machine, count(*) AS n FROM loads GROUP BY machine"
 
@@ -38,7 +38,7 @@ def test_run_again_query_report_compare_open(
     report = payscope("fleet", "report", results, "-o", page)
     assert "No tonnes" in report.out
     assert page.exists()
-    one_line(payscope("fleet", "report", results, "-o", page), "exists already")
+    join_to_one_line(payscope("fleet", "report", results, "-o", page), "exists already")
 
     same = payscope("fleet", "compare", results, results)
     assert (same.status, same.err) == (0, "")
@@ -107,7 +107,7 @@ def test_what_is_wrong_is_said_in_one_line(
         assert said.status == 1
         assert part in said.out
     else:
-        one_line(said, part)
+        join_to_one_line(said, part)
 
 
 WITHOUT = """
@@ -138,7 +138,7 @@ def test_without_the_extra_it_says_in_one_line_what_to_install(words: list[str])
 def test_nothing_but_a_fleets_run_imports_ray() -> None:
     code = (
         "import sys, replay.commands.cli, replay.fleet.gathered_tables\n"
-        "import replay.fleet.write_fleet_page, replay.fleet.compare_results\n"
+        "import replay.fleet.write_fleet_page, replay.fleet.compare_fleet_results\n"
         "import replay.fleet.run_fleet, replay.fleet.recording_task, replay.fleet.ray_engine\n"
         "print([name for name in ('ray', 'obstore') if name in sys.modules])"
     )

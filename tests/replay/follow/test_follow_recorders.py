@@ -280,7 +280,7 @@ def test_memory_does_not_grow_with_the_log(logs: dict[str, Path], tmp_path: Path
     heights: list[int] = []
 
     def on_rows(following: Following, _: list[FollowedRow]) -> None:
-        heights.append(following.follower.log.samples_kept)
+        heights.append(following.follower.log.kept_sample_count)
 
     recorder = mcap_recorder(logs[".mcap"], target, CompressionType.NONE)
     with Recording(recorder, target):

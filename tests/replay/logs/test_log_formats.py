@@ -5,14 +5,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import LogError
 from replay import open_log
 from replay.logs.log_formats import OPENERS
-from tests.one_line import assert_one_line
 
 
-def one_line(path: Path) -> str:
+def join_to_one_line(path: Path) -> str:
     with pytest.raises(LogError) as caught:
         open_log(path)
     assert_one_line(caught.value)
@@ -22,21 +22,23 @@ def one_line(path: Path) -> str:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    assert "no such file" in one_line(tmp_path / "shift.bag")
+    assert "no such file" in join_to_one_line(tmp_path / "shift.bag")
 
 
 def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path: Path) -> None:
     (tmp_path / "shift.doc").write_text("hello")
-    message = one_line(tmp_path / "shift.doc")
+    message = join_to_one_line(tmp_path / "shift.doc")
     assert all(suffix in message for suffix in OPENERS)
     (tmp_path / "shift").write_text("hello")
-    assert "no reader for a name without a suffix; supported: .bag" in one_line(tmp_path / "shift")
+    assert "no reader for a name without a suffix; supported: .bag" in join_to_one_line(
+        tmp_path / "shift"
+    )
 
 
 @pytest.mark.parametrize("suffix", OPENERS)
 def test_an_empty_file_is_refused_in_every_format(tmp_path: Path, suffix: str) -> None:
     (tmp_path / f"shift{suffix}").touch()
-    assert "empty (0 bytes)" in one_line(tmp_path / f"shift{suffix}")
+    assert "empty (0 bytes)" in join_to_one_line(tmp_path / f"shift{suffix}")
 
 
 @pytest.mark.parametrize(
@@ -53,11 +55,11 @@ def test_a_file_that_is_not_what_its_suffix_says_is_refused(
     tmp_path: Path, suffix: str, answer: str, content: bytes
 ) -> None:
     (tmp_path / f"shift{suffix}").write_bytes(content)
-    assert answer in one_line(tmp_path / f"shift{suffix}")
+    assert answer in join_to_one_line(tmp_path / f"shift{suffix}")
 
 
 def test_a_directory_without_bags_says_what_a_bag_directory_holds(tmp_path: Path) -> None:
-    assert "metadata.yaml and .mcap or .db3" in one_line(tmp_path)
+    assert "metadata.yaml and .mcap or .db3" in join_to_one_line(tmp_path)
 
 
 def test_a_directory_of_logs_names_them(tmp_path: Path) -> None:
@@ -65,10 +67,12 @@ def test_a_directory_of_logs_names_them(tmp_path: Path) -> None:
     (tmp_path / "noon").mkdir()
     (tmp_path / "noon/metadata.yaml").touch()
     (tmp_path / "notes").mkdir()
-    assert one_line(tmp_path).endswith("a folder of logs; give one of them: morning.bag, noon")
+    assert join_to_one_line(tmp_path).endswith(
+        "a folder of logs; give one of them: morning.bag, noon"
+    )
     for number in range(9):
         (tmp_path / f"shift_{number}.bag").touch()
-    assert one_line(tmp_path).endswith("shift_5.bag and 3 more")
+    assert join_to_one_line(tmp_path).endswith("shift_5.bag and 3 more")
 
 
 @pytest.mark.parametrize(
@@ -84,7 +88,7 @@ def test_another_file_with_the_name_of_a_table_is_named(
     tmp_path: Path, content: bytes, says: str
 ) -> None:
     (tmp_path / "shift.csv").write_bytes(content)
-    assert says in one_line(tmp_path / "shift.csv")
+    assert says in join_to_one_line(tmp_path / "shift.csv")
 
 
 @pytest.mark.parametrize(
@@ -101,7 +105,7 @@ def test_a_log_with_the_name_of_another_format_is_named(
     tmp_path: Path, suffix: str, content: bytes, says: str
 ) -> None:
     (tmp_path / f"shift{suffix}").write_bytes(content + bytes(200))
-    assert says in one_line(tmp_path / f"shift{suffix}")
+    assert says in join_to_one_line(tmp_path / f"shift{suffix}")
 
 
 def test_importing_the_readers_loads_no_format_library() -> None:

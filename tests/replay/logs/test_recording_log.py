@@ -14,7 +14,7 @@ from recordings.rrd.viewer import find_viewer_executable
 from replay import load_machine, open_log
 from replay.logs import Log
 from replay.pipeline import run
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
 
@@ -58,7 +58,7 @@ def test_it_is_not_replaced_by_its_own_replay_also_with_force(
 ) -> None:
     before = recorded.read_bytes()
     said = payscope("run", recorded, "-m", machine_file, "-o", recorded, "--force")
-    one_line(said, recorded.name, "is also an input")
+    join_to_one_line(said, recorded.name, "is also an input")
     assert recorded.read_bytes() == before
 
 

@@ -18,7 +18,7 @@ from replay.machines.old_names import (
     migrate_toml_file,
     migrate_toml_text,
 )
-from tests.replay.sledge import MACHINE, Payscope, one_line
+from tests.replay.sledge import MACHINE, Payscope, join_to_one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -141,7 +141,7 @@ def test_what_a_person_has_to_settle_is_one_line_and_the_file_stays(
 ) -> None:
     path = tmp_path / "m.toml"
     path.write_text(text)
-    one_line(payscope("migrate", path), "m.toml", why)
+    join_to_one_line(payscope("migrate", path), "m.toml", why)
     assert path.read_text() == text
     assert list(tmp_path.iterdir()) == [path]
 
@@ -150,11 +150,11 @@ def test_both_names_are_refused_when_a_log_is_replayed(
     payscope: Payscope, log: Path, old_file: Path
 ) -> None:
     old_file.write_text(f'{OLD}forces.acceleration = "kinematic"\n')
-    one_line(payscope("run", log, "-m", old_file), "old.toml", "both are given")
+    join_to_one_line(payscope("run", log, "-m", old_file), "old.toml", "both are given")
 
 
 def test_no_such_file_is_one_line(payscope: Payscope, tmp_path: Path) -> None:
-    one_line(payscope("migrate", tmp_path / "no.toml"), "no.toml", "cannot be read")
+    join_to_one_line(payscope("migrate", tmp_path / "no.toml"), "no.toml", "cannot be read")
     with pytest.raises(MachineError):
         migrate_toml_file(tmp_path)
 

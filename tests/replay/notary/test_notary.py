@@ -30,7 +30,7 @@ from replay.notary.list_file import STATE_VARIABLE
 from replay.notary.notarise_folder import LIST_NAME, NotarisedFolder, notarise_folder
 from tests.conftest import REPO
 from tests.replay.attacker import key_files
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 LOGS = 6
 NOON_S = 1_777_636_800  # 2026-05-01, 12:00 UTC
@@ -420,12 +420,12 @@ def test_a_clock_that_was_set_back_is_said_and_found(
 
 
 def test_wrong_use_is_one_line(folder: Path, keys: tuple[Path, Path], payscope: Payscope) -> None:
-    one_line(payscope("notarise", folder), "a notary needs a signing key; give --key")
-    one_line(payscope("notarise", folder / "none", "--key", keys[0]), "no such folder")
-    one_line(payscope("notarise", folder, "--key", keys[1]), "recorder.pub.pem")
+    join_to_one_line(payscope("notarise", folder), "a notary needs a signing key; give --key")
+    join_to_one_line(payscope("notarise", folder / "none", "--key", keys[0]), "no such folder")
+    join_to_one_line(payscope("notarise", folder, "--key", keys[1]), "recorder.pub.pem")
     (folder / "list").write_text("x\n")
     said = payscope("notarise", folder, "--key", keys[0], "--list", folder / "list")
-    one_line(said, "line 1: is not valid JSON")
+    join_to_one_line(said, "line 1: is not valid JSON")
 
 
 def killed_at(folder: Path, key: Path, after_s: float, environment: dict[str, str]) -> None:

@@ -13,7 +13,7 @@ from recordings.paper.paper_page import write_reproduction
 from replay import load_machine
 from replay.paper.reproduce_paper import Reproduction, replay_simulated_campaign_in_memory
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 TRIALS, CAMPAIGNS = 10, 2
 
@@ -96,7 +96,9 @@ def test_tables_3_and_4_have_every_printed_value_and_no_pooled_error_below_the_b
     table = found[name].frame
     assert table[setting].unique(maintain_order=True).to_list() == list(printed)
     for row in table.iter_rows(named=True):
-        beside = printed_numbers.read_values_by_method(printed[row[setting]]).get(row["method"])
+        beside = printed_numbers.name_table_values_by_method(printed[row[setting]]).get(
+            row["method"]
+        )
         assert row["paper_kg"] == beside
         assert row["run_kg"] < row["run_left_out_kg"] < 30.0
     pooled = table.filter(pl.col("method") == "pooled")
@@ -204,13 +206,15 @@ class TestCommand:
         assert said.out.split() == [
             str(tmp_path / "out" / name) for name in ("reproduction.md", "fig2.png")
         ]
-        one_line(payscope("reproduce", "fig2", "-o", tmp_path / "out"), "--force")
+        join_to_one_line(payscope("reproduce", "fig2", "-o", tmp_path / "out"), "--force")
         assert payscope("reproduce", "fig2", "-o", tmp_path / "out", "--force").status == 0
 
     def test_an_unknown_item_names_the_nearest(self, payscope: Payscope, tmp_path: Path) -> None:
-        one_line(payscope("reproduce", "tabel1", "-o", tmp_path / "out"), "did you mean 'table1'?")
+        join_to_one_line(
+            payscope("reproduce", "tabel1", "-o", tmp_path / "out"), "did you mean 'table1'?"
+        )
         assert not (tmp_path / "out").exists()
 
     def test_a_folder_that_cannot_be_made(self, payscope: Payscope, tmp_path: Path) -> None:
         (tmp_path / "file").write_text("")
-        one_line(payscope("reproduce", "fig2", "-o", tmp_path / "file" / "out"), "file")
+        join_to_one_line(payscope("reproduce", "fig2", "-o", tmp_path / "file" / "out"), "file")

@@ -7,14 +7,14 @@ from pathlib import Path
 import polars as pl
 import pyarrow.feather
 import pytest
+from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import QueryError
 from recordings import read_frame, write_recording
 from replay import load_machine, open_log, run
 from replay.query.run_query import prepare_query_of_sources
-from tests.one_line import assert_one_line
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
-from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
+from tests.replay.sledge import MACHINE, Payscope, join_to_one_line, sledge
 
 START_NS = 1_700_000_000_000_000_000
 FORCED = 'SELECT log_time, "effort[left]" AS effort FROM wheels WHERE "effort[left]" > 8'
@@ -175,7 +175,7 @@ def test_rows_are_written(folder: Path, tmp_path: Path, payscope: Payscope, suff
     else:
         back = pl.read_parquet(out) if suffix == "parquet" else pl.read_csv(out)
         assert back["effort"].to_list() == [9.0] * 30
-    one_line(payscope("query", folder / "one.bag", FORCED, "-o", out), "exists already")
+    join_to_one_line(payscope("query", folder / "one.bag", FORCED, "-o", out), "exists already")
 
 
 def test_the_same_query_gives_the_same_order(folder: Path) -> None:
@@ -233,21 +233,23 @@ def test_what_reads_or_writes_files_is_refused(folder: Path, tmp_path: Path, sql
 def test_what_is_no_query_is_said_in_one_line(
     folder: Path, payscope: Payscope, sql: str, parts: list[str]
 ) -> None:
-    one_line(payscope("query", folder / "one.bag", sql), *parts)
+    join_to_one_line(payscope("query", folder / "one.bag", sql), *parts)
 
 
 def test_what_is_asked_wrongly_says_the_remedy(
     folder: Path, payscope: Payscope, tmp_path: Path
 ) -> None:
     log = folder / "one.bag"
-    one_line(payscope("query", log), "SELECT", "--tables")
-    one_line(payscope("query", "nowhere.bag", FORCED), "nowhere.bag", "no such file")
-    one_line(payscope("query", log, 'SELECT "effort[]" FROM wheels', "--moments", 1), "log_time")
-    one_line(
+    join_to_one_line(payscope("query", log), "SELECT", "--tables")
+    join_to_one_line(payscope("query", "nowhere.bag", FORCED), "nowhere.bag", "no such file")
+    join_to_one_line(
+        payscope("query", log, 'SELECT "effort[]" FROM wheels', "--moments", 1), "log_time"
+    )
+    join_to_one_line(
         payscope("query", log, 'SELECT "effort[]" FROM wheels', "-o", tmp_path / "x.csv"),
         *("effort[]", ".parquet"),
     )
-    one_line(payscope("view", folder / "sledge.rrd", "--at", "noon"), "--at noon")
+    join_to_one_line(payscope("view", folder / "sledge.rrd", "--at", "noon"), "--at noon")
 
 
 def test_tables_are_listed(folder: Path, payscope: Payscope) -> None:

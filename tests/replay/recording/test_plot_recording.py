@@ -6,7 +6,7 @@ import pytest
 
 from recordings.plots.run_plots import FIGURES
 from replay.commands.plot import FigureName
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -28,17 +28,21 @@ def test_a_moment_is_drawn_with_what_lies_around_it(
     target = tmp_path / "gate.svg"
     said = payscope("plot", recording, "-o", target, "--figure", "gate", "--at", 20)
     assert (said.status, said.out.strip()) == (0, str(target))
-    one_line(payscope("plot", recording, "-o", target, "--at", "nan", "--force"), "--at")
-    one_line(payscope("plot", recording, "-o", target, "--at", 900, "--force"), "it has 0 to 40 s")
-    one_line(payscope("plot", recording, "-o", target), "exists already")
+    join_to_one_line(payscope("plot", recording, "-o", target, "--at", "nan", "--force"), "--at")
+    join_to_one_line(
+        payscope("plot", recording, "-o", target, "--at", 900, "--force"), "it has 0 to 40 s"
+    )
+    join_to_one_line(payscope("plot", recording, "-o", target), "exists already")
 
 
 def test_a_moment_beyond_all_time_or_beside_the_stretch_is_one_line(
     payscope: Payscope, recording: Path, tmp_path: Path
 ) -> None:
     words = ("plot", recording, "-o", tmp_path / "page.png")
-    one_line(payscope(*words, "--at", "1e300"), "it has 0 to 40 s")
-    one_line(payscope(*words, "--at", 5, "--from", 20, "--to", 30), "--at 5", "change one of them")
+    join_to_one_line(payscope(*words, "--at", "1e300"), "it has 0 to 40 s")
+    join_to_one_line(
+        payscope(*words, "--at", 5, "--from", 20, "--to", 30), "--at 5", "change one of them"
+    )
     assert not (tmp_path / "page.png").exists()
 
 

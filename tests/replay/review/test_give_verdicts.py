@@ -12,7 +12,7 @@ from recordings.review.reviewer_verdicts import VERDICTS, read_verdict_file
 from replay.review.review_shift import ReviewOptions, review_shift
 from replay.review.write_review import ShiftReview
 from tests.replay.shift_review import shift_folder, verdict
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -227,16 +227,16 @@ def test_wrong_words_are_one_line_and_change_nothing(
     folder: Path, payscope: Payscope, words: list[str], part: str
 ) -> None:
     before = (folder / "review.html").read_bytes()
-    one_line(payscope("review", folder, *words), part)
+    join_to_one_line(payscope("review", folder, *words), part)
     assert (folder / "review.html").read_bytes() == before
     assert not (folder / VERDICTS).exists()
 
 
 def test_a_folder_that_is_no_review_needs_a_machine(tmp_path: Path, payscope: Payscope) -> None:
-    one_line(payscope("review", tmp_path), "-m", "-o")
+    join_to_one_line(payscope("review", tmp_path), "-m", "-o")
 
 
 def test_a_review_whose_recording_was_changed_is_refused(folder: Path, payscope: Payscope) -> None:
     with (folder / "shift.rrd").open("ab") as recording:
         recording.write(b"x")
-    one_line(payscope("review", folder), "review its logs again")
+    join_to_one_line(payscope("review", folder), "review its logs again")

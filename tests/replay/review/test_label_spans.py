@@ -11,7 +11,7 @@ from estimators.errors import PayscopeError
 from replay import load_machine
 from replay.review.label_spans import parse_label_channel, read_label_spans
 from tests.replay.shift_review import shift_folder
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -78,4 +78,4 @@ def test_a_review_of_logs_has_the_operator_of_each_load(tmp_path: Path, payscope
     # once more: nothing is said twice
     payscope("review", *logs, more, "-m", machine, "-o", out, *words)
     assert (out / "verdicts.toml").read_text(encoding="utf-8") == written
-    one_line(payscope("review", out, *words), "need the logs")
+    join_to_one_line(payscope("review", out, *words), "need the logs")

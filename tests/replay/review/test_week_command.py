@@ -13,7 +13,7 @@ from recordings.review.review_state import STATE, read_review_state
 from recordings.review.shift_ledger import PARQUET
 from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder, verdict
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -125,7 +125,7 @@ def test_wrong_words_are_one_line_and_write_nothing(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "notes.html").write_text("<p>mine</p>", encoding="utf-8")
     done = payscope("review", "--week", str(folder), *more)
-    one_line(done, says)
+    join_to_one_line(done, says)
     assert (tmp_path / "notes.html").read_text(encoding="utf-8") == "<p>mine</p>"
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.simulation import Scenario
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
-from tests.replay.sledge import Payscope, one_line, sledge
+from tests.replay.sledge import Payscope, join_to_one_line, sledge
 from tests.twins import mark_slow_after
 
 KEYS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "payload_kg", "accepted_share", "verdict")
@@ -52,7 +52,9 @@ def test_every_row_equals_run_with_the_same_settings(
 def test_without_a_setting_to_vary_it_shows_one(
     payscope: Payscope, log: Path, machine_file: Path
 ) -> None:
-    one_line(payscope("sweep", log, "-m", machine_file), "'--over'", "threshold_nat=0.5,0.7")
+    join_to_one_line(
+        payscope("sweep", log, "-m", machine_file), "'--over'", "threshold_nat=0.5,0.7"
+    )
 
 
 def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
@@ -139,8 +141,8 @@ def test_the_suffix_says_the_format_and_nothing_is_overwritten(
     assert payscope(*words, out).status == 0
     read = {".csv": pl.read_csv, ".json": pl.read_json, ".parquet": pl.read_parquet}[suffix]
     assert read(out).height == 2
-    one_line(payscope(*words, out), out.name, "--force")
-    one_line(payscope(*words, log, "--force"), "is also an input")
+    join_to_one_line(payscope(*words, out), out.name, "--force")
+    join_to_one_line(payscope(*words, log, "--force"), "is also an input")
 
 
 def test_keys_that_end_alike_and_lists_have_their_columns_in_a_file(
@@ -168,7 +170,9 @@ class TestWrongInput:
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("sweep", log, "-m", machine_file, "--over", "settings.threshold=0.5,0.7")
-        one_line(said, "unknown key 'threshold'", "did you mean 'settings.gate.threshold_nat'?")
+        join_to_one_line(
+            said, "unknown key 'threshold'", "did you mean 'settings.gate.threshold_nat'?"
+        )
 
     def test_a_value_that_does_not_fit(
         self, payscope: Payscope, log: Path, machine_file: Path
@@ -176,12 +180,12 @@ class TestWrongInput:
         said = payscope(
             "sweep", log, "-m", machine_file, "--over", "settings.gate.window_samples=0.5:1.5:0.5"
         )
-        one_line(said, "settings.gate.window_samples", "0.5")
+        join_to_one_line(said, "settings.gate.window_samples", "0.5")
 
     def test_no_grid(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
-        one_line(payscope("sweep", log, "-m", machine_file), "--over")
+        join_to_one_line(payscope("sweep", log, "-m", machine_file), "--over")
         said = payscope("sweep", log, "-m", machine_file, "--over", "settings.align.rate_hz")
-        one_line(said, "KEY=FROM:TO:STEP")
+        join_to_one_line(said, "KEY=FROM:TO:STEP")
 
     def test_no_log(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
         said = payscope(
@@ -192,7 +196,7 @@ class TestWrongInput:
             "--over",
             "settings.align.rate_hz=50,100",
         )
-        one_line(said, "no.bag", "no such")
+        join_to_one_line(said, "no.bag", "no such")
 
     @pytest.mark.parametrize("mass", ["nan", "inf", "-1", "0"])
     def test_a_reference_that_is_no_mass(
@@ -200,14 +204,14 @@ class TestWrongInput:
     ) -> None:
         over = ["--over", "settings.gate.threshold_nat=0.7"]
         said = payscope("sweep", log, "-m", machine_file, *over, f"--reference={mass}")
-        one_line(said, f"--reference {mass}", "above 0")
+        join_to_one_line(said, f"--reference {mass}", "above 0")
 
     def test_two_formats(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
         said = payscope(
             "sweep", log, "-m", machine_file, "--over", "settings.align.rate_hz=50", "--json",
             "--format", "csv",
         )  # fmt: skip
-        one_line(said, "--json", "--format")
+        join_to_one_line(said, "--json", "--format")
 
     def test_a_truth_file_that_is_none(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
@@ -222,7 +226,7 @@ class TestWrongInput:
             "--over",
             "settings.align.rate_hz=50,100",
         )
-        one_line(said, "s.csv.truth.json", "payscope simulate")
+        join_to_one_line(said, "s.csv.truth.json", "payscope simulate")
 
 
 def test_the_figure_shows_every_method_the_reference_and_what_cannot_weigh(
@@ -238,7 +242,7 @@ def test_the_figure_shows_every_method_the_reference_and_what_cannot_weigh(
     drawn = figure.read_text()
     for name in ("joint", "pooled", "reference", "cannot weigh", "threshold_nat", "samples used"):
         assert f"<!-- {name}" in drawn
-    one_line(
+    join_to_one_line(
         payscope(
             "sweep", log, "-m", machine_file, "--over", "settings.gate.threshold_nat=0.7",
             "--figure", tmp_path / "sweep.bmp",

@@ -16,7 +16,7 @@ from recordings import read_provenance
 from recordings.rrd.viewer import run_headless_viewer
 from recordings.rrd.writer import LiveView
 from replay.runs.run_logs import RecordTo, replay_and_record_logs, watch_machine_file
-from tests.replay.sledge import MACHINE, Payscope, one_line
+from tests.replay.sledge import MACHINE, Payscope, join_to_one_line
 from tests.viewer_needed import VIEWER
 
 SCRIPT = Path(sys.executable).with_name("payscope")
@@ -105,7 +105,7 @@ def test_a_fault_before_the_first_replay_is_refused_as_without_a_watch(
     payscope: Payscope, log: Path, machine_file: Path
 ) -> None:
     machine_file.write_text(OTHER.replace("threshold_nat", "treshold_nat"))
-    one_line(payscope("run", log, "-m", machine_file, "--watch"), "threshold_nat")
+    join_to_one_line(payscope("run", log, "-m", machine_file, "--watch"), "threshold_nat")
 
 
 class TestViewer:

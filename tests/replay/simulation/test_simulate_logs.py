@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 from rosbags.highlevel import AnyReader
+from tests.join_to_one_line import assert_one_line
 
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import OutputError, ScenarioError
@@ -17,8 +18,7 @@ from replay.simulation.simulate_logs import (
     simulate_scenario_to_logs,
     write_logs_and_truths,
 )
-from tests.one_line import assert_one_line
-from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge import Payscope, join_to_one_line
 
 SHORT = Scenario.model_validate(
     {
@@ -260,7 +260,7 @@ class TestCommand:
         steep = tmp_path / "steep.toml"
         steep.write_text("[terrain]\nslope_deg = 15\n", encoding="utf-8")
         said = payscope("simulate", steep, "-o", tmp_path / "log.bag")
-        one_line(said, f"{steep}: campaign.throttle_force_N: reaches 6000 N")
+        join_to_one_line(said, f"{steep}: campaign.throttle_force_N: reaches 6000 N")
         assert said.status == 2
         assert list(tmp_path.iterdir()) == [steep]
 

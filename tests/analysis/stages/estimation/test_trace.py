@@ -7,7 +7,7 @@ import pytest
 from analysis.model.settings import Settings
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
-from analysis.stages.gating.segments import number_manoeuvres, pool_by_manoeuvre
+from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling, number_manoeuvres
 from tests.analysis.settings_by_name import settings_of
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -66,7 +66,7 @@ def test_a_row_of_ls_is_the_least_squares_of_the_window_that_ends_there(two_star
 
 def test_pooled_agrees_with_the_segments(two_starts):
     frames, gated = traced(two_starts)
-    table = pool_by_manoeuvre(two_starts, gated, Settings()).drop_nulls("mass_kg")
+    table = estimate_each_manoeuvre_by_pooling(two_starts, gated, Settings()).drop_nulls("mass_kg")
     names = ["mass_kg", "mass_std_kg", "friction_x_N_s_m", "residual_rms_N", "condition_1"]
     assert frames["pooled"].select(names).equals(table.select(names))
     assert frames["pooled"].height == 2

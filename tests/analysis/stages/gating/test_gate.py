@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.stages.gating.gate import (
-    flag_windows,
+    flag_windows_with_flagged_rows,
     gate_windows,
     mark_samples_for_pooling,
-    mark_samples_in_windows,
+    mark_samples_in_accepted_windows,
 )
 from tests.analysis.settings_by_name import settings_of
 
@@ -212,7 +212,7 @@ flags = st.lists(st.booleans(), max_size=60).map(lambda x: np.array(x, bool))
 @given(flags, st.integers(1, 70))
 def test_windows_with_looks_at_exactly_the_window(flag, window):
     expected = [flag[max(0, k + 1 - window) : k + 1].any() for k in range(flag.size)]
-    np.testing.assert_array_equal(flag_windows(flag, window), expected)
+    np.testing.assert_array_equal(flag_windows_with_flagged_rows(flag, window), expected)
 
 
 @given(flags, st.integers(1, 70))
@@ -220,13 +220,13 @@ def test_an_accepted_sample_lies_in_at_least_one_accepted_window(accepted, windo
     inside = np.zeros(accepted.size, bool)
     for k in np.flatnonzero(accepted):
         inside[max(0, k - window + 1) : k + 1] = True
-    np.testing.assert_array_equal(mark_samples_in_windows(accepted, window), inside)
+    np.testing.assert_array_equal(mark_samples_in_accepted_windows(accepted, window), inside)
 
 
 def test_pooled_samples_neither_stand_still_nor_are_about_to_brake(start):
     judged = gate_windows(start, settings())
     used = mark_samples_for_pooling(start, judged, settings())
-    inside = mark_samples_in_windows(judged["accepted_x"].to_numpy(), W)
+    inside = mark_samples_in_accepted_windows(judged["accepted_x"].to_numpy(), W)
     standing = (start["phase"] == "standstill").fill_null(False).to_numpy()
     # the phase sees braking late by up to its span (10 rows) and the moving mean (10 rows)
     braking = np.flatnonzero((start["phase"] == "braking").fill_null(False).to_numpy())

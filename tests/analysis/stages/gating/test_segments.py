@@ -7,7 +7,7 @@ import pytest
 from analysis.model.schema import PHASE, PHASES, build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
-from analysis.stages.gating.segments import number_manoeuvres, pool_by_manoeuvre
+from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling, number_manoeuvres
 
 TRIP = ("standstill", "start", "brake", "standstill")
 
@@ -51,7 +51,7 @@ def two_starts(drive, excitation_of):
 def made(excitation, settings=None):
     settings = settings or Settings()
     gated = gate_windows(excitation, settings)
-    return pool_by_manoeuvre(excitation, gated, settings), gated
+    return estimate_each_manoeuvre_by_pooling(excitation, gated, settings), gated
 
 
 def test_each_start_gives_its_pooled_mass_and_braking_says_why_it_has_none(two_starts):
@@ -124,6 +124,6 @@ def test_a_stretch_of_one_phase_is_named_after_it_and_refused_for_what_it_is(pha
 def test_samples_that_determine_no_mass_leave_null_and_never_nan(two_starts):
     flat = two_starts.with_columns(regressor_acc_x_m_s2=pl.lit(0.0))
     gated = gate_windows(two_starts, Settings())
-    table = pool_by_manoeuvre(flat, gated, Settings())
+    table = estimate_each_manoeuvre_by_pooling(flat, gated, Settings())
     assert (table["samples_accepted"] > 0).any()
     assert table["mass_kg"].null_count() == table.height

@@ -6,15 +6,18 @@ import pytest
 from scipy.signal import butter, sosfreqz
 
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.smooth import smooth
+from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.noise.channel_noise import estimate_channel_noise, list_noise_source_notes
 from analysis.stages.noise.grid_noise import estimate_white_noise_std
-from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive
+from analysis.stages.signals.align import align_channels_on_grid
+from analysis.stages.signals.derive import derive_channels_in_si
 from tests.analysis.conftest import make_machine
 
 MASS_KG, FORCE_N, SPEED_M_S = 1850.0, 20.0, 0.01
-KINEMATIC = {"acc_x_m_s2": {"derive": "d/dt speed_x_m_s"}, "specific_force_x_m_s2": None}
+KINEMATIC = {
+    "acc_x_m_s2": {"derive_channels_in_si": "d/dt speed_x_m_s"},
+    "specific_force_x_m_s2": None,
+}
 
 
 def readings(rate_hz, seconds=120.0, seed=1, force_N=FORCE_N, speed_m_s=SPEED_M_S):
@@ -36,8 +39,10 @@ def noise_of(read, **settings):
     given = {name.replace("__", "."): value for name, value in settings.items()}
     machine = make_machine(settings={"acceleration": "kinematic"}, **KINEMATIC)
     machine = machine.model_copy(update={"settings": machine.settings.with_changes(given)})
-    aligned, _ = align(derive(read, machine)[0], machine)
-    excitation = compute_excitation(smooth(aligned, machine.settings.smooth), machine)
+    aligned, _ = align_channels_on_grid(derive_channels_in_si(read, machine)[0], machine)
+    excitation = compute_excitation(
+        smooth_by_trailing_mean(aligned, machine.settings.smooth), machine
+    )
     return estimate_channel_noise(aligned, excitation, machine, read), aligned
 
 

@@ -5,12 +5,12 @@ import polars as pl
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from tests.join_to_one_line import assert_one_line
 
-from analysis.stages.signals.align import align, list_alignment_notes
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.align import align_channels_on_grid, list_alignment_notes
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
-from tests.one_line import assert_one_line
 
 MS = 1_000_000
 T0 = 1_700_000_000_000_000_000
@@ -45,7 +45,7 @@ def test_each_row_is_on_the_line_between_the_samples_before_and_after_it(channel
     samples = [generator.normal(size=t.size) for t in stamps]
     series = zip((FORCE, SPEED, IMU), stamps, samples, strict=True)
     channels = channels_of(**{name: (t, x) for name, t, x in series})
-    aligned, t0 = align(channels, machine())
+    aligned, t0 = align_channels_on_grid(channels, machine())
     assert t0 == T0 + 3 * MS
     assert not aligned["gap"].any()
     for name, t, x in zip((FORCE, SPEED, IMU), stamps, samples, strict=True):
@@ -70,7 +70,7 @@ def test_a_straight_line_comes_back_whatever_the_stamps(
     channels = channels_of(
         **{n: (t, np.polyval(lines[n], (t - start) / 1e9)) for n, t in stamps.items()}
     )
-    aligned, t0 = align(channels, machine())
+    aligned, t0 = align_channels_on_grid(channels, machine())
     seconds = (t0 - start + aligned["t_ns"].to_numpy()) / 1e9
     kept = ~aligned["gap"].to_numpy()
     assert kept.mean() > 0.9
@@ -91,7 +91,7 @@ def test_samples_that_lie_on_the_grid_are_its_rows_bit_for_bit(
         **{n: (t[s], each[s]) for n, s, each in zip((FORCE, SPEED, IMU), spans, x, strict=True)}
     )
     for settings in ({}, {"causal": True}):
-        aligned, _ = align(channels, machine(settings))
+        aligned, _ = align_channels_on_grid(channels, machine(settings))
         kept = aligned.filter(~pl.col("gap"))
         for name, each in zip((FORCE, SPEED, IMU), x, strict=True):
             np.testing.assert_array_equal(kept[name], each[first : 200 - after])
@@ -103,7 +103,7 @@ def test_a_faster_topic_is_averaged_over_the_grid_step_about_the_row(channels_of
     x = np.tile([1.0, -1.0], 1000) + np.arange(2000) / 100.0
     slow = ticks(10, 200)
     channels = channels_of(**{FORCE: (slow, slow * 0.0), SPEED: (slow, slow * 0.0), IMU: (fast, x)})
-    aligned, _ = align(channels, machine())
+    aligned, _ = align_channels_on_grid(channels, machine())
     expected = np.arange(200) / 10.0
     np.testing.assert_allclose(aligned[IMU].to_numpy()[1:-1], expected[1:-1], atol=1e-9)
 
@@ -120,8 +120,11 @@ def test_a_delay_of_any_fraction_of_a_step_is_taken_off(raw_topic, machine, dela
     }
     late = {"topic": "/late", "field": "force", "delay_s": delay_us / 1e6}
     loader = machine(force_x_N=late)
-    aligned, _ = align(
-        derive(read_measured_channels(assign_timestamps(raw)[0], loader)[0], loader)[0], loader
+    aligned, _ = align_channels_on_grid(
+        derive_channels_in_si(read_measured_channels(assign_timestamps(raw)[0], loader)[0], loader)[
+            0
+        ],
+        loader,
     )
     np.testing.assert_allclose(aligned[FORCE], 5.0 * aligned[SPEED] + 1.0, atol=1e-9)
 
@@ -129,7 +132,9 @@ def test_a_delay_of_any_fraction_of_a_step_is_taken_off(raw_topic, machine, dela
 @given(rate=st.floats(5, 500), n=st.integers(20, 100))
 @example(rate=150.0, n=21)
 def test_t_ns_climbs_strictly_on_the_lattice_of_the_rate(channels_of, machine, rate, n):
-    aligned, _ = align(three(channels_of, ticks(10, n)), machine({"rate_hz": rate}))
+    aligned, _ = align_channels_on_grid(
+        three(channels_of, ticks(10, n)), machine({"rate_hz": rate})
+    )
     t = aligned["t_ns"].to_numpy()
     assert t[0] == 0
     np.testing.assert_array_equal(t, np.round(np.arange(t.size) * (1e9 / rate)))
@@ -160,8 +165,8 @@ def test_when_causal_what_comes_after_a_moment_never_changes_the_rows_up_to_it(
         for name, frame in now.items()
     }
     loader = machine({"causal": True, "latency_s": latency})
-    first, t0 = align(now, loader)
-    second, again = align(later, loader)
+    first, t0 = align_channels_on_grid(now, loader)
+    second, again = align_channels_on_grid(later, loader)
     assert t0 == again
     past = pl.col("t_ns") <= int(moment - t0)
     assert first.filter(past).equals(second.filter(past))
@@ -173,7 +178,9 @@ def test_when_causal_a_row_holds_the_motion_of_the_latency_before_it(channels_of
     stamps = {FORCE: ticks(10, 300), SPEED: ticks(10, 300, 3), IMU: ticks(10, 300, 7)}
     channels = channels_of(**{name: (t, (t - T0) / 1e9) for name, t in stamps.items()})
     for latency, held_s in ((None, 0.01), (0.025, 0.025), (0.04, 0.04)):
-        aligned, t0 = align(channels, machine({"causal": True, "latency_s": latency}))
+        aligned, t0 = align_channels_on_grid(
+            channels, machine({"causal": True, "latency_s": latency})
+        )
         for name in stamps:
             now = (t0 - T0 + aligned["t_ns"]) / 1e9
             np.testing.assert_allclose(aligned[name], now - held_s, atol=1e-9)
@@ -190,7 +197,7 @@ def test_when_causal_and_a_sample_is_late_every_channel_waits_alike(channels_of,
     late = t + np.where(np.arange(300) % 10 == 5, 6 * MS, 0)
     stamps = {FORCE: late, SPEED: t, IMU: t}
     channels = channels_of(**{name: (t, (t - T0) / 1e9) for name, t in stamps.items()})
-    aligned, _ = align(channels, machine({"causal": True}))
+    aligned, _ = align_channels_on_grid(channels, machine({"causal": True}))
     np.testing.assert_allclose(aligned[SPEED], aligned[FORCE], atol=1e-9)
     np.testing.assert_allclose(aligned[IMU], aligned[FORCE], atol=1e-9)
     assert not aligned["gap"].any()
@@ -201,7 +208,7 @@ def test_between_neighbours_of_more_than_three_periods_the_row_is_a_gap(channels
     t = ticks(10, 200)
     lost = np.r_[51:100, 120:122, 150:153]
     stamps = dict.fromkeys((FORCE, SPEED, IMU), t) | {name: np.delete(t, lost)}
-    aligned, _ = align(three(channels_of, *stamps.values()), machine())
+    aligned, _ = align_channels_on_grid(three(channels_of, *stamps.values()), machine())
     expected = np.zeros(200, bool)
     expected[51:100] = expected[150:153] = True
     np.testing.assert_array_equal(aligned["gap"], expected)
@@ -210,13 +217,13 @@ def test_between_neighbours_of_more_than_three_periods_the_row_is_a_gap(channels
 
 def test_a_slow_channel_has_no_gap_within_three_of_its_own_periods(channels_of, machine):
     channels = three(channels_of, ticks(10, 400), ticks(200, 20))
-    assert not align(channels, machine())[0]["gap"].any()
+    assert not align_channels_on_grid(channels, machine())[0]["gap"].any()
 
 
 @pytest.mark.parametrize("jump", [YEARS_50, 86_400_000_000_000, 61_000_000_000])
 def test_a_clock_that_jumps_ahead_does_not_make_a_billion_rows(channels_of, machine, jump):
     t = ticks(10, 400) + np.where(np.arange(400) >= 200, jump, 0)
-    aligned, _ = align(three(channels_of, t), machine())
+    aligned, _ = align_channels_on_grid(three(channels_of, t), machine())
     assert aligned.height <= 400 + 10
     grid = aligned["t_ns"].to_numpy()
     assert (np.diff(grid) > 0).all()
@@ -235,7 +242,7 @@ def test_holes_of_several_channels_that_overlap_are_one_hole(channels_of, machin
         np.delete(t, np.s_[200:500]),
         np.delete(t, np.s_[700:800]),
     )
-    aligned, _ = align(channels, machine({"rate_hz": 1.0}))
+    aligned, _ = align_channels_on_grid(channels, machine({"rate_hz": 1.0}))
     grid = aligned["t_ns"].to_numpy() // 1_000_000_000
     assert (np.diff(grid) > 0).all()
     kept = ~aligned["gap"].to_numpy()
@@ -246,7 +253,7 @@ def test_holes_of_several_channels_that_overlap_are_one_hole(channels_of, machin
 
 def test_a_hole_shorter_than_a_minute_keeps_its_rows(channels_of, machine):
     t = ticks(10, 400) + np.where(np.arange(400) >= 200, 30_000 * MS, 0)
-    aligned, _ = align(three(channels_of, t), machine())
+    aligned, _ = align_channels_on_grid(three(channels_of, t), machine())
     assert aligned.height == 3400
     assert aligned["gap"].sum() == 3000
 
@@ -254,7 +261,7 @@ def test_a_hole_shorter_than_a_minute_keeps_its_rows(channels_of, machine):
 def test_channels_that_share_no_time_are_an_error_that_gives_their_spans(channels_of, machine):
     channels = three(channels_of, ticks(10, 100), ticks(10, 100, 5000))
     with pytest.raises(DataError) as error:
-        align(channels, machine())
+        align_channels_on_grid(channels, machine())
     assert_one_line(error.value)
     assert str(error.value).startswith(
         "the channels do not overlap in time; check their topics and clocks: force_x_N 17000000"
@@ -265,7 +272,7 @@ def test_channels_that_share_no_time_are_an_error_that_gives_their_spans(channel
 def test_a_slow_channel_that_shares_no_time_is_the_same_error(channels_of, machine):
     channels = three(channels_of, ticks(10, 100), ticks(100, 10, 5000))
     with pytest.raises(DataError, match="do not overlap in time"):
-        align(channels, machine())
+        align_channels_on_grid(channels, machine())
 
 
 @given(
@@ -287,7 +294,7 @@ def test_no_row_inside_a_gap_of_any_channel_has_a_value(
             t = t[(t < T0 + start_ms * MS) | (t > T0 + end_ms * MS)]
         stamps[name] = t
     channels = channels_of(**{name: (t, (t - T0) / MS) for name, t in stamps.items()})
-    aligned, _ = align(channels, machine({"causal": causal}))
+    aligned, _ = align_channels_on_grid(channels, machine({"causal": causal}))
     for t in stamps.values():
         longest = 3 * max(np.median(np.diff(t)), 10 * MS)
         for i in np.flatnonzero(np.diff(t) > longest):
@@ -316,7 +323,7 @@ def test_the_equation_holds_in_every_row_though_one_of_its_channels_is_slow(
         a, v = (np.polyval(each, (t - T0) / 1e9) for each in (parabolas[:3], parabolas[3:]))
         x = {IMU: a, SPEED: v, FORCE: 3614.0 * a + 2891.0 * v}[name]
         channels |= channels_of(**{name: (t, x)})
-    aligned, _ = align(channels, machine())
+    aligned, _ = align_channels_on_grid(channels, machine())
     # no mean over the span reaches about the first and the last stamp
     rows = slice(round(slow_ms / 10) + 1, -round(slow_ms / 5) - 2)
     expected = (3614.0 * aligned[IMU] + 2891.0 * aligned[SPEED]).to_numpy()
@@ -326,7 +333,7 @@ def test_the_equation_holds_in_every_row_though_one_of_its_channels_is_slow(
 
 def test_only_the_time_in_common_is_kept(channels_of, machine):
     channels = three(channels_of, ticks(10, 100), ticks(10, 100, 300), ticks(10, 60, 100))
-    aligned, t0 = align(channels, machine())
+    aligned, t0 = align_channels_on_grid(channels, machine())
     assert t0 == T0 + 300 * MS
     assert t0 + aligned["t_ns"][-1] == T0 + 100 * MS + 590 * MS
 
@@ -336,8 +343,8 @@ def test_a_hint_that_comes_late_and_drops_out_costs_nothing_but_itself(channels_
     without = three(channels_of, ticks(10, 1000))
     fixes = np.concatenate([ticks(1000, 2, 2000), ticks(1000, 2, 8000)])
     hinted = {**without, **channels_of(latitude_deg=(fixes, [1.0, 2.0, 3.0, 4.0]))}
-    expected, t0 = align(without, machine())
-    aligned, t0_hinted = align(hinted, machine())
+    expected, t0 = align_channels_on_grid(without, machine())
+    aligned, t0_hinted = align_channels_on_grid(hinted, machine())
     assert t0_hinted == t0
     assert aligned.drop("latitude_deg").equals(expected)
     at_s = dict(zip(aligned["t_ns"] // 1_000_000, aligned["latitude_deg"], strict=True))
@@ -359,7 +366,7 @@ def test_longitudes_meet_at_180_degrees(channels_of, machine):
         **three(channels_of, ticks(10, 300)),
         **channels_of(longitude_deg=(ticks(1000, 3), degrees)),
     }
-    aligned, _ = align(hinted, machine())
+    aligned, _ = align_channels_on_grid(hinted, machine())
     shown = aligned["longitude_deg"].to_list()
     assert [shown[row] for row in (0, 25, 75, 100, 150)] == [179.0, 179.5, -179.5, -179.0, -178.0]
 
@@ -368,4 +375,4 @@ def test_a_grid_that_would_not_fit_into_memory_is_refused_with_its_rows(channels
     """A sample in a million seconds: its unit is wrong, or the grid's rate."""
     channels = three(channels_of, *[ticks(10**9, 5)] * 3)
     with pytest.raises(DataError, match=r"400,000,001 rows, more than .* settings.align.rate_hz"):
-        align(channels, machine())
+        align_channels_on_grid(channels, machine())
