@@ -16,10 +16,7 @@ from analysis.model.run_record import Provenance
 from analysis.model.settings import Settings
 
 #: Estimates and their standard deviations, by the frame that holds them.
-_ESTIMATES: Final = {
-    **dict((*X.parameters, *Z.parameters)),
-    "calibrated_kg": "calibrated_u_kg",
-}
+_ESTIMATES: Final = {**dict((*X.parameters, *Z.parameters)), "calibrated_kg": "calibrated_u_kg"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +41,7 @@ class EstimateChange:
     b_std: float | None
 
     @property
-    def change(self) -> float | None:
+    def value_change(self) -> float | None:
         """B minus A; None if one lacks the estimate."""
         return None if self.a is None or self.b is None else self.b - self.a
 
@@ -52,7 +49,7 @@ class EstimateChange:
     def change_in_stds(self) -> float | None:
         """The change over the larger standard deviation."""
         std = max(self.a_std or 0.0, self.b_std or 0.0)
-        return None if self.change is None or not std else self.change / std
+        return None if self.value_change is None or not std else self.value_change / std
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +77,7 @@ class Comparison:
     """Checks of the verdict whose outcome differs."""
 
     @property
-    def equal(self) -> bool:
+    def is_equal(self) -> bool:
         """Whether nothing differs except file names and versions."""
         return not (
             self.settings or self.provenance or self.only_a or self.only_b or self.stages
@@ -92,10 +89,10 @@ class Comparison:
         for name in ("estimates", "manoeuvres"):
             changes: tuple[EstimateChange, ...] = getattr(self, name)
             plain[name] = [
-                {**asdict(each), "change": each.change, "change_in_stds": each.change_in_stds}
+                {**asdict(each), "change": each.value_change, "change_in_stds": each.change_in_stds}
                 for each in changes
             ]
-        return {"equal": self.equal, **plain}
+        return {"equal": self.is_equal, **plain}
 
 
 def do_runs_read_same_bytes(a: Provenance, b: Provenance) -> bool:
@@ -261,9 +258,9 @@ def select_differing_estimates(
     ]
 
     def size_of_change(each: EstimateChange) -> float:
-        if each.change is None:
+        if each.value_change is None:
             return float("inf")
-        return abs(each.change if each.change_in_stds is None else each.change_in_stds)
+        return abs(each.value_change if each.change_in_stds is None else each.change_in_stds)
 
     return tuple(sorted(changes, key=size_of_change, reverse=True))
 

@@ -209,13 +209,15 @@ def trim_span_to_standstills(span: Span, standstills_ns: Ints, reach_rad: Floats
 
 
 def find_load_change_indices_at_dumps(
-    loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps
+    is_loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps
 ) -> list[int]:
     """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
         k
-        for k in range(loaded.size - 1)
-        if loaded[k] and loaded[k + 1] and dumps.select_dumps(int(end_ns[k]), int(begin_ns[k + 1]))
+        for k in range(is_loaded.size - 1)
+        if is_loaded[k]
+        and is_loaded[k + 1]
+        and dumps.select_dumps(int(end_ns[k]), int(begin_ns[k + 1]))
     ]
 
 

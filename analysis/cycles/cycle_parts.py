@@ -275,14 +275,14 @@ def find_last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
 
 
 def extend_span_to_standstills(
-    span: tuple[int, int], standstills: Bools, t_ns: Ints
+    span: tuple[int, int], is_standstill: Bools, t_ns: Ints
 ) -> tuple[int, int]:
     """Extend a span to include the standstills at its ends."""
     first, last = (int(k) for k in np.searchsorted(t_ns, span))
     last = min(last, t_ns.size - 1)
-    while first > 0 and standstills[first - 1]:
+    while first > 0 and is_standstill[first - 1]:
         first -= 1
-    while last + 1 < t_ns.size and standstills[last + 1]:
+    while last + 1 < t_ns.size and is_standstill[last + 1]:
         last += 1
     return int(t_ns[first]), int(t_ns[last])
 
@@ -296,9 +296,9 @@ def find_longest_data_gap_ns(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def find_longest_standstill_ns(standstills: Bools, t_ns: Ints) -> tuple[int, int] | None:
+def find_longest_standstill_ns(is_standstill: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """Longest standstill or creep, without idling; None if there is none."""
-    begins, ends = find_flagged_runs(standstills)
+    begins, ends = find_flagged_runs(is_standstill)
     length = t_ns[ends] - t_ns[begins]
     length[length > LIMITS.idle_s * NS_PER_S] = 0
     if not length.any():
@@ -308,16 +308,16 @@ def find_longest_standstill_ns(standstills: Bools, t_ns: Ints) -> tuple[int, int
 
 
 def choose_standstill_of_dump(
-    standstills: Bools, boom_rad: NDArray[np.float64], t_ns: Ints
+    is_standstill: Bools, boom_rad: NDArray[np.float64], t_ns: Ints
 ) -> DumpStandstill | None:
     """Choose the standstill in which the boom moves most, or else the longest; None without any.
 
     Args:
-        standstills: (n,) samples that stand.
+        is_standstill: (n,) samples that stand.
         boom_rad: (n,) boom angle in rad.
         t_ns: (n,) time.
     """
-    begins, ends = find_flagged_runs(standstills)
+    begins, ends = find_flagged_runs(is_standstill)
     if not begins.size:
         return None
     moves = np.array(

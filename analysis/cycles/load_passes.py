@@ -145,7 +145,7 @@ def find_load_passes(
 
 
 def mark_short_hauls(
-    loaded: Bools, is_border: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
+    is_loaded: Bools, is_border: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
 ) -> Bools:
     """Mark very short hauls of a load without a filling, (manoeuvres,).
 
@@ -154,17 +154,17 @@ def mark_short_hauls(
     where they do not, the rest of a haul was not weighed.
 
     Args:
-        loaded: (manoeuvres,) whether each is loaded.
+        is_loaded: (manoeuvres,) whether each is loaded.
         is_border: (manoeuvres - 1,) borders between passes.
         begin_ns: (manoeuvres,) begin of each.
         end_ns: (manoeuvres,) end of each.
         digs: the frame `digging`.
     """
-    found = np.zeros(loaded.size, np.bool_)
+    found = np.zeros(is_loaded.size, np.bool_)
     first = np.flatnonzero(np.append(True, is_border))
-    last = np.append(first[1:] - 1, loaded.size - 1)
+    last = np.append(first[1:] - 1, is_loaded.size - 1)
     # the first and the last load of a log may be cut off
-    inner = np.flatnonzero(loaded[first[1:-1]]) + 1
+    inner = np.flatnonzero(is_loaded[first[1:-1]]) + 1
     first, last = first[inner], last[inner]
     if first.size < LIMITS.filling_min_cycles:
         return found
@@ -178,7 +178,7 @@ def mark_short_hauls(
     return found
 
 
-def max_refill_pause_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
+def max_refill_pause_ns(is_loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
     """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
@@ -186,7 +186,7 @@ def max_refill_pause_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.Da
     apart = [
         int(start - stop)
         for stop, start in zip(stops[:-1], starts[1:], strict=True)
-        if (seen := loaded[(middle > stop) & (middle < start)]).any() and not seen.all()
+        if (seen := is_loaded[(middle > stop) & (middle < start)]).any() and not seen.all()
     ]
     if len(apart) < LIMITS.filling_min_cycles:
         return LIMITS.one_filling_ns
@@ -194,7 +194,7 @@ def max_refill_pause_ns(loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.Da
 
 
 def find_borders_before_refills(
-    loaded: Bools,
+    is_loaded: Bools,
     begin_ns: Ints,
     end_ns: Ints,
     digs: pl.DataFrame,
@@ -210,8 +210,8 @@ def find_borders_before_refills(
     last_ns = -max_filling_pause_ns
     for start, stop in digs.select("start_t_ns", "end_t_ns").sort("start_t_ns").iter_rows():
         after = int(np.searchsorted(begin_ns, start, "left"))
-        if 0 < after < loaded.size and loaded[after - 1] and loaded[after]:
-            empties = np.flatnonzero(~loaded[:after])
+        if 0 < after < is_loaded.size and is_loaded[after - 1] and is_loaded[after]:
+            empties = np.flatnonzero(~is_loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(begin_ns[first]), last_ns)
             dumped = bool(dumps.select_dumps(int(end_ns[after - 1]), start))
@@ -223,7 +223,7 @@ def find_borders_before_refills(
 
 
 def correct_loaded_flags_at_dumps(
-    loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame, dumps: BoomDumps
+    is_loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
 
@@ -232,13 +232,13 @@ def correct_loaded_flags_at_dumps(
     """
     at = [int(np.searchsorted(begin_ns, each.bucket_emptied_ns)) for each in dumps.dumps]
     dug = np.unique(np.searchsorted(begin_ns, digs["start_t_ns"].to_numpy()))
-    moved = loaded.copy()
-    for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:
+    moved = is_loaded.copy()
+    for first in np.flatnonzero(is_loaded[:-1] & ~is_loaded[1:]) + 1:
         if dumps.select_dumps(int(end_ns[first - 1]), int(begin_ns[first])):
             continue
         # from one filling to the next
         low = int(max(dug[dug < first], default=0))
-        high = int(min(dug[dug >= first], default=loaded.size))
+        high = int(min(dug[dug >= first], default=is_loaded.size))
         places = [place for place in at if low < place < high]
         if len(places) == 1:
             moved[places[0] : first] = False
@@ -247,20 +247,20 @@ def correct_loaded_flags_at_dumps(
 
 
 def mark_spilled_loads(
-    loaded: Bools, pass_of_manoeuvre: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
+    is_loaded: Bools, pass_of_manoeuvre: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
 ) -> Bools:
     """Mark manoeuvres with a load that is spilled before the dump, (manoeuvres,).
 
     Args:
-        loaded: (manoeuvres,) whether each is loaded and not dumping.
+        is_loaded: (manoeuvres,) whether each is loaded and not dumping.
         pass_of_manoeuvre: (manoeuvres,) pass of each.
         state: (manoeuvres,) load state of each.
         mass_kg: (states,).
         u_kg: (states,).
     """
     spilled = np.zeros(pass_of_manoeuvre.size, np.bool_)
-    for number in np.unique(pass_of_manoeuvre[loaded]):
-        inside = loaded & (pass_of_manoeuvre == number)
+    for number in np.unique(pass_of_manoeuvre[is_loaded]):
+        inside = is_loaded & (pass_of_manoeuvre == number)
         last = int(state[inside][-1])
         for each in np.unique(state[inside]):
             apart = float(np.hypot(u_kg[each], u_kg[last]))

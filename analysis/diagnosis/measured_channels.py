@@ -150,18 +150,18 @@ class RawSignals:
 
 
 def collect_raw_signals(
-    raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]
+    raw_frames: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]
 ) -> RawSignals:
     """Collect the raw channels of a log.
 
     Args:
-        raw: frames by topic, with log times and header stamps.
+        raw_frames: frames by topic, with log times and header stamps.
         channels: readings as `analysis.stages.signals.derive.measured` returns them.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
     return RawSignals(
         channels,
-        find_largest_relative_clock_drift(measure_clock_drifts_by_topic(raw)),
+        find_largest_relative_clock_drift(measure_clock_drifts_by_topic(raw_frames)),
         span_ns / 1e9,
     )
 

@@ -62,7 +62,7 @@ def build_whitened_force_rows(
     std = float(
         np.sqrt(
             (g := np.array([usual_kg, friction, -1.0]))
-            @ noise.covariance(LIMITS.force_mean_samples)
+            @ noise.covariance_of_means(LIMITS.force_mean_samples)
             @ g
         )
     )
@@ -90,7 +90,7 @@ def build_whitened_force_rows(
     def block_means(x: Floats) -> Floats:
         return sum_blocks(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
 
-    own = noise.covariance(LIMITS.force_mean_samples) / std**2
+    own = noise.covariance_of_means(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
     along = float((np.sign(v) * f).sum()) / LIMITS.force_mean_samples
     return EquationRows(
@@ -113,9 +113,11 @@ def build_whitened_wheel_rows(
         return None
     step_s = 1.0 / motion.rate_hz
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percent
-    of_speed = max(float(noise.covariance(LIMITS.wheel_mean_samples)[1, 1]), rounding_m_s**2)
+    of_speed = max(
+        float(noise.covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]), rounding_m_s**2
+    )
     of_acc = (
-        float(noise.covariance(LIMITS.accumulated_noise_samples)[0, 0])
+        float(noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0])
         * LIMITS.accumulated_noise_samples
         * step_s**2
         * LIMITS.wheel_mean_samples

@@ -15,7 +15,7 @@ from analysis.paper.replayed_campaign import (
     ReplayedCampaign,
     compute_calibrated_mass_errors,
     compute_trial_bound_kg,
-    replay_with_gate,
+    rerun_gate_and_estimates,
 )
 from analysis.paper.simulated_sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
 from analysis.paper.torque_chain import TorqueChain
@@ -141,7 +141,7 @@ def compute_errors_by_setting(
     """Errors with gate and estimators rerun for each value of a setting, one row per value."""
     frames: list[pl.DataFrame] = []
     for value in values:
-        again = replay_with_gate(
+        again = rerun_gate_and_estimates(
             campaign, campaign.settings.with_changes({f"gate.{setting}": value})
         )
         frames.append(

@@ -17,7 +17,7 @@ from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
 from analysis.paper.confidence_intervals import bootstrap_rms_and_interval, compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
-from analysis.paper.replayed_campaign import ReplayedCampaign, estimate_with_gate
+from analysis.paper.replayed_campaign import ReplayedCampaign, rerun_estimates_with_gate
 from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
 from analysis.paper.table1 import AT_LENGTH
 from analysis.stages.gating.gate import gate_windows
@@ -40,7 +40,7 @@ _PARAMETERS: Final = 2  # mass and friction
 _FLOAT_BYTES: Final = 8
 
 
-def replay_with_accepted_windows(
+def rerun_estimates_with_accepted_windows(
     campaign: ReplayedCampaign, window_rule: Fed, settings: Settings
 ) -> ReplayedCampaign:
     """Campaign with other accepted windows and new estimates.
@@ -56,7 +56,7 @@ def replay_with_accepted_windows(
     if window_rule != "gated":
         refused = _INCOMPLETE if window_rule == "ungated" else (*_INCOMPLETE, "braking")
         gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))
-    return estimate_with_gate(campaign, gated, settings)
+    return rerun_estimates_with_gate(campaign, gated, settings)
 
 
 def compute_cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
@@ -71,7 +71,7 @@ def compute_cruise_error_kg(
 ) -> float:
     """Error of RLS at the end of the cruise; NaN without an estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
-    again = replay_with_accepted_windows(
+    again = rerun_estimates_with_accepted_windows(
         campaign, window_rule, campaign.settings.with_changes(methods)
     )
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
@@ -92,7 +92,9 @@ def compute_claim_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
     rls = campaign.settings.with_changes({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
     estimates = {"gated": campaign.tabulate_masses_by_method_and_trial()} | {
-        how: replay_with_accepted_windows(campaign, how, rls).tabulate_masses_by_method_and_trial()
+        how: rerun_estimates_with_accepted_windows(
+            campaign, how, rls
+        ).tabulate_masses_by_method_and_trial()
         for how in without
     }
     return pl.concat(

@@ -56,13 +56,13 @@ class ReplayedCampaign:
         return average_masses_by_method_and_run(self.replayed, self.trials)
 
 
-def replay_with_gate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
+def rerun_gate_and_estimates(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Rerun gate and estimators with other settings; earlier stages are unchanged."""
     excitation = campaign.replayed.frames["excitation"]
-    return estimate_with_gate(campaign, gate_windows(excitation, settings), settings)
+    return rerun_estimates_with_gate(campaign, gate_windows(excitation, settings), settings)
 
 
-def estimate_with_gate(
+def rerun_estimates_with_gate(
     campaign: ReplayedCampaign, gated: pl.DataFrame, settings: Settings
 ) -> ReplayedCampaign:
     """Rerun the estimates of a campaign on the windows that `gated` accepts."""

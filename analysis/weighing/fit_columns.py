@@ -183,7 +183,7 @@ class FitColumns:
         terms: tuple[Nuisance, ...],
         previous_estimates: PreviousEstimates,
     ) -> Self:
-        """Make the columns; the arguments are those of `average_columns`."""
+        """Make the columns; the arguments are those of `average_fit_columns`."""
 
         def make_columns(piece: MotionSamples) -> _PieceColumns:
             fitted = find_fitted_samples_after_lag(piece, previous_estimates.lag_s)
@@ -205,7 +205,7 @@ class FitColumns:
         )
 
 
-def average_columns(
+def average_fit_columns(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
@@ -273,7 +273,7 @@ def average_columns_of_pieces(
     # lengths are few and short: counting them is quicker than sorting all rows
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
-    covariances = np.stack([noise.covariance(int(length)) for length in lengths])
+    covariances = np.stack([noise.covariance_of_means(int(length)) for length in lengths])
     weight = compute_row_weight_roots(A[:, :2], f, covariances, which)
 
     def weigh_rows(number: int) -> tuple[Floats, Floats]:
@@ -351,7 +351,7 @@ def make_columns_of_piece(
         )
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
     wheels = motion.wheel_acceleration
-    force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
+    force_std = float(np.sqrt(noise.covariance_of_means(1)[2, 2]))
     raw = ColumnInputs(
         acceleration,
         zeros if wheels is None else wheels,

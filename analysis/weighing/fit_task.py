@@ -6,7 +6,12 @@ from functools import cached_property
 import numpy as np
 
 from analysis.model.prior_settings import LearntTerm, PriorSettings
-from analysis.weighing.fit_columns import FitRows, PreviousEstimates, RelativeLoads, average_columns
+from analysis.weighing.fit_columns import (
+    FitRows,
+    PreviousEstimates,
+    RelativeLoads,
+    average_fit_columns,
+)
 from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (
     JointFit,
@@ -117,7 +122,9 @@ class FitTask:
             if number or fit_rows is None:
                 # of a shift each holds hundreds of megabytes
                 fit_rows = solution = None
-                fit_rows = average_columns(self.motion, self.noise, self.terms, mean_samples, known)
+                fit_rows = average_fit_columns(
+                    self.motion, self.noise, self.terms, mean_samples, known
+                )
             solution = prior_fit.solve_with_priors(
                 fit_rows.A,
                 fit_rows.f,

@@ -53,12 +53,12 @@ def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:
     return np.cumsum(begun)
 
 
-def number_drive_manoeuvres(stop_count: Ints, longest_samples: int) -> Ints:
-    """Number the manoeuvres, (n,), and split drives of twice `longest_samples` samples or more."""
+def number_drive_manoeuvres(stop_count: Ints, max_samples: int) -> Ints:
+    """Number the manoeuvres, (n,), and split drives of twice `max_samples` samples or more."""
     cuts = np.append(True, stop_count[1:] != stop_count[:-1])
     drive_begins = np.flatnonzero(cuts)
     for first, end in zip(drive_begins, np.append(drive_begins[1:], stop_count.size), strict=True):
-        cuts[np.arange(first + longest_samples, end - longest_samples + 1, longest_samples)] = True
+        cuts[np.arange(first + max_samples, end - max_samples + 1, max_samples)] = True
     return (np.cumsum(cuts) - 1 + stop_count[0]).astype(np.int64)
 
 

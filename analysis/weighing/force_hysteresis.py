@@ -66,7 +66,7 @@ def choose_hysteresis_play(
     half_N = LIMITS.hysteresis_turn_share * motion.force_95_percent
     noise_N, mean = 0.0, longest
     for mean in (*(1 << k for k in range(longest.bit_length() - 1)), longest):
-        noise_N = LIMITS.hysteresis_turn_std * float(np.sqrt(noise.covariance(mean)[2, 2]))
+        noise_N = LIMITS.hysteresis_turn_std * float(np.sqrt(noise.covariance_of_means(mean)[2, 2]))
         if noise_N <= half_N:
             break
     half_N = max(half_N, noise_N)

@@ -207,18 +207,18 @@ def does_empty_mass_confirm_two_loads(fit: JointFit, body: Body) -> bool:
     )
 
 
-def do_heavy_masses_scatter_more(states: LoadStates, heavy: Bools) -> bool:
+def do_heavy_masses_scatter_more(states: LoadStates, is_heavy: Bools) -> bool:
     """Whether the heavier manoeuvres scatter more than the lighter ones, as payloads do.
 
     Args:
         states: manoeuvres of one load, weighed with the gain of each direction.
-        heavy: (units,) whether each manoeuvre was heavy before.
+        is_heavy: (units,) whether each manoeuvre was heavy before.
     """
     spread = [
         _variance_to_noise_ratio(states.level_kg[each], states.std_kg[each])
-        for each in (heavy, ~heavy)
+        for each in (is_heavy, ~is_heavy)
     ]
-    freedom = [int(each.sum()) - 1 for each in (heavy, ~heavy)]
+    freedom = [int(each.sum()) - 1 for each in (is_heavy, ~is_heavy)]
     if min(freedom) < 1 or not spread[1] > 0.0:
         return False
     chance = float(fdtrc(freedom[0], freedom[1], spread[0] / spread[1]))

@@ -21,7 +21,7 @@ from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import FitRows, average_columns, stride_of_fitted_means
+from analysis.weighing.fit_columns import FitRows, average_fit_columns, stride_of_fitted_means
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, find_term_index
 from analysis.weighing.load_limits import LIMITS
@@ -173,7 +173,7 @@ def find_manoeuvres_with_growing_load(
     if fit.states is None or not np.isfinite(fit.solution.residual_rms):
         return ()
     motion = fit.motion if motion is None else motion
-    rows = average_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
+    rows = average_fit_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
     unit = np.where(
         rows.group >= 0, find_manoeuvre_of_stretches(motion)[np.maximum(rows.group, 0)], -1
     )
@@ -353,4 +353,4 @@ def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> floa
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
     overlap = samples / stride_of_fitted_means(samples)
-    return overlap * float(gradient @ noise.covariance(samples) @ gradient)
+    return overlap * float(gradient @ noise.covariance_of_means(samples) @ gradient)

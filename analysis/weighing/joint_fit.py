@@ -13,7 +13,7 @@ from analysis.weighing.fit_columns import (
     FitRows,
     PreviousEstimates,
     RelativeLoads,
-    average_columns,
+    average_fit_columns,
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
@@ -265,7 +265,7 @@ def make_refit_rows(
 ) -> FitRows:
     """Rows of the first round of a refit from `earlier_fit`, with additional terms if any."""
     terms = (*earlier_fit.terms, *extra_terms)
-    return average_columns(
+    return average_fit_columns(
         earlier_fit.motion, noise, terms, earlier_fit.mean_samples, earlier_fit.found
     )
 

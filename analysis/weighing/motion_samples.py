@@ -57,7 +57,7 @@ def select_rows_of_arrays(record: Any, rows: slice | Ints) -> dict[str, Any]:
 class ColumnNoiseModel(Protocol):
     """Noise model of acceleration, speed and force."""
 
-    def covariance(self, samples: int) -> Floats:
+    def covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
         ...
 
@@ -73,11 +73,11 @@ class CachedNoise:
     columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
 
-    def covariance(self, samples: int) -> Floats:
+    def covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        if samples not in self._known:
-            self._known[samples] = self.columns.covariance(samples)
-        return self._known[samples]
+        if mean_samples not in self._known:
+            self._known[mean_samples] = self.columns.covariance_of_means(mean_samples)
+        return self._known[mean_samples]
 
 
 @dataclass(frozen=True)
@@ -293,9 +293,9 @@ def collect_motion_samples(
     acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
-    noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1]))
+    noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance_of_means(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
-    smoothed_m_s = float(np.sqrt(noise.covariance(settings.smooth.samples)[1, 1]))
+    smoothed_m_s = float(np.sqrt(noise.covariance_of_means(settings.smooth.samples)[1, 1]))
     group = number_fitted_manoeuvres(
         excitation, gated, machine, moves_m_s, smoothed_m_s, braking=braking
     )

@@ -91,15 +91,15 @@ class _OtherMotionNoise:
     rate_hz: float
     by_wheels: bool
 
-    def covariance(self, samples: int) -> Floats:
+    def covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.covariance(samples).copy()
+        found = self.columns.covariance_of_means(mean_samples).copy()
         found[0, :] = found[:, 0] = 0.0
         if self.by_wheels:
-            speed = self.columns.covariance(1)[1, 1]
+            speed = self.columns.covariance_of_means(1)[1, 1]
             times = (
-                LIMITS.mean_difference_variance / samples**2
-                if samples > 1
+                LIMITS.mean_difference_variance / mean_samples**2
+                if mean_samples > 1
                 else LIMITS.central_difference_variance
             )
             found[0, 0] = times * speed * self.rate_hz**2

@@ -133,15 +133,15 @@ class _DerivativeNoise:
     columns: ColumnNoise
     rate_hz: float
 
-    def covariance(self, samples: int) -> Floats:
+    def covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.covariance(samples)
-        if samples < LIMITS.derivative_mean_samples:
+        found = self.columns.covariance_of_means(mean_samples)
+        if mean_samples < LIMITS.derivative_mean_samples:
             return found
         found = found.copy()
-        speed = self.columns.covariance(1)[1, 1]
+        speed = self.columns.covariance_of_means(1)[1, 1]
         found[0, :] = found[:, 0] = 0.0
-        found[0, 0] = 2.0 * speed * (self.rate_hz / samples) ** 2
+        found[0, 0] = 2.0 * speed * (self.rate_hz / mean_samples) ** 2
         return found
 
 

@@ -238,7 +238,7 @@ def _fit_wheel_comparison(
         wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percent
-    noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
+    noise_m_s = max(float(np.sqrt(noise.covariance_of_means(MEAN)[1, 1])), rounding_m_s)
     free = wide.fit
     if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
         narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
@@ -294,12 +294,12 @@ def compute_parameter_std_bounds_by_noise(
     """
     X, _, group, _ = rows
     of_mean = (
-        noise.covariance(LIMITS.accumulated_noise_samples)[0, 0]
+        noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
         * LIMITS.accumulated_noise_samples
         * step_s**2
         * EVERY
     )
-    of_speed = noise.covariance(MEAN)[1, 1] * MEAN / EVERY
+    of_speed = noise.covariance_of_means(MEAN)[1, 1] * MEAN / EVERY
     squares = (X**2).sum(axis=0)
     # of a column of nothing its prior is all that is known
     scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
@@ -326,7 +326,7 @@ def _make_comparison_rows(
     X, y, group, ground = detrend_means_by_stretch(
         measured_acceleration, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
-    covariance = noise.covariance(MEAN)
+    covariance = noise.covariance_of_means(MEAN)
     grams = np.zeros((len(spans), 4, 4))
     grams[:, 1, 1] = ground * covariance[2, 2]
     grams[:, 2, 2] = np.bincount(group) * covariance[0, 0]

@@ -97,7 +97,7 @@ def fit(
     added = samples * np.square(np.zeros((k, p)) if noise is None else noise)
     # of what hardly moves and has a prior, the noise is nearly all of it
     added = np.minimum(added, LIMITS.max_noise_fraction * np.square(R[..., :-1]).sum(axis=1))
-    system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
+    system = _WeightedSystem(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve_with_correlation_times(np.ones(k))
     coefficients = scatter_to_columns(fitted.theta, columns, p)
     residual = compute_blockwise_residuals(A, f, used, coefficients)
@@ -177,7 +177,7 @@ class _FittedParameters:
 
 
 @dataclass(frozen=True, slots=True)
-class _System:
+class _WeightedSystem:
     """System to solve: triangular factors A (k, s, r), f (k, s), noise, and the priors.
 
     The noise is n·σ² of its sources (k, p), and what each column has of them (k, r, p).

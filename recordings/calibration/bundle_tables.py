@@ -64,16 +64,14 @@ class UntrustedTable:
     schema: Schema
 
 
-def read_untrusted_tables(
-    tables: Sequence[UntrustedTable],
-) -> list[pl.DataFrame | str]:
+def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
     """Read untrusted tables in the format of `encode_table_as_parquet`.
 
     Returns:
         The frame of each, or its fault: other columns, compressed or coded, too many rows, a number
         that is not finite, or damaged.
     """
-    said = read_tables_in_process(tables)
+    said = read_tables_in_child_process(tables)
     if said is None and len(tables) > 1:  # one of them ended the reader: which?
         return [each for table in tables for each in read_untrusted_tables([table])]
     if said is None:
@@ -84,9 +82,7 @@ def read_untrusted_tables(
     ]
 
 
-def read_tables_in_process(
-    tables: Sequence[UntrustedTable],
-) -> list[dict[str, Any]] | None:
+def read_tables_in_child_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
     """Results of the reader process for each table; None if it crashed."""
     asked = json.dumps(
         [

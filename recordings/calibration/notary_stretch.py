@@ -12,7 +12,7 @@ from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 from recordings.notary.notary_check import CheckedList, check_untrusted_notary_list, parse_list_time
-from recordings.notary.notary_list import NotaryEntry, split_list_into_whole_lines_and_tail
+from recordings.notary.notary_list import NotaryEntry, split_list_into_complete_lines_and_tail
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
 
@@ -26,7 +26,7 @@ def cut_range_from_notary_list(list_bytes: bytes, list_range: NotaryStretch) -> 
         list_bytes: the whole list, checked.
         list_range: counters of the part; missing lines are found by the check.
     """
-    whole, _ = split_list_into_whole_lines_and_tail(list_bytes)
+    whole, _ = split_list_into_complete_lines_and_tail(list_bytes)
     return b"".join(
         line + b"\n" for line in (*whole[:1], *whole[list_range.first : list_range.last + 1])
     )

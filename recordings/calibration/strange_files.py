@@ -60,7 +60,7 @@ def digest_bundle_recordings(
     Returns:
         Digests of each, or why there are none, by name.
     """
-    said = read_untrusted_files_in_process("recording", folder, expected_digests)
+    said = read_untrusted_files_in_child_process("recording", folder, expected_digests)
     return {
         name: each
         if isinstance(each, str)
@@ -77,11 +77,11 @@ def digest_bundle_recordings(
 
 def read_pdf_words_or_describe_fault(folder: Path, name: str, sha256: str) -> list[str] | str:
     """Words of a PDF in the order of its pages, or why there are none."""
-    said = read_untrusted_files_in_process("pdf", folder, {name: sha256})[name]
+    said = read_untrusted_files_in_child_process("pdf", folder, {name: sha256})[name]
     return said if isinstance(said, str) else [str(word) for word in said["words"]]
 
 
-def read_untrusted_files_in_process(
+def read_untrusted_files_in_child_process(
     file_type: str, folder: Path, expected_digests: Mapping[str, str]
 ) -> dict[str, dict[str, Any] | str]:
     """Read the files in a process of its own, from copies that no other process can change."""
@@ -165,10 +165,11 @@ def compare_words_of_pdf_with_html(folder: Path, pdf_sha256: str, page_html: str
         return PdfComparison("", f"the PDF that this payscope makes {wanted}")
     heads = collect_table_heads(page_html)
     fault = describe_first_difference(
-        join_words_without_page_heads(wanted, heads),
-        join_words_without_page_heads(found, heads),
+        join_words_without_page_heads(wanted, heads), join_words_without_page_heads(found, heads)
     )
-    if fault and count_numbers_in_words(wanted, heads) == count_numbers_in_words(found, heads):
+    if fault and count_numbers_outside_table_heads(
+        wanted, heads
+    ) == count_numbers_outside_table_heads(found, heads):
         return PdfComparison(
             "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
         )
@@ -188,7 +189,9 @@ def join_words_without_page_heads(words: Iterable[str], table_heads: Iterable[st
     return text
 
 
-def count_numbers_in_words(words: Iterable[str], table_heads: Iterable[str]) -> Counter[str]:
+def count_numbers_outside_table_heads(
+    words: Iterable[str], table_heads: Iterable[str]
+) -> Counter[str]:
     """Number of occurrences of each number, in any order."""
     in_heads = {number for head in table_heads for number in _NUMBER.findall(head)}
     plain = (word.strip("()[]:;,.%") for word in words)

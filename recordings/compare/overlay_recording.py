@@ -14,11 +14,7 @@ from analysis.compare.run_alignment import shift_run_b_to_time_of_a, subtract_ru
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.number_text import (
-    format_markdown_table,
-    format_number,
-    format_plus_minus,
-)
+from recordings.report.number_text import format_markdown_table, format_number, format_plus_minus
 from recordings.rrd.blueprint import Page, Panel, find_unix_span_of_grid_ns, lay_out_pages_as_tabs
 from recordings.rrd.display_frames import (
     ROOT,
@@ -292,7 +288,7 @@ def format_comparison_markdown(comparison: Comparison, run_a: str, run_b: str) -
         run_b: name of B.
     """
     parts = [
-        "# A and B" if not comparison.equal else "# A and B are equal",
+        "# A and B" if not comparison.is_equal else "# A and B are equal",
         f"- A: {run_a}\n- B: {run_b}\n\nTimes are those of A. Columns without a panel in any tab "
         "do not "
         "differ.",

@@ -35,7 +35,7 @@ class RecordingMessage(NamedTuple):
     is_of_store: bool
 
 
-def iter_whole_messages(recording_bytes: "bytes | mmap") -> Iterator[RecordingMessage]:
+def iter_complete_messages(recording_bytes: "bytes | mmap") -> Iterator[RecordingMessage]:
     """Yield the whole messages in the bytes of a recording with its header."""
     at = HEAD_BYTES
     while at + _MESSAGE_HEAD.size <= len(recording_bytes):
@@ -54,7 +54,7 @@ def append_recording_messages(file: AppendedFile, recording: bytes) -> None:
         OSError: they do not fit on the disc.
     """
     head = b"" if file.size else recording[:HEAD_BYTES]
-    messages = (recording[begin:end] for begin, end, _ in iter_whole_messages(recording))
+    messages = (recording[begin:end] for begin, end, _ in iter_complete_messages(recording))
     file.append_record(b"".join([head, *messages]))
 
 

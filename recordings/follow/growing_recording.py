@@ -24,7 +24,7 @@ from estimators.errors import RecordingError
 from recordings.follow.growing_file import (
     HEAD_BYTES,
     append_recording_messages,
-    iter_whole_messages,
+    iter_complete_messages,
 )
 from recordings.report.atomic_output import AppendedFile
 from recordings.rrd.blueprint import (
@@ -332,7 +332,7 @@ def read_end_of_recording(path: Path) -> RecordingEnd | None:
         RecordingError: it was not written by `follow`.
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        messages = list(iter_whole_messages(data))
+        messages = list(iter_complete_messages(data))
         if not messages:
             return None
         head = data[: messages[:_FIRST][-1].end]

@@ -13,7 +13,7 @@ from recordings.notary.notary_list import (
     NotaryHead,
     NotaryLine,
     parse_untrusted_line,
-    split_list_into_whole_lines_and_tail,
+    split_list_into_complete_lines_and_tail,
 )
 from recordings.signatures.signing import PublicKey
 
@@ -82,7 +82,7 @@ def check_untrusted_notary_list(
     if len(list_bytes) > LIMITS.list_bytes:
         checked.add_forgery_fault(f"is larger than the {LIMITS.list_bytes} bytes allowed")
         return checked
-    whole, tail = split_list_into_whole_lines_and_tail(list_bytes)
+    whole, tail = split_list_into_complete_lines_and_tail(list_bytes)
     if tail:
         checked.faults.append(
             ListFault(False, 0, f"is truncated: {len(tail)} bytes follow its last complete line")

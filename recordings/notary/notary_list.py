@@ -169,7 +169,7 @@ class SplitList(NamedTuple):
     torn_tail: bytes
 
 
-def split_list_into_whole_lines_and_tail(list_bytes: bytes) -> SplitList:
+def split_list_into_complete_lines_and_tail(list_bytes: bytes) -> SplitList:
     """Whole lines of a list, and the torn tail after the last newline."""
     *whole, tail = list_bytes.split(b"\n")
     return SplitList(whole, tail)

@@ -196,10 +196,10 @@ def write_swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
     )
 
 
-def _format_best_settings(best: Mapping[str, Sequence[float]], unit: str) -> str:
+def _format_best_settings(settings_by_method: Mapping[str, Sequence[float]], unit: str) -> str:
     return join_words_as_list(
         f"{' or '.join(f'{at:g}' for at in values)} {unit} for {NAMES[method]}"
-        for method, values in best.items()
+        for method, values in settings_by_method.items()
     )
 
 

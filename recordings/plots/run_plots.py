@@ -61,7 +61,7 @@ def plot_run(
     return write_picture(FIGURES[figure_name](run, at_s), path, force=force)
 
 
-def draw_run(run: Run, at_s: float | None = None) -> "Figure":
+def draw_run_overview(run: Run, at_s: float | None = None) -> "Figure":
     """Draw the page of `plot_run` without writing it."""
     from matplotlib.figure import Figure
 
@@ -151,7 +151,7 @@ def _draw_convergence_figure(run: Run, at_s: float | None) -> "Figure":
 
 #: One figure a question, by its name.
 FIGURES: Final[Mapping[str, Callable[[Run, float | None], "Figure"]]] = {
-    "page": draw_run,
+    "page": draw_run_overview,
     "force-acceleration": _draw_force_acceleration_figure,
     "convergence": _draw_convergence_figure,
     "gate": _draw_gate_figure,

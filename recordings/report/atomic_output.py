@@ -49,7 +49,7 @@ class AppendedFile:
             raise
         self.size += len(record_bytes)
 
-    def rename(self, path: Path) -> None:
+    def move_to_path(self, path: Path) -> None:
         """Rename the file."""
         self.path = self.path.replace(path)
 

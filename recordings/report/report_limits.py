@@ -38,7 +38,7 @@ class ReportLimits:
     #: Width of a character, in units of the drawing.
     character_width: float = 6.2
 
-    # worth_text
+    # answer_text
     #: Characters of the longest bar.
     bar_characters: int = 24
     #: Fraction of the whole uncertainty from which the cost of driving unlike a campaign is stated.

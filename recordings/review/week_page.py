@@ -33,8 +33,8 @@ from recordings.review.week_totals import (
     WeekPart,
     WeekTotal,
     format_machine_title,
+    sum_week,
     sum_week_parts_by_group,
-    sum_whole_week,
 )
 
 #: Seconds of a day.
@@ -192,7 +192,7 @@ def render_week_html(
     page_folder: Path,
 ) -> str:
     """HTML of the page; arguments as for `write_week_page`, links are relative to `page_folder`."""
-    whole = sum_whole_week(week_parts)
+    whole = sum_week(week_parts)
     days = sorted({part.day for part in week_parts})
     trends = {} if limit_N_s_m is None else fit_friction_trends(shifts, limit_N_s_m)
     by_review = {each.name: each for each in sum_week_parts_by_group(week_parts, BY_REVIEW)}
@@ -221,7 +221,7 @@ def render_week_html(
 
 def describe_week_tonnes(week_parts: Sequence[WeekPart]) -> str:
     """Tonnes of the week, and whether their ± includes the error of scale."""
-    whole = sum_whole_week(week_parts)
+    whole = sum_week(week_parts)
     scale = "" if all(part.scale_known for part in week_parts) else f", {SCALE_NOT_KNOWN}"
     sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
     return f"{sum_text} in {format_count(whole.loads, 'load')}{scale}"

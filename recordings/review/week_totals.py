@@ -195,7 +195,7 @@ def sum_week_parts_by_group(week_parts: Sequence[WeekPart], group_name: str) -> 
     return [_sum_week_parts(name, members[name]) for name in sorted(members)]
 
 
-def sum_whole_week(week_parts: Sequence[WeekPart]) -> WeekTotal:
+def sum_week(week_parts: Sequence[WeekPart]) -> WeekTotal:
     """Totals of the whole week."""
     return _sum_week_parts("all", week_parts)
 

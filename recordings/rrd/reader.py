@@ -147,7 +147,7 @@ class OpenRecording:
         Raises:
             RecordingError: the frame or column does not exist, or the file is damaged.
         """
-        stored = self.manifest.frame_by_name(frame_name)
+        stored = self.manifest.find_frame_by_name(frame_name)
         if stored is None:
             raise RecordingError(
                 f"{self.path}: no frame '{frame_name}'; "

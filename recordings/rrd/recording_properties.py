@@ -14,8 +14,8 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.answer_text import COVERAGE
 from recordings.report.finding_text import format_finding, read_findings_of_run
-from recordings.report.worth_text import COVERAGE
 
 ANSWER: Final = "answer"
 Value = str | float | int | bool

@@ -10,6 +10,14 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.answer_text import (
+    describe_answer_as_lines,
+    describe_loads_as_lines,
+    find_load_with_most_manoeuvres,
+    make_load_table_heads,
+    make_load_table_rows,
+    make_uncertainty_rows,
+)
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import (
     format_finding,
@@ -26,14 +34,6 @@ from recordings.report.number_text import (
 )
 from recordings.report.planar_text import describe_planar_fits, format_planar_markdown
 from recordings.report.shift_text import describe_shift_payload
-from recordings.report.worth_text import (
-    describe_answer_as_lines,
-    describe_loads_as_lines,
-    find_load_with_most_manoeuvres,
-    make_budget_table_rows,
-    make_load_table_heads,
-    make_load_table_rows,
-)
 from recordings.rrd.display_frames import find_time_span_of_grid_ns
 from recordings.rrd.provenance_texts import (
     format_local_time,
@@ -334,7 +334,7 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
         f"## Where the uncertainty comes from{which}",
         "\n".join(
             f"- **{cause}** ({kind}): {f'{u} kg {share}' if share else u}; shrinks with {shrinks}"
-            for cause, kind, u, share, shrinks in make_budget_table_rows(answer, _MARK)
+            for cause, kind, u, share, shrinks in make_uncertainty_rows(answer, _MARK)
         ),
         "## Terms of the fit besides mass and friction",
         "\n".join(

@@ -82,27 +82,38 @@ class Tab:
     pictures: tuple[str, ...] = ()
 
 
-def line_view(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
+def line_view(
+    view_name: str, frame_name: str, threshold: str | None = None, /, **label_by_column: str
+) -> View:
     """View of columns as lines, by label; `threshold` is a setting drawn as a limit."""
-    drawn = tuple(ViewSeries(frame, column, label) for column, label in series.items())
-    return View(name, ViewKind.LINES, drawn, threshold)
+    drawn = tuple(
+        ViewSeries(frame_name, column, label) for column, label in label_by_column.items()
+    )
+    return View(view_name, ViewKind.LINES, drawn, threshold)
 
 
-def clipped_line_view(name: str, frame: str, column: str, line_label: str = "") -> View:
+def clipped_line_view(view_name: str, frame_name: str, column: str, line_label: str = "") -> View:
     """View of a column as a line, on an axis that leaves its outliers out."""
-    return View(name, ViewKind.LINES, (ViewSeries(frame, column, line_label),), clips_outliers=True)
-
-
-def band_view(name: str, frame: str, column: str, std_column: str, line_label: str = "") -> View:
-    """View of a column with a band of its standard deviation."""
     return View(
-        name,
-        ViewKind.BANDS,
-        (ViewSeries(frame, column, line_label, std_column),),
+        view_name,
+        ViewKind.LINES,
+        (ViewSeries(frame_name, column, line_label),),
         clips_outliers=True,
     )
 
 
-def states_view(name: str, *series: tuple[str, str, str]) -> View:
+def band_view(
+    view_name: str, frame_name: str, column: str, std_column: str, line_label: str = ""
+) -> View:
+    """View of a column with a band of its standard deviation."""
+    return View(
+        view_name,
+        ViewKind.BANDS,
+        (ViewSeries(frame_name, column, line_label, std_column),),
+        clips_outliers=True,
+    )
+
+
+def states_view(view_name: str, *series: tuple[str, str, str]) -> View:
     """View of states as lanes: frame, column and label of each."""
-    return View(name, ViewKind.STATES, tuple(ViewSeries(*each) for each in series))
+    return View(view_name, ViewKind.STATES, tuple(ViewSeries(*each) for each in series))

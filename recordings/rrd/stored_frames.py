@@ -180,7 +180,7 @@ class Manifest(BaseModel):
 
     frames: tuple[StoredFrame, ...]
 
-    def frame_by_name(self, name: str) -> StoredFrame | None:
+    def find_frame_by_name(self, name: str) -> StoredFrame | None:
         """Frame of this name; None if absent."""
         return next((frame for frame in self.frames if frame.name == name), None)
 

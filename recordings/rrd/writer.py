@@ -196,7 +196,7 @@ def _send_run_through_pipe(
     recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
     send_texts_and_pictures(recording, scene)
     send_events_of_scene(recording, scene, run.provenance.t0_unix_ns)
-    wait_until_written(
+    wait_until_recording_is_written(
         recording, piped_file, path
     )  # what describes the frames first, or a cut file is past help
     waiting = 0
@@ -204,9 +204,9 @@ def _send_run_through_pipe(
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
         if waiting > LIMITS.waiting_bytes:  # or the queue of chunks grows to the whole run
-            wait_until_written(recording, piped_file, path)
+            wait_until_recording_is_written(recording, piped_file, path)
             waiting = 0
-    wait_until_written(recording, piped_file, path)
+    wait_until_recording_is_written(recording, piped_file, path)
     recording.disconnect()
 
 
@@ -269,7 +269,9 @@ def make_constant_timeline(
     return rr.TimeColumn(timeline_name, sequence=values)
 
 
-def wait_until_written(recording: "RecordingStream", piped_file: PipedFile, path: Path) -> None:
+def wait_until_recording_is_written(
+    recording: "RecordingStream", piped_file: PipedFile, path: Path
+) -> None:
     """Wait until everything sent is in the file, as long as the file grows."""
     size = -1
     while True:

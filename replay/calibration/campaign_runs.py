@@ -77,7 +77,7 @@ def replay_campaign_logs(
     campaign: CalibrationCampaign,
     machine: Machine,
     find_path: Callable[[str], Path],
-    recordings: Path | None = None,
+    recordings_folder: Path | None = None,
     on_log: Callable[[str], None] = lambda _: None,
     procedure: Procedure = PRESENT_PROCEDURE,
 ) -> CampaignReplay:
@@ -87,7 +87,7 @@ def replay_campaign_logs(
         campaign: the campaign.
         machine: channels and settings.
         find_path: returns the path of a log of the campaign.
-        recordings: folder for recordings of the replays, if any.
+        recordings_folder: folder for recordings of the replays, if any.
         on_log: called with each log's name when its replay begins.
         procedure: procedure of the calibration.
 
@@ -108,11 +108,11 @@ def replay_campaign_logs(
                 raise DataError(f"{find_path(name)}: {error}") from None
             topics = log.topics()
         recording = ""
-        if recordings is not None:
+        if recordings_folder is not None:
             stem = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in name)
             recording = f"{RUNS}/{number:02}-{stem[-60:]}.rrd"
-            (recordings / RUNS).mkdir(exist_ok=True)
-            write_recording(replayed, recordings / recording)
+            (recordings_folder / RUNS).mkdir(exist_ok=True)
+            write_recording(replayed, recordings_folder / recording)
         runs = [each for each in campaign.runs if each.log == name]
         frames.append(
             make_readings_of_campaign_runs(replayed, runs, campaign.method.estimator, procedure)

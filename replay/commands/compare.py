@@ -69,7 +69,7 @@ def command(
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
     else:
         _print_recording_differences(found, a, b, rtol)
-    if not found.equal:
+    if not found.is_equal:
         raise typer.Exit(1)
 
 
@@ -132,7 +132,7 @@ def _print_recording_differences(
         if relative_tolerance
         else "bit for bit"
     )
-    said = f"Equal: {whole}, {exact}." if comparison.equal else f"They differ, compared {exact}."
+    said = f"Equal: {whole}, {exact}." if comparison.is_equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 
 

@@ -44,7 +44,7 @@ class FleetProgress:
 
     def note_engine_slots(self, engine: "TaskEngine") -> None:
         """Take the number of parallel slots from the opened engine."""
-        self._slots = engine.slots()
+        self._slots = engine.count_parallel_slots()
 
     def count_finished_log(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
         """Count a finished log."""

@@ -67,7 +67,7 @@ def command(
             # the other logs are still worth describing
             faults.append(error)
             continue
-        is_whole = is_whole and shown.is_whole is not False
+        is_whole = is_whole and shown.is_read_without_loss is not False
         if as_json:
             described.append(shown.to_dict())
         else:
@@ -136,7 +136,7 @@ def iter_check_result_lines(log_info: "LogInfo") -> Iterator[_MarkedLine]:
         return
     found, done = (
         ("[green]checked, complete[/]", "decoded")
-        if log_info.is_whole
+        if log_info.is_read_without_loss
         else ("[red]checked, incomplete[/]", "read")
     )
     agree = "agrees" if log_info.checked.crcs == 1 else "agree"

@@ -243,8 +243,8 @@ def print_week_of_reviews(
     from recordings.review.week_totals import (
         GROUPS,
         read_counted_loads_of_reviews,
+        sum_week,
         sum_week_parts_by_group,
-        sum_whole_week,
     )
     from replay.commands.print_tables import make_stdout_console, print_json, print_line
 
@@ -253,7 +253,7 @@ def print_week_of_reviews(
         read_shifts_of_reviews(review_folders),
     )
     sums = {by: sum_week_parts_by_group(parts, by) for by in GROUPS}
-    whole = sum_whole_week(parts)
+    whole = sum_week(parts)
     trends = {} if friction_limit is None else fit_friction_trends(shifts, friction_limit)
     if page_path is not None:
         write_week_page(parts, shifts, friction_limit, page_path)

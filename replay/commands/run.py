@@ -215,7 +215,7 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbosity: in
 
 def _print_masses_with_uncertainty(console: "Console", answer: "Answer", verbosity: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
-    from recordings.report.worth_text import (
+    from recordings.report.answer_text import (
         advise_to_reduce_uncertainty,
         describe_answer_as_lines,
         make_load_table_heads,
@@ -242,11 +242,11 @@ def _print_masses_with_uncertainty(console: "Console", answer: "Answer", verbosi
 
 def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbosity: int) -> "Iterator[str]":
     """Further lines about the answer, the most important first."""
-    from recordings.report.planar_text import describe_planar_fits
-    from recordings.report.worth_text import (
+    from recordings.report.answer_text import (
         describe_manoeuvres_needed_for_goal,
         describe_shift_total,
     )
+    from recordings.report.planar_text import describe_planar_fits
 
     if goal_u_kg is not None:
         yield from describe_manoeuvres_needed_for_goal(answer, goal_u_kg)
@@ -312,9 +312,9 @@ def iter_yaw_inertia_lines(answer: "Answer") -> "Iterator[str]":
 
 def _print_uncertainty_budget(console: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import find_load_with_most_manoeuvres, make_budget_table_rows
+    from recordings.report.answer_text import find_load_with_most_manoeuvres, make_uncertainty_rows
 
-    rows = make_budget_table_rows(answer) if answer.verdict.can_weigh else []
+    rows = make_uncertainty_rows(answer) if answer.verdict.can_weigh else []
     if rows:
         of = (
             f" (mass of load {find_load_with_most_manoeuvres(answer)})"

@@ -150,12 +150,12 @@ def compare_recordings(
         return found
 
 
-def do_runs_replay_same_log(provenance_a: RecordedRun, provenance_b: RecordedRun) -> bool:
+def do_runs_replay_same_log(run_a: RecordedRun, run_b: RecordedRun) -> bool:
     """Whether both replay the same bytes, or one is a replay of the other recording."""
     return (
-        do_runs_read_same_bytes(provenance_a.provenance, provenance_b.provenance)
-        or has_run_replayed_recording(provenance_a.path, provenance_b.provenance)
-        or has_run_replayed_recording(provenance_b.path, provenance_a.provenance)
+        do_runs_read_same_bytes(run_a.provenance, run_b.provenance)
+        or has_run_replayed_recording(run_a.path, run_b.provenance)
+        or has_run_replayed_recording(run_b.path, run_a.provenance)
     )
 
 

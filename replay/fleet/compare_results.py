@@ -58,7 +58,7 @@ class RunCallbacks:
 
 
 @dataclass(frozen=True)
-class OtherSettings:
+class PlanWithOtherSettings:
     """The last run's plan with other settings.
 
     Attributes:
@@ -154,7 +154,7 @@ def replay_fleet_with_settings(
             f"{results.store.place}: none of the logs of these days is at its former path; "
             "restore them, or compare two folders of results"
         )
-    plan = OtherSettings(results.last_run, tuple(overrides), machines)
+    plan = PlanWithOtherSettings(results.last_run, tuple(overrides), machines)
     digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]
     place = results.store.make_full_object_name(f"{WHAT_IF}/{digest}")
     callbacks.logs(logs)

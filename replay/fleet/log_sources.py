@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from estimators.errors import FleetError
-from replay.fleet.object_store import S3, StoredObject, open_store_once
+from replay.fleet.object_store import S3, StoredObject, open_cached_store
 from replay.logs import expand_log_folders, group_objects_by_log
 
 _MAGIC: Final = "*?["
@@ -88,8 +88,10 @@ def _list_logs_of_bucket(source: str) -> list[FleetLog]:
     for magic in _MAGIC:
         fixed = fixed.partition(magic)[0]
     folder = fixed if fixed == inside else fixed.rpartition("/")[0]
-    one = open_store_once(place).find_object(inside) if inside and fixed == inside else None
-    objects = [one] if one is not None else open_store_once(place).list_objects(folder.rstrip("/"))
+    one = open_cached_store(place).find_object(inside) if inside and fixed == inside else None
+    objects = (
+        [one] if one is not None else open_cached_store(place).list_objects(folder.rstrip("/"))
+    )
     by_name = {each.name: each for each in objects}
     if fixed != inside:
         by_name = {n: o for n, o in by_name.items() if PurePosixPath(n).match(inside)}

@@ -161,7 +161,7 @@ def _make_stored_object(metadata: Mapping[str, Any]) -> StoredObject:
 
 
 @cache
-def open_store_once(store_address: str) -> ObjectStore:
+def open_cached_store(store_address: str) -> ObjectStore:
     """Open a store, or return the one already open in this process."""
     return ObjectStore(store_address)
 

@@ -116,11 +116,11 @@ class RayEngine:
     def __init__(self, ray: Any) -> None:
         self._ray = ray
 
-    def slots(self) -> int:
+    def count_parallel_slots(self) -> int:
         """Number of processors of the cluster."""
         return max(int(self._ray.cluster_resources().get("CPU", 1)), 1)
 
-    def run(
+    def run_tasks(
         self, function: Callable[[Task], Result], task_work: Sequence[TaskWork[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it finishes; nodes import the function."""
@@ -131,7 +131,7 @@ class RayEngine:
         running: dict[Any, TaskWork[Task]] = {}
         try:
             while waiting or running:
-                most = (1 + LIMITS.tasks_ahead) * self.slots()
+                most = (1 + LIMITS.tasks_ahead) * self.count_parallel_slots()
                 while waiting and len(running) < most:
                     each = waiting.popleft()
                     too_large = self._describe_unsatisfiable_memory(each.memory_bytes)

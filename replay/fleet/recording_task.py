@@ -41,7 +41,7 @@ from replay.fleet.machine_setups import (
     choose_setup_valid_on_day,
     make_setups_of_machine,
 )
-from replay.fleet.object_store import ObjectStore, open_store_once
+from replay.fleet.object_store import ObjectStore, open_cached_store
 from replay.fleet.results_layout import MARK, ResultName, digest_result_key, write_result_tables
 from replay.inputs.channel_inputs import collect_versions_of_packages
 from replay.logs import Log, open_log
@@ -164,15 +164,13 @@ def replay_and_store_result(task: ReplayTask) -> TaskOutcome:
         return TaskOutcome("failed", str(error))
     whole_s = time.perf_counter() - began
     return replace(
-        made,
-        overhead_s=whole_s - made.seconds,
-        processor_s=time.process_time() - processor,
+        made, overhead_s=whole_s - made.seconds, processor_s=time.process_time() - processor
     )
 
 
 def _make_outcome_of_task(task: ReplayTask, log_path: Path) -> TaskOutcome:
     setup, day = task.setups[-1], None
-    store = open_store_once(task.destination)
+    store = open_cached_store(task.destination)
     try:
         with open_log(log_path, time=find_time_axis_of_machine(setup.machine)) as log:
             first = log.topics()["start_ns"].min()
@@ -296,7 +294,7 @@ def download_log(log: FleetLog) -> Generator[Path]:
         for name in log.names:
             to = Path(folder, root.name, PurePosixPath(name).relative_to(root))
             to.parent.mkdir(parents=True, exist_ok=True)
-            open_store_once(log.place).download_object_to_file(name, to)
+            open_cached_store(log.place).download_object_to_file(name, to)
         yield Path(folder, root.name)
 
 

@@ -138,7 +138,7 @@ def replay_logs_of_fleet(
                 on_engine(opened)
                 # the largest first, so that none of them is left alone at the end
                 left.sort(key=lambda task: (-task.log.size_bytes, task.log.source))
-                for task, result in opened.run(
+                for task, result in opened.run_tasks(
                     replay_and_store_result, [TaskWork(task, task.memory_bytes) for task in left]
                 ):
                     outcome = (

@@ -31,11 +31,11 @@ class LostTask:
 class TaskEngine(Protocol):
     """Runs a function over tasks."""
 
-    def slots(self) -> int:
+    def count_parallel_slots(self) -> int:
         """Number of tasks that run in parallel, as far as the engine knows."""
         ...
 
-    def run(
+    def run_tasks(
         self, function: Callable[[Task], Result], task_work: Sequence[TaskWork[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it comes, in any order; each exactly once."""

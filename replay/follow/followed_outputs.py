@@ -209,7 +209,7 @@ class FollowedOutputs:
         if self._file is None or self._output is None or self._file.path == self._output:
             return
         if unix_ns > self._recorded_ns:
-            self._file.rename(self._output)
+            self._file.move_to_path(self._output)
 
     def _compute_first_row_unix_ns(self, following: Following) -> int:
         basis = following.follower.log.basis

@@ -249,7 +249,7 @@ class ExpandedLogs(NamedTuple):
     can_be_several: bool
 
 
-def expand_log_paths_and_tell_if_many(logs: Logs) -> ExpandedLogs:
+def expand_log_paths(logs: Logs) -> ExpandedLogs:
     """Paths of the named logs, and whether the name allows several.
 
     Raises:
@@ -293,7 +293,7 @@ def make_row_source_of_topic(
     Raises:
         LogError: the log, topic or field does not exist.
     """
-    paths, is_several = expand_log_paths_and_tell_if_many(logs)
+    paths, is_several = expand_log_paths(logs)
     return TopicSource(
         paths,
         topic,

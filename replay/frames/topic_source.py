@@ -158,7 +158,7 @@ class TopicSource:
         self, log: Log, needed_columns: list[str], time_range: TimeRange
     ) -> Iterator[pl.DataFrame]:
         shape, own = self._shape, [name for name in needed_columns if name != self._source]
-        if not self._has_log_the_topic(log):
+        if not self._does_log_have_topic(log):
             return
         fields = shape.list_fields_needed_for_columns(own)
         known = {leaf.name: leaf for leaf in self._list_requested_leaf_fields(log)}
@@ -191,7 +191,7 @@ class TopicSource:
                 )
             yield _select_columns_of_frame(frame, needed_columns)
 
-    def _has_log_the_topic(self, log: Log) -> bool:
+    def _does_log_have_topic(self, log: Log) -> bool:
         if self.topic in log.topic_names():
             return True
         self._note_loss_of_log(log, "this log does not have the topic")
@@ -249,7 +249,7 @@ def open_or_reuse_log(path: Path, time_axis: TimeAxis | None = None) -> Log:
         LogError: as `open_log`.
     """
     with _one_at_a_time:
-        key = (str(path.absolute()), read_names_sizes_and_times(path), time_axis)
+        key = (str(path.absolute()), read_file_names_sizes_and_change_times(path), time_axis)
         log = _opened.pop(key, None)
         if log is None:
             log = open_log(path, time=time_axis)
@@ -260,7 +260,7 @@ def open_or_reuse_log(path: Path, time_axis: TimeAxis | None = None) -> Log:
         return log
 
 
-def read_names_sizes_and_times(path: Path) -> tuple[tuple[str, int, int], ...]:
+def read_file_names_sizes_and_change_times(path: Path) -> tuple[tuple[str, int, int], ...]:
     """Name, size in bytes and modification time in ns of a file, or of a directory's files."""
     try:
         files = sorted(path.iterdir()) if path.is_dir() else [path]

@@ -37,7 +37,7 @@ class LogInfo:
     notes: tuple[str, ...] = ()
 
     @property
-    def is_whole(self) -> bool | None:
+    def is_read_without_loss(self) -> bool | None:
         """Whether everything was read without loss; None if not checked."""
         return None if self.checked is None else not self.losses
 
@@ -57,7 +57,11 @@ class LogInfo:
             "losses": [asdict(loss) for loss in self.losses],
             "check": None
             if self.checked is None
-            else {"whole": self.is_whole, **asdict(self.checked), "seconds": self.check_s},
+            else {
+                "whole": self.is_read_without_loss,
+                **asdict(self.checked),
+                "seconds": self.check_s,
+            },
         }
 
 

@@ -22,7 +22,7 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import format_toml
 from replay.recognise.joints import recognise_joints_of_log
-from replay.recognise.profile import FieldProfile, ask_for_effort_units, profile_fields
+from replay.recognise.profile import FieldProfile, list_effort_questions, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.table import recognise_channels_of_table, recognise_fields_of_messages
 from replay.recognise.words import interpret_column_name
@@ -148,7 +148,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
             ]
             continue
         lines += [
-            f"field = {format_toml(guess.field)}  # in {unit}{why}{_comment_wheel_speed(guess)}",
+            f"field = {format_toml(guess.field)}  # in {unit}{why}{_make_wheel_comment(guess)}",
             "",
         ]
     for proposal in told.channels:
@@ -162,10 +162,10 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    is_unsure = any(_comment_wheel_speed(guess) for guess in guesses)
+    is_unsure = any(_make_wheel_comment(guess) for guess in guesses)
     profiles = profile_fields(log)
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_for_effort_units(used, profiles)]
+    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *list_effort_questions(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
     rest = [*_make_unused_column_comments(profiles, used), *iter_topic_notes(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
@@ -237,7 +237,7 @@ def format_profile_comment(profile: FieldProfile) -> str:
     return _replace_unprintable(f"{profile.field}{unit}{rate}: {span}  {profile.course}")
 
 
-def _comment_wheel_speed(guess: ChannelGuess) -> str:
+def _make_wheel_comment(guess: ChannelGuess) -> str:
     """Comment that a JointState's velocity is usually that of a wheel."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""

@@ -49,7 +49,7 @@ def iter_serial_numbers_in_preamble(lines: Iterable[str]) -> Iterator[str]:
             yield from iter_serial_numbers_in_metadata({named[1]: named[2].strip(' ,;\t"')})
 
 
-def read_serial_numbers_of_files(files: Iterable[Path]) -> tuple[str, ...]:
+def read_distinct_serial_numbers(files: Iterable[Path]) -> tuple[str, ...]:
     """Distinct serial numbers in the metadata of a log's files.
 
     MCAP has metadata records, and rosbag2 `custom_data`, which its SQLite storage repeats since ROS

@@ -16,7 +16,7 @@ from replay.logs.decoding.decoder import DecodeTally, make_frame_schema
 from replay.logs.decoding.decoder_choice import choose_decoder_name_of_type, make_decoder_of_fields
 from replay.logs.log import Log, LogCheck
 from replay.logs.log_limits import LIMITS
-from replay.logs.machine_ids import read_serial_numbers_of_files
+from replay.logs.machine_ids import read_distinct_serial_numbers
 from replay.logs.message_definitions import DefinitionError, make_message_type_of_connection
 from replay.logs.messages.message_fields import (
     OWN_COLUMNS,
@@ -66,7 +66,7 @@ class MessageLog(Log):
 
     def machine_ids(self) -> tuple[str, ...]:
         """Serial numbers in MCAP's metadata records, or in `custom_data`."""
-        return read_serial_numbers_of_files(self.files)
+        return read_distinct_serial_numbers(self.files)
 
     @cached_property
     def _topics(self) -> dict[str, _Topic]:
@@ -326,8 +326,6 @@ def _merge_connections_into_topic(connections: tuple[Connection, ...]) -> _Topic
     if len({kind.record for kind in kinds}) > 1 or len(encodings) > 1:
         types = ", ".join(dict.fromkeys(f"{c.type} ({c.encoding})" for c in connections))
         return _Topic(
-            connections,
-            None,
-            f"{len(connections)} connections whose definitions differ: {types}",
+            connections, None, f"{len(connections)} connections whose definitions differ: {types}"
         )
     return _Topic(connections, kinds[0], None)

@@ -96,7 +96,7 @@ class RecordingLog(Log):
             for topic, names in fields.items():
                 frame = held.read_frame(self._stage[topic], [*_STAMPS, *names])
                 self._note_rows_missing_from_recording(
-                    topic, held.manifest.frame_by_name(self._stage[topic]), frame.height
+                    topic, held.manifest.find_frame_by_name(self._stage[topic]), frame.height
                 )
                 time = pl.col("log_time_ns")
                 if start_ns is not None:

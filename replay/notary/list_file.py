@@ -29,7 +29,7 @@ from recordings.notary.notary_list import (
     NotaryHead,
     NotaryLine,
     parse_untrusted_line,
-    split_list_into_whole_lines_and_tail,
+    split_list_into_complete_lines_and_tail,
 )
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
@@ -151,7 +151,7 @@ def open_list_exclusively(path: Path) -> Generator[OpenList]:
             raise EvidenceError(
                 f"{path}: is larger than the {NOTARY_LIMITS.list_bytes} bytes of a list"
             )
-        whole, tail = split_list_into_whole_lines_and_tail(
+        whole, tail = split_list_into_complete_lines_and_tail(
             _read_bytes_from_descriptor(number, size)
         )
         lines = [

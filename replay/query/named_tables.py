@@ -16,11 +16,7 @@ from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
 from replay.fleet.gathered_tables import make_tables_of_fleet, open_results_of_fleet
 from replay.fleet.results_layout import MARK
-from replay.frames.scan import (
-    expand_log_paths_and_tell_if_many,
-    make_lazy_frame_of_topic,
-    make_row_source_of_topic,
-)
+from replay.frames.scan import expand_log_paths, make_lazy_frame_of_topic, make_row_source_of_topic
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import TopicSource, open_or_reuse_log
 from replay.logs import TABLE, Log, TimeAxis
@@ -121,7 +117,7 @@ def open_named_tables(
         )
     for fleet in fleets:
         for name, table in make_tables_of_fleet(open_results_of_fleet(fleet)).items():
-            found.add_table_of_unique_name(name, partial(add_second_for_fleet_open, table), fleet)
+            found.add_table_of_unique_name(name, partial(add_column_of_begin_second, table), fleet)
     found.add_single_word_aliases()
     return found
 
@@ -148,8 +144,8 @@ def _add_frames_of_recordings(tables: NamedTables) -> int | None:
 
 def _concatenate_lazy_frames(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
     if len(frames) == 1:
-        return frames[0].lazy()
-    return pl.concat([frame.lazy() for frame in frames], how="diagonal_relaxed")
+        return frames[0].make_lazy_frame()
+    return pl.concat([frame.make_lazy_frame() for frame in frames], how="diagonal_relaxed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +175,7 @@ class _TopicOptions:
 
 def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
     named = logs[0] if len(logs) == 1 else logs
-    paths, _ = expand_log_paths_and_tell_if_many(named)
+    paths, _ = expand_log_paths(named)
     topics: dict[str, list[Path]] = {}
     for path in paths:
         for topic in open_or_reuse_log(path, options.time).topic_names():
@@ -213,7 +209,7 @@ def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _To
         tables.add_table_of_unique_name(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
 
 
-def add_second_for_fleet_open(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
+def add_column_of_begin_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
     """Add the second for `fleet open --at` to a fleet's table, if its rows have one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():

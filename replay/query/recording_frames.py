@@ -51,7 +51,7 @@ class RecordingFrame:
         second = {AT_S: pl.Float64()} if self.time_column else {}
         return pl.Schema({**source, **second, **own})
 
-    def lazy(self) -> pl.LazyFrame:
+    def make_lazy_frame(self) -> pl.LazyFrame:
         """Lazy frame, read when its rows are collected."""
 
         def iter_recorded_rows(

@@ -90,13 +90,13 @@ class ColumnReader:
         Raises:
             LogError: the column cannot be read.
         """
-        frame = self._read_with_others(topic, field)
+        frame = self._read_field_with_others_of_topic(topic, field)
         x = frame[field].cast(pl.Float64).to_numpy()
         t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
         known = np.isfinite(x)
         return Readings(t[known], x[known])
 
-    def _read_with_others(self, topic: str | None, field: str) -> pl.DataFrame:
+    def _read_field_with_others_of_topic(self, topic: str | None, field: str) -> pl.DataFrame:
         named = self._named.get(topic, [])
         if field in named:
             try:
@@ -198,11 +198,11 @@ def add_correlations_with_slope_as_remarks(
         ),
         None,
     )
-    ask_if_side_turns_backwards(reader, by_name, recognition)
+    add_question_if_side_turns_backwards(reader, by_name, recognition)
     channels: list[ChannelProposal] = []
     for each in recognition.channels:
         reason = each.reason
-        ask_if_integers_wrap_to_negative(reader, each, recognition)
+        add_question_if_integers_wrap_to_negative(reader, each, recognition)
         quantity = each.column.removeprefix("left_").removeprefix("right_")
         is_force = quantity.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
@@ -216,20 +216,18 @@ def add_correlations_with_slope_as_remarks(
                     )
                 if is_force and abs(goes) < LIMITS.absent_correlation:
                     recognition.add_question_of_subject(
-                        "column",
-                        _APART.format(each.source_text, speed.source_text, goes),
+                        "column", _APART.format(each.source_text, speed.source_text, goes)
                     )
             if is_acceleration:
-                ask_if_units_contradict_derivative(reader, each, speed, recognition)
+                add_question_if_units_contradict_derivative(reader, each, speed, recognition)
             if is_force:
-                ask_for_sign_of_nonnegative_force(reader, each, speed, recognition)
+                add_question_on_sign_of_nonnegative_force(reader, each, speed, recognition)
         if each is speed and place is not None:
-            ask_if_units_contradict_derivative(reader, each, place, recognition)
+            add_question_if_units_contradict_derivative(reader, each, place, recognition)
             goes = correlate_column_with_slope(reader, each, place)
             if goes is not None and goes < -LIMITS.clear_correlation:
                 recognition.add_question_of_subject(
-                    "sign",
-                    _AGAINST_PLACE.format(each.source_text, place.source_text, goes),
+                    "sign", _AGAINST_PLACE.format(each.source_text, place.source_text, goes)
                 )
             if goes is not None and abs(goes) > LIMITS.clear_correlation:
                 reason += f"; correlates with the change of {place.source_text}, {goes:.2f}"
@@ -238,7 +236,7 @@ def add_correlations_with_slope_as_remarks(
     return recognition
 
 
-def ask_if_side_turns_backwards(
+def add_question_if_side_turns_backwards(
     reader: ColumnReader, proposals_by_channel: dict[str, ChannelProposal], recognition: Recognition
 ) -> None:
     """Ask which side turns backwards if two speeds of one machine have opposite signs.
@@ -260,12 +258,11 @@ def ask_if_side_turns_backwards(
         )
         if goes is not None and goes < -LIMITS.clear_correlation:
             recognition.add_question_of_subject(
-                "sign",
-                _MIRRORED.format(left.source_text, right.source_text, goes),
+                "sign", _MIRRORED.format(left.source_text, right.source_text, goes)
             )
 
 
-def ask_if_units_contradict_derivative(
+def add_question_if_units_contradict_derivative(
     reader: ColumnReader,
     rate_proposal: ChannelProposal,
     integral_proposal: ChannelProposal,
@@ -307,7 +304,7 @@ _SI: Final = {
 }
 
 
-def ask_if_integers_wrap_to_negative(
+def add_question_if_integers_wrap_to_negative(
     reader: ColumnReader, proposal: ChannelProposal, recognition: Recognition
 ) -> None:
     """Ask which values are negative if integers jump between the ends of their range."""
@@ -323,7 +320,7 @@ def ask_if_integers_wrap_to_negative(
             )
 
 
-def ask_for_sign_of_nonnegative_force(
+def add_question_on_sign_of_nonnegative_force(
     reader: ColumnReader,
     force_proposal: ChannelProposal,
     speed_proposal: ChannelProposal,

@@ -36,12 +36,12 @@ def propose_force_and_speed_of_drives(
     ):
         sketches = (
             add_forces_of_both_sides,
-            propose_force_of_unnamed_sides,
-            _propose_force_of_engine,
-            propose_force_of_motors_of_both_sides,
-            propose_force_of_motor,
-            propose_force_of_pressures,
-            _propose_force_of_power,
+            propose_force_from_unnamed_sides,
+            _propose_force_from_engine,
+            propose_force_from_motors_of_both_sides,
+            propose_force_from_motor,
+            propose_force_from_pressures,
+            _propose_force_from_power,
         )
         any(propose(columns, recognition) for propose in sketches)
     if (
@@ -50,7 +50,7 @@ def propose_force_and_speed_of_drives(
     ):
         any(
             propose(columns, recognition)
-            for propose in (propose_speed_of_wheels, _propose_speed_of_motor)
+            for propose in (propose_speed_from_wheels, _propose_speed_from_motor)
         )
 
 
@@ -83,7 +83,7 @@ def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognit
     return True
 
 
-def propose_force_of_unnamed_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def propose_force_from_unnamed_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from two wheel torques without a side; whether there are any."""
     torques = [
         c
@@ -121,7 +121,7 @@ def is_drive_output(column: LogColumn, quantity: str, unit: str) -> bool:
     return column.quantity == quantity and has_unit and not is_supply
 
 
-def propose_force_of_motors_of_both_sides(
+def propose_force_from_motors_of_both_sides(
     columns: Sequence[LogColumn], recognition: Recognition
 ) -> bool:
     """Propose a force from the torques or currents of a left and a right motor, if any."""
@@ -146,12 +146,12 @@ def propose_force_of_motors_of_both_sides(
         recognition.propose_derived_channel_as_comment(
             "force_x_N", f"({' + '.join(names)}){factor} * GEAR / wheel_radius_m", reason
         )
-        ask_for_gear_and_factor(recognition, factor)
+        add_questions_on_gear_and_factor(recognition, factor)
         return True
     return False
 
 
-def ask_for_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+def add_question_on_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
     """Ask for the ratio of each gear if a column has the number of the gear, but none its ratio."""
     gear = next((each for each in columns if each.name_meaning.quantity == "gear"), None)
     in_front_of_gearbox = "force_x_N" not in recognition.recognised_channels
@@ -159,7 +159,7 @@ def ask_for_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) 
         recognition.add_question_of_subject("column", _GEAR_RATIOS.format(gear.source_text))
 
 
-def ask_for_gear_and_factor(recognition: Recognition, factor: str) -> None:
+def add_questions_on_gear_and_factor(recognition: Recognition, factor: str) -> None:
     """Ask for what makes a force of a motor's output.
 
     Args:
@@ -175,7 +175,7 @@ def ask_for_gear_and_factor(recognition: Recognition, factor: str) -> None:
     recognition.add_question_of_subject("radius", _RADIUS)
 
 
-def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def propose_force_from_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from a motor's torque or current; whether there is any."""
     for quantity, unit, name, factor in _MOTOR_OUTPUTS:
         fitting = [
@@ -206,12 +206,12 @@ def propose_force_of_motor(columns: Sequence[LogColumn], recognition: Recognitio
         recognition.propose_derived_channel_as_comment(
             "force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason
         )
-        ask_for_gear_and_factor(recognition, factor)
+        add_questions_on_gear_and_factor(recognition, factor)
         return True
     return False
 
 
-def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def _propose_force_from_engine(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from an engine's power over the speed, whatever its gear, if any."""
     engine = [c for c in columns if c.name_meaning.part == "motor"]
     torque = next((c for c in engine if (c.quantity, c.unit) == ("torque", "percent")), None)
@@ -226,7 +226,7 @@ def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognit
     recognition.propose_source_of_derived_channel(turns, "engine_rpm", turns.unit, reason)
     watts = "torque_percent * REFERENCE_TORQUE [N*m] * engine_rpm"
     recognition.propose_derived_channel_as_comment(
-        "force_x_N", _make_force_of_power_formula(watts), reason
+        "force_x_N", _make_force_from_power_formula(watts), reason
     )
     recognition.add_question_of_subject("gear", _EFFICIENCY)
     recognition.add_question_of_subject(
@@ -235,7 +235,7 @@ def _propose_force_of_engine(columns: Sequence[LogColumn], recognition: Recognit
     return True
 
 
-def propose_force_of_pressures(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def propose_force_from_pressures(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
     drive = [
         c for c in columns if c.quantity == "pressure" and c.unit and not c.name_meaning.is_linkage
@@ -280,7 +280,7 @@ def find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
     return pairs[0] if len(pairs) == 1 else []
 
 
-def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def _propose_force_from_power(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a force from power, or current and voltage, over the speed, if any."""
     current = next(
         (c for c in columns if c.name_meaning.is_of_supply and c.has_dimension_of_unit("A")), None
@@ -310,19 +310,19 @@ def _propose_force_of_power(columns: Sequence[LogColumn], recognition: Recogniti
         recognition.propose_source_of_derived_channel(voltage, "supply_V", voltage.unit, reason)
         watts = "supply_A * supply_V"
     recognition.propose_derived_channel_as_comment(
-        "force_x_N", _make_force_of_power_formula(watts), reason
+        "force_x_N", _make_force_from_power_formula(watts), reason
     )
     recognition.add_question_of_subject("gear", _EFFICIENCY)
     return True
 
 
-def _make_force_of_power_formula(power_formula: str) -> str:
+def _make_force_from_power_formula(power_formula: str) -> str:
     """Formula of the force of a power that reaches the wheels."""
     moving = f"abs(speed_x_m_s) > {LIMITS.power_min_speed_m_s} [m/s]"
     return f"where({moving}, {power_formula} * EFFICIENCY / speed_x_m_s)"
 
 
-def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose speeds from revolutions of both sides or of one wheel; whether there are any."""
     wheels = [
         c
@@ -351,7 +351,7 @@ def propose_speed_of_wheels(columns: Sequence[LogColumn], recognition: Recogniti
     return True
 
 
-def _propose_speed_of_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def _propose_speed_from_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
         (c for c in columns if c.quantity == "speed" and c.unit in _TURNS), None
     )

@@ -95,7 +95,7 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
                 zip(np.array(whole)[known], profile_columns_without_gaps(x[:, known]), strict=True)
             )
             for name in part:
-                of = row["topic"], name, units.get(name), _rate_hz(t, frame[name].count())
+                of = row["topic"], name, units.get(name), _compute_rate_hz(t, frame[name].count())
                 shape = shapes.get(name)
                 found.append(
                     profile_column_with_gaps(*of, frame[name])
@@ -105,7 +105,7 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
     return found
 
 
-def _rate_hz(t_ns: NDArray[np.int64], count: int) -> float | None:
+def _compute_rate_hz(t_ns: NDArray[np.int64], count: int) -> float | None:
     span_s = (int(t_ns[-1]) - int(t_ns[0])) / 1e9 if t_ns.size else 0.0
     return (count - 1) / span_s if count > 1 and span_s > 0 else None
 
@@ -175,7 +175,7 @@ def draw_sparkline_text(bin_means: Floats, low: float, high: float) -> str:
     return drawn
 
 
-def ask_for_effort_units(
+def list_effort_questions(
     used_fields: Collection[tuple[str, str]], field_profiles: Sequence[FieldProfile]
 ) -> list[str]:
     """Questions about units of joint efforts used as torques, and notes on efforts without sign.

@@ -23,7 +23,7 @@ from replay.recognise.correlations import (
     find_accelerations_without_gravity,
     guess_accelerometer_units,
 )
-from replay.recognise.drives import ask_for_gear_ratios, propose_force_and_speed_of_drives
+from replay.recognise.drives import add_question_on_gear_ratios, propose_force_and_speed_of_drives
 from replay.recognise.proposals import LogColumn, Recognition
 from replay.recognise.words import ColumnMeaning, interpret_column_name, is_side_prefix_confirmed
 
@@ -117,23 +117,22 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
                     continue
                 channel = "acc_x_m_s2"
             unit, reason = by_gravity.get(
-                column,
-                (column.unit, "its name and unit" if column.unit else "its name"),
+                column, (column.unit, "its name and unit" if column.unit else "its name")
             )
             # an axis of an accelerometer claims its channel in the turn of each quantity
             if all(column != claimed for claimed, *_ in claims[channel]):
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
-        fill_only_candidate_or_ask(reader, channel, each, recognition)
-    _ask_if_other_wheels_drive(columns, recognition)
+        fill_only_candidate_or_add_question(reader, channel, each, recognition)
+    _add_question_if_other_wheels_drive(columns, recognition)
     propose_columns_by_unit(columns, recognition)
     propose_columns_without_unit(columns, recognition)
     propose_force_and_speed_of_drives(columns, recognition)
-    ask_for_gear_ratios(columns, recognition)
+    add_question_on_gear_ratios(columns, recognition)
     return add_correlations_with_slope_as_remarks(reader, columns, recognition)
 
 
-def fill_only_candidate_or_ask(
+def fill_only_candidate_or_add_question(
     reader: ColumnReader, channel: str, candidate_columns: Sequence[Claim], recognition: Recognition
 ) -> None:
     """Fill a channel with the only candidate column, or ask if there are several.
@@ -158,7 +157,9 @@ def fill_only_candidate_or_ask(
     )
 
 
-def _ask_if_other_wheels_drive(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+def _add_question_if_other_wheels_drive(
+    columns: Sequence[LogColumn], recognition: Recognition
+) -> None:
     """Ask whether other wheels drive too if a left and a right torque make the force."""
     if not {"torque_left_N_m", "torque_right_N_m"} <= recognition.recognised_channels:
         return
@@ -386,7 +387,6 @@ def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Reco
                     column, channel, "?", f"{column.source_text}: its unit is not stated"
                 )
                 recognition.add_question_of_subject(
-                    "unit",
-                    f"the unit of '{column.source_text}', in channels.{channel}.unit",
+                    "unit", f"the unit of '{column.source_text}', in channels.{channel}.unit"
                 )
                 break

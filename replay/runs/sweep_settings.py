@@ -22,7 +22,7 @@ from replay.logs import open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
 from replay.runs.run_limits import LIMITS
-from replay.simulation.log_truth import have_logs_truth_of_trials, read_true_trials_of_logs
+from replay.simulation.log_truth import do_logs_have_truth_of_trials, read_true_trials_of_logs
 
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest, MachineCalibration
@@ -84,7 +84,7 @@ def sweep_setting_combinations(
             by.make_weighing_machine(load_machine(machine_file, overrides)), machine_file
         )
         machines = [by.make_weighing_machine(machine) for machine in machines]
-    truth = read_true_trials_of_logs(logs) if have_logs_truth_of_trials(logs) else None
+    truth = read_true_trials_of_logs(logs) if do_logs_have_truth_of_trials(logs) else None
     rows: list[SweepRow] = []
     with ExitStack() as stack:
         opened: dict[LogSection, list[CachedLog]] = {}

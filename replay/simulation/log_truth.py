@@ -50,10 +50,11 @@ def write_truth_of_shift(
     path.write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
 
 
-def have_logs_truth_of_trials(logs: Sequence[Path]) -> bool:
+def do_logs_have_truth_of_trials(logs: Sequence[Path]) -> bool:
     """Whether every log has the truth of its trials next to it; a shift has no trials."""
     return all(
-        make_truth_path_of_log(log).is_file() and has_truth_file_trials(make_truth_path_of_log(log))
+        make_truth_path_of_log(log).is_file()
+        and does_truth_file_have_trials(make_truth_path_of_log(log))
         for log in logs
     )
 
@@ -73,7 +74,7 @@ def read_true_trials_of_logs(logs: Sequence[Path]) -> pl.DataFrame:
     return pl.concat([_read_trials_of_truth_file(make_truth_path_of_log(log)) for log in logs])
 
 
-def has_truth_file_trials(path: Path) -> bool:
+def does_truth_file_have_trials(path: Path) -> bool:
     """Whether a truth file is of trials; `read_true_trials_of_logs` reports unreadable files."""
     try:
         return json.loads(path.read_text(encoding="utf-8")).get("runs") != []

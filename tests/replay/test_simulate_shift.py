@@ -12,7 +12,7 @@ from tests.join_to_one_line import assert_one_line
 
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
-from replay.simulation.log_truth import have_logs_truth_of_trials
+from replay.simulation.log_truth import do_logs_have_truth_of_trials
 from replay.simulation.scenario_file import format_scenario_file, load_scenario_file
 from replay.simulation.simulate_logs import (
     make_paths_of_simulated_logs,
@@ -113,7 +113,7 @@ def test_the_truth_beside_a_log_has_its_manoeuvres_and_that_of_the_shift_its_cyc
     assert cycles["first_log"][0] == 0
     assert Scenario.model_validate(truth["scenario"]) == SHIFT
     # which are none of a campaign's trials
-    assert not have_logs_truth_of_trials(paths)
+    assert not do_logs_have_truth_of_trials(paths)
     for path in paths:
         text = path.with_name(f"{path.name}.truth.json").read_text(encoding="utf-8")
         beside = json.loads(text)

@@ -33,11 +33,13 @@ def drive_trials_of_log(scenario: Scenario, load_kg: float, load_index: int) -> 
         ScenarioError: the machine does not start, does not stop, or becomes too fast.
     """
     driver = TrialDriver(scenario, load_kg, load_index)
-    asked_s = sum(estimate_manoeuvre_duration_s(each) for each in scenario.campaign.trial)
+    asked_s = sum(
+        estimate_manoeuvre_duration_s(each) for each in scenario.campaign.manoeuvres_of_trial
+    )
     driver.reserve_rows(scenario.campaign.runs * asked_s)
     trial_s = [0.0]
     for trial in range(scenario.campaign.runs):
-        for number, manoeuvre in enumerate(scenario.campaign.trial):
+        for number, manoeuvre in enumerate(scenario.campaign.manoeuvres_of_trial):
             driver.drive_manoeuvre(trial, number, manoeuvre, trial_s[-1])
         trial_s.append(driver.time_s)
     driver.end_log()
@@ -45,7 +47,7 @@ def drive_trials_of_log(scenario: Scenario, load_kg: float, load_index: int) -> 
         scenario,
         np.array(trial_s),
         tuple(driver.driven),
-        driver.kept.rows,
+        driver.kept.filled_rows,
         driver.kept.stage_kinds_of_rows,
     )
 

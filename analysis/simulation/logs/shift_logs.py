@@ -133,7 +133,12 @@ class ShiftSimulation:
             if each.times.end_s > span.start_s and each.times.start_s < span.end_s
         )
         motion = IntegratedLog(
-            scenario, begins, mine, driver.kept.rows, driver.kept.stage_kinds_of_rows, heading_rad
+            scenario,
+            begins,
+            mine,
+            driver.kept.filled_rows,
+            driver.kept.stage_kinds_of_rows,
+            heading_rad,
         )
         timeline = Timeline(
             start_ns + convert_to_whole_ns(span.start_s),

@@ -149,7 +149,7 @@ def make_timeline_of_repeated_trial(
 
     starts = [
         (each.direction, each.throttle) if each.kind == "start" else (None, None)
-        for each in scenario.campaign.trial
+        for each in scenario.campaign.manoeuvres_of_trial
     ]
     driven = tuple(
         DrivenManoeuvre(trial, number, times, motion.body, load_kg, load_kg, *starts[number])

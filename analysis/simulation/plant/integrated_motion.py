@@ -35,7 +35,7 @@ class RowBuffer:
         self._counts: list[int] = []
 
     @property
-    def rows(self) -> Floats:
+    def filled_rows(self) -> Floats:
         """(n, 16) all rows, sharing the growing memory."""
         return self._rows[: self._size]
 
@@ -53,7 +53,7 @@ class RowBuffer:
     def reserve_rows(self, count: int) -> None:
         """Reserve memory for more rows; untouched memory is free."""
         grown = np.empty((self._size + count, plant.COLUMNS))
-        grown[: self._size] = self.rows
+        grown[: self._size] = self.filled_rows
         self._rows = grown
 
     def drop_rows_before(self, before_s: float) -> float:
@@ -61,16 +61,16 @@ class RowBuffer:
 
         At least two rows are kept. Arrays handed out before keep their memory.
         """
-        time_s = self.rows[:, plant.TIME]
+        time_s = self.filled_rows[:, plant.TIME]
         first = int(np.searchsorted(time_s, before_s, side="right")) - 1
         first = max(min(first, self._size - 2), 0)
-        gone = self.rows[: first + 1]
+        gone = self.filled_rows[: first + 1]
         rate = gone[:, plant.YAW_RATE]
         turned = np.diff(gone[:, plant.TIME]) * (rate[1:] + rate[:-1]) / 2.0
         ends = np.cumsum(self._counts)
         stage = int(np.searchsorted(ends, first, side="right"))
         if first:
-            self._rows = self.rows[first:].copy()
+            self._rows = self.filled_rows[first:].copy()
             self._size -= first
             self._kinds = self._kinds[stage:]
             self._counts = [int(ends[stage]) - first, *self._counts[stage + 1 :]]

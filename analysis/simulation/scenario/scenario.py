@@ -249,7 +249,7 @@ class SimulatedCampaign(BaseModel):
     )
 
     @property
-    def trial(self) -> tuple[Manoeuvre, ...]:
+    def manoeuvres_of_trial(self) -> tuple[Manoeuvre, ...]:
         """The manoeuvres of one trial (a run of the scenario)."""
         start = Start(start_s=self.start_s, cruise_s=self.cruise_s)
         return self.manoeuvres or (Rest(duration_s=self.standstill_s), start)

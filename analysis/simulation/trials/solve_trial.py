@@ -55,10 +55,10 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
     asked = find_key_needing_integration(scenario)
     if asked is not None:
         raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
-    trial = _Trial(scenario, RigidBody.make_loaded_body(scenario, load_kg))
+    trial = _TrialSolver(scenario, RigidBody.make_loaded_body(scenario, load_kg))
     phases = [trial.stand_at_heading(-math.inf, 0.0, heading_rad=0.0)]
     windows: list[ManoeuvreTimes] = []
-    for manoeuvre in scenario.campaign.trial:
+    for manoeuvre in scenario.campaign.manoeuvres_of_trial:
         parts, window = trial.solve_manoeuvre(manoeuvre, phases[-1].end_s, _end_heading_rad(phases))
         phases.extend(parts)
         windows.append(window)
@@ -72,7 +72,7 @@ def _end_heading_rad(phases: list[MotionPhase]) -> float:
 
 
 @dataclass(frozen=True)
-class _Trial:
+class _TrialSolver:
     scenario: Scenario
     body: RigidBody
 

@@ -65,7 +65,7 @@ def refuse_settings_without_plant_support(scenario: Scenario) -> None:
             "starts.turn_rad_s: turning starts need level ground; set terrain.slope_deg and "
             "terrain.hills_deg to 0"
         )
-    for number, manoeuvre in enumerate(scenario.campaign.trial):
+    for number, manoeuvre in enumerate(scenario.campaign.manoeuvres_of_trial):
         if not _is_straight(manoeuvre):
             raise ScenarioError(
                 f"campaign.manoeuvres.{number}: is not a straight motion, as required with "

@@ -60,7 +60,7 @@ def refuse_undrivable_scenario(scenario: Scenario, loads_kg: Sequence[float]) ->
                 "machine.inertia_z_kg_m2: is about the origin, so that it is more than mass times "
                 f"the square of the centre of mass's distance; give more than {least:.0f}"
             )
-    trial = scenario.campaign.trial
+    trial = scenario.campaign.manoeuvres_of_trial
     limits = _TrialLimits(
         scenario, *bodies, turns=any(_does_manoeuvre_turn_machine(manoeuvre) for manoeuvre in trial)
     )
@@ -203,7 +203,9 @@ class _TrialLimits:
 
     def _refuse_undrivable_travel(self, travel: Travel, scenario_key: str) -> None:
         campaign = self.scenario.campaign
-        if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
+        if travel.in_motion and (
+            len(campaign.manoeuvres_of_trial) > 1 or campaign.runs > 1 or campaign.rest_s
+        ):
             raise ScenarioError(
                 f"{scenario_key}.in_motion: "
                 f"a log that begins and ends in motion holds one manoeuvre: "

@@ -17,9 +17,9 @@ class UngatedFit(NamedTuple):
     r_squared: float
 
 
-def has_enough_moving_samples(A: Floats, moving: Bools) -> bool:
+def has_enough_moving_samples(A: Floats, is_moving: Bools) -> bool:
     """Whether enough samples move for a decision."""
-    return bool(moving.sum() >= LIMITS.samples_per_parameter * A.shape[1])
+    return bool(is_moving.sum() >= LIMITS.samples_per_parameter * A.shape[1])
 
 
 def fit_ungated(A: Floats, f: Floats, is_moving: Bools) -> UngatedFit:

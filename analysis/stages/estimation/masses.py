@@ -110,7 +110,7 @@ def fit_pooled_parameters_and_stds(
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
     options = method.options(settings.trace, noise)
-    whole = method.estimator.trace(A, f, np.where(used, 0, -1), options)
+    whole = method.estimator_module.trace(A, f, np.where(used, 0, -1), options)
     return whole.theta[0], whole.std[0]
 
 
@@ -194,10 +194,7 @@ def explain_why_gate_accepted_nothing(
         )
     phase = excitation["phase"]
     whole = phase.is_not_null()
-    stretches = [
-        ("a gap", whole),
-        ("a gap or a turn", whole & ~phase.is_in(TURNS)),
-    ]
+    stretches = [("a gap", whole), ("a gap or a turn", whole & ~phase.is_in(TURNS))]
     if settings.gate.exclude_braking:
         stretches.append(("braking", whole & (phase != "braking")))
     for what, good in stretches:

@@ -184,10 +184,10 @@ def find_robust_maximum_force(force: Floats) -> float:
 
 
 def split_driving_at_pauses_and_turns(
-    driving: Bools, speed: Floats, settings: Settings
+    is_driving: Bools, speed: Floats, settings: Settings
 ) -> list[Ints]:
     """Row numbers of each short enough stretch of driving one way, across short holes."""
-    rows = np.flatnonzero(driving)
+    rows = np.flatnonzero(is_driving)
     hole = max(1, round(LIMITS.start_pause_s * settings.align.rate_hz))
     turns = np.diff(np.sign(speed[rows])) != 0
     parts = np.split(rows, np.flatnonzero((np.diff(rows) > hole) | turns) + 1)

@@ -168,10 +168,10 @@ def mark_settled_windows(
     )
 
 
-def mark_possible_braking(braking: Bools, settings: Settings) -> Bools:
+def mark_possible_braking(is_braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
     return flag_windows_with_flagged_rows(
-        braking[::-1], count_rows_of_speed_rate_span(settings) + settings.smooth.samples
+        is_braking[::-1], count_rows_of_speed_rate_span(settings) + settings.smooth.samples
     )[::-1]
 
 

@@ -61,10 +61,10 @@ class ColumnNoise:
         """(p,) standard deviations of one sample."""
         return np.sqrt(np.maximum(np.diagonal(self.covariances[:, :, 0]), 0.0))
 
-    def covariance(self, samples: int) -> Floats:
-        """(p, p) covariance of trailing means of `samples`."""
+    def covariance_of_means(self, mean_samples: int) -> Floats:
+        """(p, p) covariance of trailing means of `mean_samples`."""
         lag = np.arange(self.covariances.shape[2])
-        pairs = np.maximum(samples - lag, 0) / samples**2
+        pairs = np.maximum(mean_samples - lag, 0) / mean_samples**2
         return find_nearest_semidefinite_matrix(self._sum_lags(pairs))
 
     def power_at_zero_frequency(self) -> Floats:
@@ -103,7 +103,10 @@ def collect_axis_noise(
     usual = _make_noise_ratios_by_settings(axis, settings.noise)
     if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
         return AxisNoise(usual, None, None)
-    mean, lasting = known.covariance(settings.smooth.samples), known.power_at_zero_frequency()
+    mean, lasting = (
+        known.covariance_of_means(settings.smooth.samples),
+        known.power_at_zero_frequency(),
+    )
     std = np.sqrt(np.diagonal(mean))
     *of_A, of_f = (float(each) for each in std)
     if axis is X:
@@ -138,7 +141,7 @@ def compute_column_stds_after_moving_mean(
             stds[name] = std / float(np.sqrt(settings.smooth.samples))
         known = ColumnNoise.select_axis_noise(axis, noise, settings.noise)
         if known is not None:
-            seen = np.sqrt(np.diagonal(known.covariance(settings.smooth.samples))).tolist()
+            seen = np.sqrt(np.diagonal(known.covariance_of_means(settings.smooth.samples))).tolist()
             told = dict(zip(known.names, seen, strict=True))
             stds |= {name: std for name, std in told.items() if std > 0.0}
     return stds

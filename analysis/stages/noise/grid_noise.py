@@ -178,11 +178,11 @@ def select_stamps_of_simulated_rows(
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in channels.items()}
 
 
-def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float) -> dict[str, Ints]:
+def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, max_gap_ns: float) -> dict[str, Ints]:
     """Repeat the stamps of a short log, separated by gaps, to the full number of rows."""
     last = max(int(t[-1]) for t in stamps.values())
     lasts_ns = last - min(int(t[0]) for t in stamps.values())
-    every_ns = lasts_ns + math.ceil(2.0 * longest_ns)
+    every_ns = lasts_ns + math.ceil(2.0 * max_gap_ns)
     room = 1 + (np.iinfo(np.int64).max - last) // max(every_ns, 1)
     times = min(
         math.ceil(LIMITS.simulated_rows / rate_hz * 1e9 / max(lasts_ns, 1)),
@@ -214,16 +214,16 @@ def sum_lagged_products_and_counts(x: Floats) -> tuple[Floats, Floats]:
     return sums, np.round(np.fft.irfft(np.abs(seen) ** 2, n)[:LAGS])
 
 
-def estimate_white_noise_std(t_ns: Ints, readings: Floats, longest_ns: float) -> float:
+def estimate_white_noise_std(t_ns: Ints, readings: Floats, max_gap_ns: float) -> float:
     """Standard deviation of a channel's white noise, from its fast changes.
 
     Args:
         t_ns: (n,) stamps.
         readings: (n,) samples.
-        longest_ns: steps longer than this are gaps.
+        max_gap_ns: steps longer than this are gaps.
     """
     whole = np.ones(t_ns.size, np.bool_)
-    whole[1:] = np.diff(t_ns) <= longest_ns
+    whole[1:] = np.diff(t_ns) <= max_gap_ns
     fast, top = choose_relative_noise_band(1e9 / filters.median_period_ns(t_ns))
     power = mean_block_spectrum(readings, choose_overlapping_block_ends(whole), fast)
     if power is None:

@@ -17,9 +17,14 @@ from estimators.arrays import Ints
 from estimators.errors import DataError
 
 
-def align_channels_on_grid(
-    channels: Mapping[str, pl.DataFrame], machine: Machine
-) -> tuple[pl.DataFrame, int]:
+class AlignedGrid(NamedTuple):
+    """Frame `aligned`, and the Unix time of its first row."""
+
+    aligned: pl.DataFrame
+    t0_unix_ns: int
+
+
+def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machine) -> AlignedGrid:
     """Put every channel on one grid: on the line between the samples before and after.
 
     Neighbours are no further apart than `gap_periods` of their channel's own median period (or of
@@ -39,7 +44,7 @@ def align_channels_on_grid(
         machine: machine file with channels, IMU mounting and rate.
 
     Returns:
-        `aligned`, and the Unix time of its first row in ns.
+        Frame `aligned`, and when it begins.
 
     Raises:
         DataError: the channels do not overlap in time, or the grid would not fit into memory.
@@ -52,7 +57,8 @@ def align_channels_on_grid(
     grid = make_grid_without_holes(
         select_required_series(series), start, end, 1e9 / machine.settings.align.rate_hz
     )
-    return align_channels_at_instants(raw, series, grid, origin, machine), start + origin.late_ns
+    aligned = align_channels_at_instants(raw, series, grid, origin, machine)
+    return AlignedGrid(aligned, start + origin.late_ns)
 
 
 class Origin(NamedTuple):

@@ -27,31 +27,31 @@ _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
 _SHIFT: Final = np.uint64(29)
 
 
-def find_copied_rows_by_topic(raw: Mapping[str, pl.DataFrame]) -> dict[str, list[Copy]]:
+def find_copied_rows_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> dict[str, list[Copy]]:
     """Find the rows of each topic that repeat earlier ones; topics without any are absent.
 
     Args:
-        raw: frames by topic, with log times.
+        raw_frames: frames by topic, with log times.
     """
     found = {
         topic: find_copied_stretches(
             frame["log_time_ns"].to_numpy(), select_readings_with_noise(frame)
         )
-        for topic, frame in raw.items()
+        for topic, frame in raw_frames.items()
     }
     return {topic: copies for topic, copies in found.items() if copies}
 
 
 def drop_copied_rows(
-    raw: Mapping[str, pl.DataFrame], copies_by_topic: Mapping[str, list[Copy]]
+    raw_frames: Mapping[str, pl.DataFrame], copies_by_topic: Mapping[str, list[Copy]]
 ) -> dict[str, pl.DataFrame]:
     """Drop the rows of each topic that repeat earlier ones: what they replaced was not recorded."""
-    found = dict(raw)
+    found = dict(raw_frames)
     for topic, copies in copies_by_topic.items():
-        kept = np.ones(raw[topic].height, np.bool_)
+        kept = np.ones(raw_frames[topic].height, np.bool_)
         for begin, end, _ in copies:
             kept[begin : end + 1] = False
-        found[topic] = raw[topic].filter(kept)
+        found[topic] = raw_frames[topic].filter(kept)
     return found
 
 

@@ -31,14 +31,14 @@ def gap_threshold_ns(t_ns: Ints, settings: AlignSettings) -> float:
     return settings.gap_periods * float(np.fmax(median_period_ns(t_ns), 1e9 / settings.rate_hz))
 
 
-def find_slices_between_gaps(t_ns: Ints, longest_ns: float) -> list[slice]:
-    """Slices without steps longer than `longest_ns`."""
-    edges = np.flatnonzero(np.diff(t_ns) > longest_ns) + 1
+def find_slices_between_gaps(t_ns: Ints, max_gap_ns: float) -> list[slice]:
+    """Slices without steps longer than `max_gap_ns`."""
+    edges = np.flatnonzero(np.diff(t_ns) > max_gap_ns) + 1
     return [slice(a, b) for a, b in zip([0, *edges], [*edges, t_ns.size], strict=True)]
 
 
 def apply_low_pass(
-    t_ns: Ints, signal: Floats, cutoff_hz: float, longest_ns: float, *, causal: bool
+    t_ns: Ints, signal: Floats, cutoff_hz: float, max_gap_ns: float, *, causal: bool
 ) -> tuple[Ints, Floats]:
     """Butterworth low-pass of fourth order, forwards and backwards unless `causal`.
 
@@ -49,7 +49,7 @@ def apply_low_pass(
         t_ns: (n,) ascending stamps.
         signal: (n,) samples.
         cutoff_hz: half-power frequency of one pass, below half the rate.
-        longest_ns: longest step within a stretch.
+        max_gap_ns: longest step within a stretch.
         causal: whether to filter forwards only.
 
     Returns:
@@ -63,7 +63,7 @@ def apply_low_pass(
     settle = 3 * (2 * sos.shape[0] + 1)
     times: list[Ints] = []
     outputs: list[Floats] = []
-    for part in find_slices_between_gaps(t_ns, longest_ns):
+    for part in find_slices_between_gaps(t_ns, max_gap_ns):
         t, y = _resample_uniformly(t_ns[part], signal[part], period)
         if t.size <= settle:
             continue
@@ -89,7 +89,7 @@ def compute_low_pass_power_gain(relative_frequency: Floats, *, causal: bool) -> 
 
 
 def differentiate_signal(
-    t_ns: Ints, signal: Floats, longest_ns: float, *, causal: bool
+    t_ns: Ints, signal: Floats, max_gap_ns: float, *, causal: bool
 ) -> tuple[Ints, Floats]:
     """Slopes between the neighbours of each sample, within stretches, as those of the sample.
 
@@ -104,7 +104,7 @@ def differentiate_signal(
     """
     times: list[Ints] = []
     rates: list[Floats] = []
-    for part in find_slices_between_gaps(t_ns, longest_ns):
+    for part in find_slices_between_gaps(t_ns, max_gap_ns):
         t, y = t_ns[part], signal[part]
         if t.size < 3:
             continue
@@ -120,16 +120,16 @@ def differentiate_signal(
 
 
 def interpolate_linearly(
-    t_ns: Ints, signal: Floats, at_ns: Ints, longest_ns: float
+    t_ns: Ints, signal: Floats, at_ns: Ints, max_gap_ns: float
 ) -> tuple[Ints, Floats]:
-    """Interpolate linearly at ascending instants, except across steps longer than `longest_ns`.
+    """Interpolate linearly at ascending instants, except across steps longer than `max_gap_ns`.
 
     Returns:
         Instants that have a value, and the values.
     """
     if np.array_equal(t_ns, at_ns):
         return at_ns, signal
-    values = interpolate_in_stretches(t_ns, signal, at_ns, longest_ns)
+    values = interpolate_in_stretches(t_ns, signal, at_ns, max_gap_ns)
     found = ~np.isnan(values)
     return at_ns[found], values[found]
 

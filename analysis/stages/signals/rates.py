@@ -104,10 +104,10 @@ def mean_period_without_gaps_ns(t_ns: Ints, step_ns: float) -> float:
     return mean_step_up_to_longest_ns(t_ns, longest_ns, step_ns)
 
 
-def mean_step_up_to_longest_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
-    """Mean of the steps up to `longest_ns`; `step_ns` if there are none."""
+def mean_step_up_to_longest_ns(t_ns: Ints, max_gap_ns: float, step_ns: float) -> float:
+    """Mean of the steps up to `max_gap_ns`; `step_ns` if there are none."""
     steps = np.diff(t_ns)
-    steps = steps[steps <= longest_ns]
+    steps = steps[steps <= max_gap_ns]
     return float(steps.mean()) if steps.size else step_ns
 
 

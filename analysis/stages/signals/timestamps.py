@@ -30,28 +30,37 @@ _SCHEMA: Final = {
 }
 
 
-def assign_timestamps(
-    raw: Mapping[str, pl.DataFrame],
-) -> tuple[dict[str, pl.DataFrame], dict[str, str], list[Loss]]:
+class StampedTopics(NamedTuple):
+    """Samples in time.
+
+    Attributes:
+        frames: by topic: unix_ns (ascending) and the fields.
+        clocks: clock of each topic: "header", "log" or "table".
+        losses: dropped or doubtful samples.
+    """
+
+    frames: dict[str, pl.DataFrame]
+    clocks: dict[str, str]
+    losses: list[Loss]
+
+
+def assign_timestamps(raw_frames: Mapping[str, pl.DataFrame]) -> StampedTopics:
     """Assign `unix_ns` to every sample and sort by it.
 
     Args:
-        raw: frames by topic with log_time_ns, header_stamp_ns and fields.
-
-    Returns:
-        Frames by topic with unix_ns (ascending) and the fields; clock by topic ("header", "log" or
-        "table"); and losses of dropped or doubtful samples.
+        raw_frames: frames by topic with log_time_ns, header_stamp_ns and fields.
     """
     losses: list[Loss] = []
     headers = {
-        topic: are_header_stamps_usable(topic, frame, losses) for topic, frame in raw.items()
+        topic: are_header_stamps_usable(topic, frame, losses) for topic, frame in raw_frames.items()
     }
     # how far log time lies after the stamps that would place each topic
     behind_ns = {
-        t: compute_median_log_delay_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()
+        t: compute_median_log_delay_ns(frame) if headers[t] else 0.0
+        for t, frame in raw_frames.items()
     }
     if max(behind_ns.values()) - min(behind_ns.values()) > LIMITS.clock_jump_ns:
-        for topic in raw:
+        for topic in raw_frames:
             if abs(behind_ns[topic]) > LIMITS.clock_jump_ns:
                 headers[topic] = False
                 losses.append(
@@ -65,7 +74,7 @@ def assign_timestamps(
                 )
     placed: dict[str, pl.DataFrame] = {}
     labels: dict[str, str] = {}
-    for topic, frame in raw.items():
+    for topic, frame in raw_frames.items():
         column = "header_stamp_ns" if headers[topic] else "log_time_ns"
         of_table = topic == "table" or topic.startswith("table/")
         labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
@@ -109,7 +118,7 @@ def assign_timestamps(
             )
         named = kept.rename({column: "unix_ns"}).drop({"log_time_ns", "header_stamp_ns"} - {column})
         placed[topic] = named.sort("unix_ns", maintain_order=True) if back.any() else named
-    return placed, labels, losses
+    return StampedTopics(placed, labels, losses)
 
 
 def measure_relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
@@ -186,21 +195,21 @@ class RelativeDrift(NamedTuple):
     drift_std_ppm: float
 
 
-def measure_clock_drifts_by_topic(raw: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
+def measure_clock_drifts_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
     """Measure the drift of each topic's header stamps against log time.
 
     The log is cut into 24 parts; the slope of the line through the parts' low latencies is the
     drift, and the scatter about it gives the standard deviation.
 
     Args:
-        raw: frames by topic with log_time_ns, and header_stamp_ns (null or 0 if missing).
+        raw_frames: frames by topic with log_time_ns, and header_stamp_ns (null or 0 if missing).
 
     Returns:
         A row per topic with enough header stamps: topic, drift_ppm (positive: its clock is faster
         than the recorder's), drift_std_ppm, span_s.
     """
     rows: list[tuple[str, float, float, float]] = []
-    for topic, frame in raw.items():
+    for topic, frame in raw_frames.items():
         stamped = frame.filter(pl.col("header_stamp_ns").fill_null(0) != 0)
         if stamped.height < LIMITS.drift_min_parts * LIMITS.drift_part_min_samples:
             continue

@@ -88,12 +88,12 @@ class BagFile(BlockFile):
 
     def _read_index_named_in_header(self, header: BagRecord | None) -> BagIndex | None:
         names = (b"index_pos", b"conn_count", b"chunk_count")
-        if header is None or header.op != BAG_HEADER or not header.fields.keys() >= set(names):
+        if header is None or header.opcode != BAG_HEADER or not header.fields.keys() >= set(names):
             return None
         position, connections, chunks = (header.decode_unsigned_field(name) for name in names)
-        if not header.end <= position <= self._file.size or (position == self._file.size) != (
-            connections == chunks == 0
-        ):
+        if not header.end_offset <= position <= self._file.size or (
+            position == self._file.size
+        ) != (connections == chunks == 0):
             return None
         return read_bag_index(self._file, position, connections, chunks)
 
@@ -197,11 +197,11 @@ class BagWalk:
                 if block.is_torn:
                     return
                 end = block.offset + block.stored_bytes
-            elif record is not None and record.op == MESSAGE:
-                end = stretches.scan_records_up_to_next_chunk(at, record.end - at)
-            elif record is not None and _KNOWN.get(record.op) in record.fields:
-                end = record.end if record.end <= file.size else at
-                if record.op == CONNECTION:
+            elif record is not None and record.opcode == MESSAGE:
+                end = stretches.scan_records_up_to_next_chunk(at, record.end_offset - at)
+            elif record is not None and _KNOWN.get(record.opcode) in record.fields:
+                end = record.end_offset if record.end_offset <= file.size else at
+                if record.opcode == CONNECTION:
                     self.describe(CONNECTION, file.read_bytes(at, end - at), at)
             if end == at:
                 found = find_records_after_damage(file, at, self.store.grammar.find)

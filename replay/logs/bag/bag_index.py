@@ -46,17 +46,17 @@ def read_bag_index(
     window = ReadBuffer(file, index_offset, min(file.size - index_offset, _MOST_INDEX_BYTES))
     while at < file.size:
         record = read_bag_record(window, at)
-        if record is None or record.end > file.size:
+        if record is None or record.end_offset > file.size:
             return None
         data = window.read_bytes(record.data_offset, record.data_bytes)
-        if record.op == CONNECTION:
+        if record.opcode == CONNECTION:
             described.append((record, data))
-        elif record.op == CHUNK_INFO and b"chunk_pos" in record.fields and len(data) % 8 == 0:
+        elif record.opcode == CHUNK_INFO and b"chunk_pos" in record.fields and len(data) % 8 == 0:
             pairs = np.frombuffer(data, _COUNT).tolist()
             counts[record.decode_unsigned_field(b"chunk_pos")] = dict(pairs)
         else:
             return None
-        at = record.end
+        at = record.end_offset
     if len(described) != connection_count or len(counts) != chunk_count:
         return None
     return BagIndex(tuple(described), counts)
@@ -70,14 +70,16 @@ def make_block_of_chunk_record(
     A chunk that extends beyond the end of the file is torn. So is a chunk of size 0 in a longer
     file, since the recorder writes the size when the chunk is full.
     """
-    if record is None or record.op != CHUNK:
+    if record is None or record.opcode != CHUNK:
         return None
     compression = record.fields.get(b"compression", b"none").decode(errors="replace")
     unpacked = record.decode_unsigned_field(b"size") if b"size" in record.fields else 0
     left = file.size - record.data_offset
-    behind = read_bag_record(file, record.end) if record.data_bytes == unpacked == 0 else None
+    behind = (
+        read_bag_record(file, record.end_offset) if record.data_bytes == unpacked == 0 else None
+    )
     is_open = record.data_bytes == unpacked == 0 and (
-        behind is None or behind.op not in (CHUNK, INDEX_DATA)
+        behind is None or behind.opcode not in (CHUNK, INDEX_DATA)
     )
     return Block(
         offset,
@@ -101,7 +103,7 @@ def read_indexed_log_times(
     window = ReadBuffer(file, at, min(expected, _MOST_INDEX_BYTES))
     for _ in message_counts:
         record = read_bag_record(window, at)
-        if record is None or record.op != INDEX_DATA or b"conn" not in record.fields:
+        if record is None or record.opcode != INDEX_DATA or b"conn" not in record.fields:
             return None
         data = window.read_bytes(record.data_offset, record.data_bytes)
         if len(data) % _ENTRY.itemsize:
@@ -109,6 +111,6 @@ def read_indexed_log_times(
         entries = np.frombuffer(data, _ENTRY)
         stamps = entries["s"].astype(np.int64) * 10**9 + entries["ns"]
         times[record.decode_unsigned_field(b"conn")] = stamps
-        at = record.end
+        at = record.end_offset
     whole = {key: stamps.size for key, stamps in times.items()} == message_counts
     return times if whole else None

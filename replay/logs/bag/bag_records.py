@@ -34,7 +34,7 @@ class BagRecord(NamedTuple):
     data_bytes: int
 
     @property
-    def op(self) -> int:
+    def opcode(self) -> int:
         """Operation code; -1 if the header has none."""
         value = self.fields.get(b"op", b"")
         return value[0] if len(value) == 1 else -1
@@ -48,7 +48,7 @@ class BagRecord(NamedTuple):
         return int.from_bytes(self.fields[name][:8], "little")
 
     @property
-    def end(self) -> int:
+    def end_offset(self) -> int:
         """Offset of the next record."""
         return self.data_offset + self.data_bytes
 

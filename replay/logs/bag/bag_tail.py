@@ -39,24 +39,26 @@ class BagTail(GrowingBlockFile):
             self.is_finished = True
             return []
         record = read_bag_record(file, self._at)
-        if record is None or record.end > file.size:
+        if record is None or record.end_offset > file.size:
             return None
-        if record.op == CHUNK:
+        if record.opcode == CHUNK:
             block = make_block_of_chunk_record(file, self._at, record)
             # nothing behind an empty chunk yet: it may be one that has just been opened
             if (
                 block is None
                 or block.is_torn
-                or (record.end == file.size and not block.max_unpacked_bytes)
+                or (record.end_offset == file.size and not block.max_unpacked_bytes)
             ):
                 return None
-            self._at = record.end
+            self._at = record.end_offset
             return self._unpack_messages_of_chunk(block)
-        if record.op == MESSAGE:
-            return self._take_unchunked_messages(record.end - self._at)
-        if record.op == CONNECTION:
-            self._register_record(CONNECTION, file.read_bytes(self._at, record.end - self._at))
-        self._at = record.end
+        if record.opcode == MESSAGE:
+            return self._take_unchunked_messages(record.end_offset - self._at)
+        if record.opcode == CONNECTION:
+            self._register_record(
+                CONNECTION, file.read_bytes(self._at, record.end_offset - self._at)
+            )
+        self._at = record.end_offset
         return []
 
     def _read_first_line_if_complete(self) -> list[RawBatch] | None:
@@ -75,7 +77,7 @@ class BagTail(GrowingBlockFile):
     def _read_index_offset(self) -> int:
         """Offset of the index; 0 until the recorder has written it."""
         header = read_bag_record(self._file, len(_HEAD))
-        if header is None or header.op != BAG_HEADER or b"index_pos" not in header.fields:
+        if header is None or header.opcode != BAG_HEADER or b"index_pos" not in header.fields:
             return 0
         return header.decode_unsigned_field(b"index_pos")
 

@@ -47,14 +47,14 @@ class TopicStream:
         """Take the next messages; their memory may be reused after `finish_decoding`."""
         self._note_decreasing_times(batch)
         for part in batch.split_to_bounded_batches():
-            if part.rows < _FEW_ROWS:
+            if part.message_count < _FEW_ROWS:
                 self._few.append(_copy_batch(part))
-                self._rows += part.rows
+                self._rows += part.message_count
                 self._bytes += self._few[-1].data.size
                 if self._rows < BATCH_ROWS and self._bytes < BATCH_BYTES:
                     continue
             self._submit_small_batches_as_one(submit)
-            if part.rows >= _FEW_ROWS:
+            if part.message_count >= _FEW_ROWS:
                 self._submit_batch_of_any_size(part, submit)
 
     def finish_decoding(self) -> None:
@@ -99,7 +99,7 @@ class TopicStream:
 
     def _note_decreasing_times(self, batch: RawBatch) -> None:
         """Note whether log times decrease, before the rows are sorted."""
-        if batch.rows:
+        if batch.message_count:
             times = batch.log_times
             before = self._last.get(batch.connection_id, int(times[0]))
             back = (times[:-1] - times[1:]).max(initial=before - times[0])

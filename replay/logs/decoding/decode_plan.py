@@ -178,17 +178,17 @@ class DecodePlan:
             self._programs[wire] = program, direct, places
         return self._programs[wire]
 
-    def decode(self, batch: RawBatch) -> DecodedBatch:
+    def decode_batch(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages; incomplete ones are skipped."""
         return self.begin_decoding(batch, run_work_immediately)()
 
     def begin_decoding(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
         """See `Decoder.begin_decoding`."""
         if self._ros1:
-            kinds = np.zeros(batch.rows, np.int64)
+            kinds = np.zeros(batch.message_count, np.int64)
         else:
             kinds = read_encapsulations(batch.data, batch.offsets, batch.lengths)
-        if not batch.rows or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
+        if not batch.message_count or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
             return lambda: self._decode_mixed_encapsulations(batch, kinds)
         finish = self._begin_decoding_one_encapsulation(batch, int(kinds[0]), submit)
 
@@ -240,7 +240,7 @@ class DecodePlan:
             faulty = _DecodedPart(
                 pl.DataFrame(schema=make_frame_schema(self._fields)),
                 np.empty(0, np.int64),
-                np.arange(batch.rows),
+                np.arange(batch.message_count),
                 str(error),
             )
             return lambda: faulty

@@ -139,7 +139,7 @@ class _Compiler:
         if isinstance(field_type, RecordType):
             return self.compile_message_fields(field_type, wanted_subfields)
         if field_type == Scalar("string"):
-            self._append_step_and_close_span(Op.TEXT)
+            self._close_span_and_append_step(Op.TEXT)
             return (
                 None if wanted_subfields is None else TextField(self._reserve_marks_of_last_step(2))
             )
@@ -167,7 +167,7 @@ class _Compiler:
             span = Span(alignment)
             value = append_field_to_span(span, field_type, self.wire)
             assert value is not None
-            self._append_step_and_close_span(Op.SPAN, alignment=alignment)
+            self._close_span_and_append_step(Op.SPAN, alignment=alignment)
             self.span = span
         assert self.span is not None
         self.steps[-1][Operand.SIZE] = self.span.size
@@ -196,7 +196,7 @@ class _Compiler:
             return self._append_to_span(Scalar("uint32"), None)
         one, value = fixed
         stride = list_element_stride_bytes(one)
-        self._append_step_and_close_span(
+        self._close_span_and_append_step(
             Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride
         )
         return (
@@ -212,14 +212,14 @@ class _Compiler:
         min_element_bytes: int,
         wanted_subfields: Wanted | None,
     ) -> WalkedList | None:
-        head = self._append_step_and_close_span(Op.LIST, size=min_element_bytes, length=length)
+        head = self._close_span_and_append_step(Op.LIST, size=min_element_bytes, length=length)
         mark = -1 if wanted_subfields is None else self._reserve_marks_of_last_step(1)
         above, self.node = self.node, -1 if wanted_subfields is None else self.nodes
         self.nodes += wanted_subfields is not None
         self.depth += 1
         self.most_depth = max(self.depth, self.most_depth)
         located = self._compile_field_of_type(element_type, wanted_subfields)
-        end = self._append_step_and_close_span(Op.NEXT, jump=head + 1)
+        end = self._close_span_and_append_step(Op.NEXT, jump=head + 1)
         self.steps[head][Operand.JUMP] = end + 1
         self.depth -= 1
         inner, self.node = self.node, above
@@ -227,7 +227,7 @@ class _Compiler:
             return None
         return WalkedList(mark, inner, located)
 
-    def _append_step_and_close_span(
+    def _close_span_and_append_step(
         self,
         operation: Op,
         *,

@@ -51,7 +51,7 @@ class RawBatch:
         object.__setattr__(self, "data", data)
 
     @property
-    def rows(self) -> int:
+    def message_count(self) -> int:
         """Number of messages."""
         return self.offsets.size
 
@@ -70,12 +70,12 @@ class RawBatch:
 
     def split_to_bounded_batches(self) -> Iterator["RawBatch"]:
         """Split into batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
-        if 0 < self.rows <= BATCH_ROWS and self.lengths.sum() <= BATCH_BYTES:
+        if 0 < self.message_count <= BATCH_ROWS and self.lengths.sum() <= BATCH_BYTES:
             yield self
             return
         ends = np.cumsum(self.lengths)
         begin = 0
-        while begin < self.rows:
+        while begin < self.message_count:
             full = ends[begin] - self.lengths[begin] + BATCH_BYTES
             end = int(np.searchsorted(ends, full, side="right"))
             end = min(max(end, begin + 1), begin + BATCH_ROWS)

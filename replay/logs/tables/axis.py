@@ -28,7 +28,7 @@ from replay.logs.tables.header import (
     split_unit_from_column_name,
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
-from replay.logs.tables.only_time import find_only_time_column
+from replay.logs.tables.only_time import find_sole_time_column
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import (
     NS_PER_UNIT,
@@ -209,7 +209,7 @@ def find_time_columns_and_their_fields(
     if calendar := find_calendar_columns(columns):
         fraction = find_second_fraction_column(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    found = rank_candidate_time_columns(columns, cells) or find_only_time_column(columns, cells)
+    found = rank_candidate_time_columns(columns, cells) or find_sole_time_column(columns, cells)
     for part in (name_column_by_last_part, name_column_before_dash) if not found else ():
         columns = [part(column) for column in columns]
         if found := rank_candidate_time_columns(columns, cells):

@@ -10,7 +10,7 @@ from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, convert_times_to_ns
 
 
-def find_only_time_column(
+def find_sole_time_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
     """Index of the only column that contains times; empty if there is none or several.

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.model.axes import X
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.weighing.fit_columns import PreviousEstimates, average_columns
+from analysis.weighing.fit_columns import PreviousEstimates, average_fit_columns
 from analysis.weighing.motion_samples import CachedNoise
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.weighed import RICH, weighed
@@ -32,7 +32,7 @@ def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
     assert near.force.size < fit.motion.force.size
     for found in (PreviousEstimates(), FOUND):
         whole, part = (
-            average_columns(motion, noise, fit.terms, fit.mean_samples, found)
+            average_fit_columns(motion, noise, fit.terms, fit.mean_samples, found)
             for motion in (fit.motion, near)
         )
         np.testing.assert_array_equal(part.group, whole.group)
@@ -42,7 +42,9 @@ def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
 
 def test_noise_that_is_kept_is_that_of_its_columns(noise):
     for samples in (1, 10, 10):
-        np.testing.assert_array_equal(noise.covariance(samples), noise.columns.covariance(samples))
+        np.testing.assert_array_equal(
+            noise.covariance_of_means(samples), noise.columns.covariance_of_means(samples)
+        )
 
 
 def test_wheels_that_begin_from_their_own_words_say_them_again(log, noise):

@@ -15,7 +15,7 @@ from analysis.model.run_record import InputFile
 from estimators.errors import OutputError
 from recordings import plot_run
 from recordings.plots.convergence_plot import draw_convergence_of_estimates
-from recordings.plots.run_plots import FIGURES, draw_run
+from recordings.plots.run_plots import FIGURES, draw_run_overview
 from recordings.report.report_limits import LIMITS
 from tests.twins import mark_slow_after
 
@@ -32,7 +32,7 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def pages(drives) -> dict[float, Figure]:
     """The page of a run of so many seconds, to be looked at."""
-    return {seconds: draw_run(drives(seconds)) for seconds in DRAWN_S}
+    return {seconds: draw_run_overview(drives(seconds)) for seconds in DRAWN_S}
 
 
 @pytest.mark.parametrize("suffix", SIGNATURES)
@@ -151,7 +151,7 @@ def test_a_line_holds_the_numbers_of_its_column_and_breaks_where_there_are_none(
 
 def test_more_points_than_fit_are_drawn_by_the_mean_and_the_extremes_of_each_bin(drives):
     run = drives(900.0)
-    axes = panels(draw_run(run))["Force (N)"]
+    axes = panels(draw_run_overview(run))["Force (N)"]
     t_s, _ = line(axes, "driving force")
     force = run.frames["excitation"]["force_x_N"]
     assert t_s.size < force.len() / 10
@@ -243,7 +243,7 @@ def test_the_calibration_shows_each_point_and_line_and_what_is_left_of_them(driv
 
 
 def test_a_run_without_a_calibration_has_no_third_part(drives):
-    assert len(draw_run(drives(60.0, calibration=False)).subfigs) == 2
+    assert len(draw_run_overview(drives(60.0, calibration=False)).subfigs) == 2
 
 
 #: Of the last, the page is drawn where no legend covers a panel.
@@ -280,7 +280,7 @@ def lanes(figure: Figure) -> Axes:
 
 
 def test_few_states_are_drawn_as_stretches_and_many_as_shares_of_time(drives, pages):
-    short, long = lanes(pages[60.0]), lanes(draw_run(drives(2400.0)))
+    short, long = lanes(pages[60.0]), lanes(draw_run_overview(drives(2400.0)))
     assert not short.patches
     assert len(short.collections) > 0
     bars = [bar for bar in long.patches if bar.get_y() >= 2.0]
@@ -295,7 +295,7 @@ def test_few_states_are_drawn_as_stretches_and_many_as_shares_of_time(drives, pa
 
 def test_no_legend_covers_a_panel(drives):
     for run in (drives(60.0), drives(700.0)):
-        figure = draw_run(run)
+        figure = draw_run_overview(run)
         figure.draw_without_rendering()
         for axes in figure.subfigs[1].axes:
             legend = axes.get_legend()

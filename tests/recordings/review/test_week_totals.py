@@ -11,8 +11,8 @@ from recordings.review.shift_ledger import PARQUET, add_motion_columns, make_led
 from recordings.review.week_totals import (
     WeekPart,
     read_counted_loads_of_reviews,
+    sum_week,
     sum_week_parts_by_group,
-    sum_whole_week,
 )
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
@@ -64,7 +64,7 @@ def test_a_shift_over_midnight_is_two_days_by_the_clock_of_the_machine(tmp_path:
 
 def test_a_verdict_counts_that_was_written_after_the_ledger(tmp_path: Path) -> None:
     folder = reviewed(tmp_path / "a", dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC), zone="UTC")
-    before = sum_whole_week(read_counted_loads_of_reviews([folder]))
+    before = sum_week(read_counted_loads_of_reviews([folder]))
     number = FRAMES.with_row_index().filter("counted")["index"][0]
     name = make_ledger_frame(
         FRAMES, int(dt.datetime(2025, 6, 1, 8, tzinfo=dt.UTC).timestamp()) * 10**9, {}
@@ -72,7 +72,7 @@ def test_a_verdict_counts_that_was_written_after_the_ledger(tmp_path: Path) -> N
     (folder / "verdicts.toml").write_text(
         f'[[cycle]]\nid = "{name}"\nreject = true\nauthor = "M"\ntime = 2025-06-02T08:00:00Z\n'
     )
-    after = sum_whole_week(read_counted_loads_of_reviews([folder]))
+    after = sum_week(read_counted_loads_of_reviews([folder]))
     assert after.loads == before.loads - 1
     assert after.payload_kg == pytest.approx(before.payload_kg - FRAMES["payload_kg"][int(number)])
 
@@ -88,7 +88,7 @@ def test_a_load_that_is_in_two_reviews_is_refused(tmp_path: Path) -> None:
 
 def test_what_is_common_adds_up_within_a_machine_and_in_squares_between_them() -> None:
     parts = [WeekPart("d", name, "", 1, 100.0, 0.0, 3.0) for name in ("A", "A", "B")]
-    assert sum_whole_week(parts).payload_u_kg == pytest.approx((6.0**2 + 3.0**2) ** 0.5)
+    assert sum_week(parts).payload_u_kg == pytest.approx((6.0**2 + 3.0**2) ** 0.5)
 
 
 def test_a_folder_without_a_review_is_refused(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from replay.fleet.machine_setups import NamedFiles, load_fleet, make_setups_of_m
 from replay.fleet.run_fleet import replay_logs_of_fleet
 from replay.inputs.machine_identity import find_machine_id_common_to_logs
 from replay.logs import open_log
-from replay.logs.machine_ids import read_serial_numbers_of_files
+from replay.logs.machine_ids import read_distinct_serial_numbers
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 from tests.replay.attacker import Bundle, tampered
@@ -298,7 +298,7 @@ def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> No
             else:
                 database.execute("DROP TABLE metadata")
             database.commit()
-        assert read_serial_numbers_of_files([path]) == told
+        assert read_distinct_serial_numbers([path]) == told
 
 
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType
 from tests.join_to_one_line import assert_one_line
 
 from analysis.simulation import Scenario
-from recordings.follow.growing_file import is_unfinished_recording, iter_whole_messages
+from recordings.follow.growing_file import is_unfinished_recording, iter_complete_messages
 from recordings.follow.growing_recording import read_end_of_recording
 from replay.follow.report_file import TOPIC
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
@@ -132,7 +132,7 @@ def assert_goes_on(
             if not Path("out.rrd").exists():
                 continue
             data = Path("out.rrd").read_bytes()
-            assert [*iter_whole_messages(data)][-1].end == len(data), "a message is cut"
+            assert [*iter_complete_messages(data)][-1].end == len(data), "a message is cut"
             rows = rows_of(Path("out.rrd"))
             assert rows[: len(recorded)] == recorded
             assert len(set(rows)) == len(rows)
@@ -262,7 +262,7 @@ def test_a_disc_that_fills_ends_the_outputs_and_not_the_following(
     assert process.returncode == 2, "the replay does not fit either"
     assert "Traceback" not in err
     data = Path("out.rrd").read_bytes()
-    assert 300_000 < len(data) == [*iter_whole_messages(data)][-1].end
+    assert 300_000 < len(data) == [*iter_complete_messages(data)][-1].end
     rows = rows_of(Path("out.rrd"))
     again = payscope("follow", "drive.mcap", *ALONE, "-o", "out.rrd", "--json")
     assert again.status == 0, again.err

@@ -13,7 +13,7 @@ import pytest
 import payscope
 from estimators.errors import LogError
 from replay import open_log
-from replay.frames.scan import expand_log_paths_and_tell_if_many
+from replay.frames.scan import expand_log_paths
 from replay.logs.blocks.block import Block
 from tests.replay.logs.conftest import write_log  # noqa: F401 - a fixture
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
@@ -211,5 +211,5 @@ def test_an_unknown_topic_and_field_are_named_at_once(tmp_path: Path) -> None:
 
 def test_a_folder_is_its_logs(tmp_path: Path) -> None:
     write_bag(tmp_path / "a.bag", joints(2))
-    assert expand_log_paths_and_tell_if_many(tmp_path) == ([tmp_path / "a.bag"], True)
-    assert expand_log_paths_and_tell_if_many(tmp_path / "a.bag") == ([tmp_path / "a.bag"], False)
+    assert expand_log_paths(tmp_path) == ([tmp_path / "a.bag"], True)
+    assert expand_log_paths(tmp_path / "a.bag") == ([tmp_path / "a.bag"], False)

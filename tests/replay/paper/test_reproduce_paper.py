@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from analysis.paper import printed_numbers
-from analysis.paper.replayed_campaign import compute_trial_bound_kg, replay_with_gate
+from analysis.paper.replayed_campaign import compute_trial_bound_kg, rerun_gate_and_estimates
 from analysis.simulation import Scenario
 from recordings.paper.paper_items import ITEMS, ItemResult
 from recordings.paper.paper_page import write_reproduction
@@ -112,7 +112,7 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
     assert 3.0 < compute_trial_bound_kg(replayed) < 10.0
-    refused = replay_with_gate(
+    refused = rerun_gate_and_estimates(
         replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0})
     )
     assert compute_trial_bound_kg(refused) != compute_trial_bound_kg(refused)

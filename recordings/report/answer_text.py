@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from math import ceil
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from analysis.model.answer import Answer
 from analysis.model.physical_units import NS_PER_S
@@ -86,46 +86,46 @@ def describe_answer_as_lines(answer: Answer, *, is_brief: bool = False) -> list[
             "are, give their time span with --empty FROM:TO"
         )
     known = [load for load in answer.loads if load["mass_kg"] is not None]
-    return lines + (_list_notes_on_every_load(known[0]) if known else [])
+    return lines + (_list_notes_on_load(known[0]) if known else [])
 
 
-def describe_load_as_lines(load: Mapping[str, Any], *, is_brief: bool = False) -> list[str]:
+def describe_load_as_lines(load_row: Mapping[str, Any], *, is_brief: bool = False) -> list[str]:
     """Lines with mass, payload and, unless brief, prior sensitivity; or why there is no mass."""
-    if load.get("mass_kg") is None:
-        return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
-    mass, u = load["mass_kg"], load["u_kg"]
+    if load_row.get("mass_kg") is None:
+        return [f"no mass: {load_row.get('withheld_for') or 'nothing was fitted'}"]
+    mass, u = load_row["mass_kg"], load_row["u_kg"]
     low, high = mass - COVERAGE * u, mass + COVERAGE * u
     lines = [
         f"mass {format_plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
         f"{round_to_uncertainty(low, u)} to {round_to_uncertainty(high, u)} kg, from "
-        f"{load['manoeuvres']} "
-        f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
+        f"{load_row['manoeuvres']} "
+        f"{'manoeuvre' if load_row['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
-    lines += filter(None, [describe_calibrated_mass(load)])
-    if load["payload_kg"] is not None:
-        lines.append(f"payload {_format_payload_or_reason(load)} kg")
+    lines += filter(None, [describe_calibrated_mass(load_row)])
+    if load_row["payload_kg"] is not None:
+        lines.append(f"payload {_format_payload_or_reason(load_row)} kg")
     if not is_brief:
-        lines.append(describe_prior_sensitivity(load))
-    return lines + _list_notes_on_every_load(load)
+        lines.append(describe_prior_sensitivity(load_row))
+    return lines + _list_notes_on_load(load_row)
 
 
-def describe_prior_sensitivity(load: Mapping[str, Any]) -> str:
+def describe_prior_sensitivity(load_row: Mapping[str, Any]) -> str:
     """Line with the masses for priors half and twice as wide."""
     halved, doubled = (
-        round_to_uncertainty(load[name], load["u_kg"])
+        round_to_uncertainty(load_row[name], load_row["u_kg"])
         for name in ("mass_halved_priors_kg", "mass_doubled_priors_kg")
     )
     return f"prior sensitivity: {halved} kg (×½) … {doubled} kg (×2)"
 
 
-def _list_notes_on_every_load(load: Mapping[str, Any]) -> list[str]:
+def _list_notes_on_load(load_row: Mapping[str, Any]) -> list[str]:
     """Notes that apply to every load of the log."""
-    lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
-    told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
-    if load["scale_unknown"]:
+    lines = [load_row[name] for name in ("said", "calibrated_said") if load_row.get(name)]
+    told = load_row.get("payload_to") is not None and not load_row.get("payload_scale_unknown")
+    if load_row["scale_unknown"]:
         of = "masses; payloads are on the scale of the stated empty mass" if told else ""
-        lines.append(describe_unknown_scale_uncertainty(load["scale_unknown"], of))
-    if load["braking_left_out"]:
+        lines.append(describe_unknown_scale_uncertainty(load_row["scale_unknown"], of))
+    if load_row["braking_left_out"]:
         lines.append("braking and driving disagree about the mass, and braking was left out")
     return lines
 
@@ -167,25 +167,43 @@ def describe_manoeuvres_needed_for_goal(answer: Answer, goal_u_kg: float) -> lis
     return lines
 
 
-def make_budget_table_rows(
-    answer: Answer, bar_character: str = "█"
-) -> list[tuple[str, str, str, str, str]]:
-    """Rows of the uncertainty budget of the load with the most manoeuvres.
+class UncertaintyRow(NamedTuple):
+    """Row of the uncertainty budget, as text.
 
-    Each has source, kind, u in kg, a bar for its fraction of the variance, and how to reduce it.
+    Attributes:
+        source: source of uncertainty.
+        kind: its kind.
+        u_kg: standard uncertainty.
+        variance_bar: bar for its fraction of the variance.
+        remedy: how to reduce it.
     """
+
+    source: str
+    kind: str
+    u_kg: str
+    variance_bar: str
+    remedy: str
+
+
+def make_uncertainty_rows(answer: Answer, bar_character: str = "█") -> list[UncertaintyRow]:
+    """Rows of the uncertainty budget of the load with the most manoeuvres."""
     shown = find_load_with_most_manoeuvres(answer)
-    rows: list[tuple[str, str, str, str, str]] = []
+    rows: list[UncertaintyRow] = []
     for source in answer.budget:
         if source.get("load_id", 0) != shown:
             continue
         share = source["share_1"]
         if source["u_kg"] is None:
-            rows.append((source["cause"], source["kind"], "not known", "", source["shrinks"]))
+            found = UncertaintyRow(
+                source["cause"], source["kind"], "not known", "", source["shrinks"]
+            )
+            rows.append(found)
         elif share is not None and share >= LIMITS.small_variance_fraction:
             bar = bar_character * max(1, round(share * LIMITS.bar_characters))
             cells = (f"{bar} {share:.0%}", source["shrinks"])
-            rows.append((source["cause"], source["kind"], f"{source['u_kg']:.3g}", *cells))
+            rows.append(
+                UncertaintyRow(source["cause"], source["kind"], f"{source['u_kg']:.3g}", *cells)
+            )
     return rows
 
 
@@ -214,16 +232,16 @@ def advise_to_reduce_uncertainty(answer: Answer) -> str | None:
     return f"largest contribution: {meaning} ({most['cause']}{part}); to reduce: {most['shrinks']}"
 
 
-def _format_payload_or_reason(load: Mapping[str, Any]) -> str:
-    if load["payload_kg"] is None:
+def _format_payload_or_reason(load_row: Mapping[str, Any]) -> str:
+    if load_row["payload_kg"] is None:
         return "–"
-    if load.get("empty"):
+    if load_row.get("empty"):
         return "empty"
-    if load.get("calibrated_payload_kg") is not None:
+    if load_row.get("calibrated_payload_kg") is not None:
         names = ("payload_kg", "payload_low_kg", "payload_high_kg")
-        mass, low, high = (f"{load[f'calibrated_{name}']:,.1f}" for name in names)
+        mass, low, high = (f"{load_row[f'calibrated_{name}']:,.1f}" for name in names)
         return f"{mass} ({low} to {high})"
-    return format_plus_minus(load["payload_kg"], load["payload_u_kg"])
+    return format_plus_minus(load_row["payload_kg"], load_row["payload_u_kg"])
 
 
 def make_calibrated_mass_cells(load_row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -232,28 +250,28 @@ def make_calibrated_mass_cells(load_row: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple("–" if load_row[name] is None else f"{load_row[name]:,.1f}" for name in names)
 
 
-def describe_calibrated_mass(load: Mapping[str, Any]) -> str:
+def describe_calibrated_mass(load_row: Mapping[str, Any]) -> str:
     """Line with the calibrated mass; empty without a calibration."""
-    if "calibrated_kg" not in load:
+    if "calibrated_kg" not in load_row:
         return ""
-    if load["calibrated_kg"] is None:
-        return f"not calibrated: {load['calibrated_reason']}"
-    mass, low, high = make_calibrated_mass_cells(load)
-    unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
+    if load_row["calibrated_kg"] is None:
+        return f"not calibrated: {load_row['calibrated_reason']}"
+    mass, low, high = make_calibrated_mass_cells(load_row)
+    unlike_kg = load_row.get("calibrated_unlike_u_kg") or 0.0
     # less is lost in the rounding of the whole
-    tells = unlike_kg > LIMITS.unlike_driving_fraction * load["calibrated_u_kg"]
+    tells = unlike_kg > LIMITS.unlike_driving_fraction * load_row["calibrated_u_kg"]
     more = f"; ± {unlike_kg:,.1f} kg of that for driving unlike the campaign" if tells else ""
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
-def _make_load_remark(load: Mapping[str, Any]) -> str:
+def _make_load_remark(load_row: Mapping[str, Any]) -> str:
     """Why a load has no mass or no calibration; empty otherwise."""
-    if load["mass_kg"] is None:
-        return load["withheld_for"]
-    if load.get("scatter_known") is False:
+    if load_row["mass_kg"] is None:
+        return load_row["withheld_for"]
+    if load_row.get("scatter_known") is False:
         return "repeatability unknown"
-    if load.get("calibrated_reason"):
-        return f"not calibrated: {load['calibrated_reason']}"
+    if load_row.get("calibrated_reason"):
+        return f"not calibrated: {load_row['calibrated_reason']}"
     return ""
 
 

@@ -4,12 +4,12 @@ import pytest
 
 from analysis import Run
 from analysis.model.answer import make_answer
-from recordings.report.shift_text import may_miss_small_loads
-from recordings.report.worth_text import (
+from recordings.report.answer_text import (
     advise_to_reduce_uncertainty,
     describe_load_as_lines,
-    make_budget_table_rows,
+    make_uncertainty_rows,
 )
+from recordings.report.shift_text import may_miss_small_loads
 from recordings.rrd.recording_texts import make_texts_of_run
 
 LOAD = {
@@ -66,7 +66,7 @@ def test_a_load_without_a_mass_says_why(why, said):
 class TestBudget:
     def test_a_row_a_source_with_a_bar_as_long_as_its_share(self, drives):
         said = make_answer(drives(60.0))
-        assert make_budget_table_rows(said) == [
+        assert make_uncertainty_rows(said) == [
             ("const", "common", "40", f"{'█' * 23} 95%", "starts in both directions"),
             ("noise", "random", "9", "█ 5%", "more starts"),
             ("force_gain", "scale", "not known", "", "known loads"),
@@ -75,7 +75,7 @@ class TestBudget:
     def test_what_is_next_to_nothing_is_not_listed(self, drives):
         run = drives(60.0)
         small = run.frames["budget"].with_columns(share_1=run.frames["budget"]["share_1"] / 200.0)
-        rows = make_budget_table_rows(
+        rows = make_uncertainty_rows(
             make_answer(Run({**run.frames, "budget": small}, run.provenance))
         )
         assert [row[0] for row in rows] == ["force_gain"]
