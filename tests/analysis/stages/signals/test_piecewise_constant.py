@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.stages.signals.derive import derive, read_measured_channels
+from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.piecewise_constant import (
     drop_values_between_steps,
     is_piecewise_constant,
@@ -51,7 +51,7 @@ def test_a_force_of_a_gear_read_once_a_second_comes_at_the_rate_of_the_torque(ra
         specific_force_x_m_s2={"topic": "/engine", "field": "speed"},
     )
     read, _ = read_measured_channels(assign_timestamps(raw)[0], own)
-    force = derive(read, own)[0]["force_x_N"]
+    force = derive_channels_in_si(read, own)[0]["force_x_N"]
     # from 4 s, the last reading of the one gear, to 5 s, the first of the other, none is known
     assert force["unix_ns"].to_list() == [*at[:41], *at[50:91]]
     assert force["force_x_N"].unique(maintain_order=True).to_list() == [12.0, 6.0]
