@@ -336,7 +336,7 @@ def _format_changed_estimates_markdown(changes: tuple[EstimateChange, ...]) -> s
             each.quantity,
             format_plus_minus(each.a, each.a_std),
             format_plus_minus(each.b, each.b_std),
-            format_number(each.change),
+            format_number(each.value_change),
             format_number(each.change_in_stds),
         )
         for each in changes[:_MOST]

@@ -180,7 +180,7 @@ def _make_estimate_change_table(
             _UNITS.get(each.quantity, each.quantity),
             _format_estimate(each.a, each.a_std),
             _format_estimate(each.b, each.b_std),
-            _format_signed_change(each.change),
+            _format_signed_change(each.value_change),
             "" if each.change_in_stds is None else f"{each.change_in_stds:+.2f}",
         )
     return table

@@ -171,7 +171,7 @@ class TableLog(Log):
     def _compute_log_times_of_axis(self, axis: TableTimes) -> pl.Series:
         try:
             found = axis.compute_log_times_of_rows(
-                self._read_cells(axis.time_columns), self._columns.row_count
+                self._read_cells(axis.time_columns), self._columns.rows
             )
         except TimeError as error:
             remedy = "" if "[log]" in str(error) else ". Set [log] time and time_unit"

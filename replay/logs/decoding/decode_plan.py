@@ -178,7 +178,7 @@ class DecodePlan:
             self._programs[wire] = program, direct, places
         return self._programs[wire]
 
-    def decode_batch(self, batch: RawBatch) -> DecodedBatch:
+    def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages; incomplete ones are skipped."""
         return self.begin_decoding(batch, run_work_immediately)()
 

@@ -26,9 +26,9 @@ class PerMessageDecoder:
 
     def begin_decoding(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:  # noqa: ARG002 - objects need the lock
         """See `Decoder.begin_decoding`."""
-        return lambda: self.decode_batch(batch)
+        return lambda: self.decode(batch)
 
-    def decode_batch(self, batch: RawBatch) -> DecodedBatch:
+    def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages one by one; those that the library rejects have no row."""
         rows: list[tuple[Any, ...]] = []
         faults: list[str] = []

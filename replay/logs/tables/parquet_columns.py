@@ -66,7 +66,7 @@ class ParquetColumns:
         return []
 
     @property
-    def row_count(self) -> int:
+    def rows(self) -> int:
         """Number of rows."""
         return int(self._footer.num_rows)
 
@@ -85,7 +85,7 @@ class ParquetColumns:
             column.validate(full=True)
             getattr(column.type, "tz", None)
             series = pl.Series(name, column)
-        rows = self.row_count
+        rows = self.rows
         if series.len() != rows:
             raise BrokenBytesError(f"{series.len():,} of {rows:,} rows were found")
         return series
@@ -106,7 +106,7 @@ class ArrowColumns(ParquetColumns):
             return file.schema
 
     @property
-    def row_count(self) -> int:
+    def rows(self) -> int:
         """Number of rows."""
         return self._height
 

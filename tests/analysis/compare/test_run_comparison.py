@@ -68,7 +68,7 @@ def changed(name: str, frame: pl.DataFrame) -> Run:
 
 def test_a_run_equals_itself_and_says_how_much_was_compared():
     found = held(run(), run())
-    assert found.equal
+    assert found.is_equal
     assert found.columns == GATE.width + MASSES.width + SEGMENTS.width
     assert found.stages == found.estimates == found.manoeuvres == ()
 
@@ -96,9 +96,9 @@ def test_the_largest_change_has_its_sign_and_its_time():
 @pytest.mark.parametrize(("rtol", "equal"), [(0.0, False), (1e-7, False), (1e-5, True)])
 def test_rtol_is_of_the_larger_of_both_and_forgives_no_null(rtol: float, equal: bool):
     nudged = GATE.with_columns(pl.col("mi_x_nat") * (1 + 1e-6))
-    assert held(run(), changed("gate", nudged), rtol=rtol).equal == equal
+    assert held(run(), changed("gate", nudged), rtol=rtol).is_equal == equal
     holed = GATE.with_columns(pl.Series("mi_x_nat", [None, None, 0.9, -0.0]))
-    assert not held(run(), changed("gate", holed), rtol=rtol).equal
+    assert not held(run(), changed("gate", holed), rtol=rtol).is_equal
 
 
 def test_rows_correspond_by_time_also_where_the_runs_begin_at_other_times():
@@ -123,13 +123,16 @@ def test_a_column_or_stage_that_one_lacks_and_another_dtype_are_named():
 def test_estimates_are_sorted_by_how_far_they_moved_in_their_own_deviation():
     other = MASSES.with_columns(pl.Series("mass_kg", [103.0, 60.0]))
     found = held(run(), changed("masses", other))
-    assert [(each.about, each.change, each.change_in_stds) for each in found.estimates] == [
+    assert [(each.about, each.value_change, each.change_in_stds) for each in found.estimates] == [
         ("ls", 3.0, 3.0),
         ("rls", 10.0, 1.0),
     ]
     gone = MASSES.with_columns(pl.Series("mass_kg", [103.0, None]))
     found = held(run(), changed("masses", gone))
-    assert [(each.about, each.change) for each in found.estimates] == [("rls", None), ("ls", 3.0)]
+    assert [(each.about, each.value_change) for each in found.estimates] == [
+        ("rls", None),
+        ("ls", 3.0),
+    ]
 
 
 def test_manoeuvres_meet_by_their_time_and_what_one_lacks_is_none():
@@ -151,7 +154,7 @@ def test_manoeuvres_meet_by_their_time_and_what_one_lacks_is_none():
 def test_versions_and_names_of_files_are_told_but_make_no_difference():
     renamed = (InputFile(name="b.bag", sha256="aa", size_bytes=1),)
     found = held(run(), run(inputs=renamed, versions={"numpy": "9"}))
-    assert found.equal
+    assert found.is_equal
     assert [each.name for each in (*found.inputs, *found.versions)] == ["names", "numpy"]
 
 
@@ -171,5 +174,5 @@ def test_frames_are_read_some_columns_at_a_time():
         }
     )
     replays = [Watched(run({"gate": long})) for _ in range(2)]
-    assert compare_runs(*replays).equal
+    assert compare_runs(*replays).is_equal
     assert max(columns for _, columns in asked) <= 5

@@ -225,12 +225,7 @@ def test_coulomb_friction_holds_the_machine_at_each_reversal_until_the_drive_ove
 def test_the_work_of_drive_brakes_and_gravity_is_motion_and_heat(
     coulomb, coulomb_z, com_x, com_y, slope, waveform
 ):
-    machine = {
-        "coulomb_N": coulomb,
-        "coulomb_z_N_m": coulomb_z,
-        "com_x_m": com_x,
-        "com_y_m": com_y,
-    }
+    machine = {"coulomb_N": coulomb, "coulomb_z_N_m": coulomb_z, "com_x_m": com_x, "com_y_m": com_y}
     both = {
         **JOINT,
         "force": {**FORCE, "waveform": waveform},
@@ -276,7 +271,7 @@ def test_the_valves_ignore_their_dead_band_and_are_linear_beyond_it():
     swing = {**SWING, "duration_s": 12.0}
     made = {"valve_deadband_share": 0.1, "valve_lag_s": 0.001}
     time, run = sampled(solved(swing, campaign=made))
-    asked = scenario(swing).campaign.trial[0].force(time[time < 12.0])
+    asked = scenario(swing).campaign.manoeuvres_of_trial[0].force(time[time < 12.0])
     full = 9000.0
     opened = np.maximum(np.abs(asked) - 0.1 * full, 0.0) / 0.9 * np.sign(asked)
     np.testing.assert_allclose(run.force_x_N[time < 12.0][2:], opened[2:], atol=5.0)
@@ -284,7 +279,7 @@ def test_the_valves_ignore_their_dead_band_and_are_linear_beyond_it():
 
 def test_the_papers_triangle_is_highest_at_its_start_and_between_f0_and_f0_plus_half_a():
     wave = {"period_s": 15.0, "lowest_N": 100.0, "highest_N": 6100.0}
-    force = scenario({"kind": "excite", "force": wave}).campaign.trial[0].force
+    force = scenario({"kind": "excite", "force": wave}).campaign.manoeuvres_of_trial[0].force
     time = np.linspace(0.0, 40.0, 999)
     amplitude, period, f0 = 12_000.0, 15.0, 100.0
     paper = amplitude / period * np.abs(np.mod(time, period) - period / 2) + f0
@@ -294,7 +289,7 @@ def test_the_papers_triangle_is_highest_at_its_start_and_between_f0_and_f0_plus_
 @pytest.mark.parametrize("shape", ["triangular", "sinusoidal", "polynomial"])
 def test_waveforms_run_between_their_values_with_their_period_and_phase(shape):
     wave = {**FORCE, "waveform": shape, "peak_s": 1.0}
-    force = scenario({"kind": "excite", "force": wave}).campaign.trial[0].force
+    force = scenario({"kind": "excite", "force": wave}).campaign.manoeuvres_of_trial[0].force
     time = np.linspace(0.0, 12.0, 120_001)
     values = force(time)
     assert values.max() == pytest.approx(3000.0, abs=1e-3)

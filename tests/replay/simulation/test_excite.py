@@ -45,7 +45,7 @@ def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(excite
     made = json.loads(answer.out)
     (best,) = [each for each in made["waveforms"] if each["best"]]
     scenario = load_scenario_file(tmp_path / "best.toml")
-    rest, driven = scenario.campaign.trial
+    rest, driven = scenario.campaign.manoeuvres_of_trial
     assert rest.kind == "rest"
     assert driven.model_dump(exclude_none=True)["force"] == best["force"]
     (log,) = simulate_scenario_to_logs(scenario, tmp_path / "best.csv")

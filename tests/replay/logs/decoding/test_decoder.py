@@ -88,7 +88,7 @@ def test_large_batches_are_split_by_messages_and_by_bytes() -> None:
         times = np.arange(count)
         data = np.zeros(size, np.uint8)
         return [
-            part.rows
+            part.message_count
             for part in RawBatch(0, data, 0 * times, lengths, times).split_to_bounded_batches()
         ]
 
