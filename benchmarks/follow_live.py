@@ -163,9 +163,7 @@ def steps(machine: Any) -> str:
     options = ls_method.options(settings.trace, collect_axis_noise(X, settings))
     calls: dict[str, Callable[[Any], object]] = {
         "sums of the window: index (11), OLS": lambda row: incremental.advance_window(window, row),
-        "OLS from them, with its deviation": lambda _row: ls_method.step_function(
-            window, 10, options
-        ),
+        "OLS from them, with its deviation": lambda _row: ls_method.step(window, 10, options),
         "RLS, one sample, (12) to (15)": lambda row: rls.step(state, row[:2], float(row[2])),
     }
     rows: list[list[str]] = []

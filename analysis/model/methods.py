@@ -111,12 +111,12 @@ class Method:
     takes_noise_off: bool = False
 
     @property
-    def estimator_module(self) -> EstimatorModule:
+    def estimator(self) -> EstimatorModule:
         """The imported module."""
         return cast("EstimatorModule", import_module(f"estimators.methods.{self.name}"))
 
     @property
-    def step_function(self) -> Callable[..., Any]:
+    def step(self) -> Callable[..., Any]:
         """The function for use on board."""
         module, _, name = self.on_board.partition(".")
         return attrgetter(name)(import_module(f"estimators.methods.{module}"))

@@ -242,9 +242,7 @@ def estimate_windowed_methods(
     """Estimates of every windowed method for the accepted window that ends at `row`."""
     settings, window = state.settings, state.window
     estimates = {
-        method.name: TimedEstimate(
-            row, method.step_function(window, settings.smooth.samples, options)
-        )
+        method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
         for method, options in iter_methods_with_feed(state, FeedKind.WINDOWS)
     }
     if any(iter_methods_with_feed(state, FeedKind.SETTLED)):
@@ -275,7 +273,7 @@ def feed_recursive_methods(state: AxisState) -> tuple[AxisState, dict[str, Timed
     estimates: dict[str, TimedEstimate] = {}
     for method, options in iter_methods_with_feed(state, FeedKind.SETTLED):
         past = pasts.get(method.name)
-        pasts[method.name], estimate = method.step_function(window, past, newest, mean, options)
+        pasts[method.name], estimate = method.step(window, past, newest, mean, options)
         estimates[method.name] = TimedEstimate(row, estimate)
     return replace(state, pasts=pasts, fed_row=row), estimates
 
@@ -350,8 +348,6 @@ def _make_pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:
         return {}
     mean = state.settings.smooth.samples
     return {
-        method.name: TimedEstimate(
-            state.pooled_row, method.step_function(state.pool, mean, options)
-        )
+        method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
         for method, options in iter_methods_with_feed(state, FeedKind.SEGMENTS)
     }

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from analysis.fleet.results_comparison import FleetComparison
-    from replay.fleet.compare_fleet_results import DayRange
+    from replay.fleet.compare_results import DayRange
     from replay.fleet.gathered_tables import FleetResults
     from replay.fleet.run_fleet import FleetRun
     from replay.fleet.task_engine import TaskEngine
@@ -215,7 +215,7 @@ def compare_command(
     Exit status 1 if they would have.
     """
     from replay.commands.print_tables import print_json
-    from replay.fleet.compare_fleet_results import compare_fleets
+    from replay.fleet.compare_results import compare_fleets
     from replay.fleet.gathered_tables import open_results_of_fleet
 
     if (b is None) == (not overrides):
@@ -290,7 +290,7 @@ def _make_task_engine_factory(
 
 
 def _parse_day_range(first_day: str | None, last_day: str | None) -> "DayRange":
-    from replay.fleet.compare_fleet_results import DayRange
+    from replay.fleet.compare_results import DayRange
 
     found: list[dt.date | None] = []
     for name, text in (("--from", first_day), ("--to", last_day)):
@@ -310,7 +310,7 @@ def _replay_fleet_with_other_settings(
     engine: "Callable[[], AbstractContextManager[TaskEngine]]",
 ) -> "FleetResults":
     from replay.commands.fleet_progress import FleetProgress
-    from replay.fleet.compare_fleet_results import RunCallbacks, replay_fleet_with_settings
+    from replay.fleet.compare_results import RunCallbacks, replay_fleet_with_settings
 
     with FleetProgress() as shown:
         told = RunCallbacks(shown.begin_bar, shown.count_finished_log, shown.note_engine_slots)

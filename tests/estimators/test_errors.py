@@ -4,9 +4,9 @@ import inspect
 import pickle
 
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from estimators import errors
+from tests.one_line import assert_one_line
 
 
 def test_every_error_is_a_payscope_error_with_a_docstring():

@@ -9,7 +9,6 @@ import polars as pl
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tests.join_to_one_line import assert_one_line
 
 from analysis import Loss, Provenance, Run
 from analysis.model.schema import PHASE
@@ -24,6 +23,7 @@ from recordings import (
 from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.stored_frames import StoredFrame
 from recordings.rrd.viewer import find_viewer_executable
+from tests.one_line import assert_one_line
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-from tests.join_to_one_line import assert_one_line
+
+from tests.one_line import assert_one_line
 
 
 @dataclass(frozen=True)

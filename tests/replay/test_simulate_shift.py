@@ -8,7 +8,6 @@ from typing import Any
 import polars as pl
 import pytest
 from rosbags.highlevel import AnyReader
-from tests.join_to_one_line import assert_one_line
 
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
@@ -19,6 +18,7 @@ from replay.simulation.simulate_logs import (
     make_shift_truth_path,
     simulate_scenario_to_logs,
 )
+from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, join_to_one_line
 
 SHIFT = Scenario.model_validate(

@@ -12,7 +12,6 @@ import duckdb
 import polars as pl
 import pyarrow.parquet
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 import payscope as api
 from analysis.simulation import Scenario
@@ -23,6 +22,7 @@ from replay.convert.unfinished_folder import open_unfinished_folder
 from replay.logs import expand_log_folders
 from replay.logs.converted import DESCRIPTION
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
+from tests.one_line import assert_one_line
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 from tests.replay.sledge import Payscope, join_to_one_line
 

@@ -138,7 +138,7 @@ def test_without_the_extra_it_says_in_one_line_what_to_install(words: list[str])
 def test_nothing_but_a_fleets_run_imports_ray() -> None:
     code = (
         "import sys, replay.commands.cli, replay.fleet.gathered_tables\n"
-        "import replay.fleet.write_fleet_page, replay.fleet.compare_fleet_results\n"
+        "import replay.fleet.write_fleet_page, replay.fleet.compare_results\n"
         "import replay.fleet.run_fleet, replay.fleet.recording_task, replay.fleet.ray_engine\n"
         "print([name for name in ('ray', 'obstore') if name in sys.modules])"
     )

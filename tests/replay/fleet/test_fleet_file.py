@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import FleetError, PayscopeError
 from replay.fleet.machine_setups import MachineRule, load_fleet
+from tests.one_line import assert_one_line
 
 RULE = '[[machines]]\nlogs = "{machine}/*.mcap"\nfile = "cat262c.toml"\n'
 

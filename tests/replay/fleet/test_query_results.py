@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import FleetError, QueryError
 from replay.fleet.gathered_tables import open_results_of_fleet, query_fleet_tables
 from replay.query.run_query import prepare_query_of_sources
+from tests.one_line import assert_one_line
 
 
 def test_tables_are_joined_and_summed(kept: Path) -> None:

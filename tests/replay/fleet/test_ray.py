@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import FleetError
 from replay.fleet.ray_engine import start_ray_engine
+from tests.one_line import assert_one_line
 
 REPO = Path(__file__).resolve().parents[3]
 

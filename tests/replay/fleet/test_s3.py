@@ -4,13 +4,13 @@ import os
 from pathlib import Path
 
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from benchmarks.fleet_logs import SerialEngine
 from benchmarks.fleet_s3 import Server, checked
 from estimators.errors import PayscopeError
 from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.object_store import ObjectStore
+from tests.one_line import assert_one_line
 
 AWS = ("AWS_ENDPOINT_URL", "AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION")
 

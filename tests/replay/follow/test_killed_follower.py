@@ -17,13 +17,13 @@ import pytest
 import rerun as rr
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
-from tests.join_to_one_line import assert_one_line
 
 from analysis.simulation import Scenario
 from recordings.follow.growing_file import is_unfinished_recording, iter_complete_messages
 from recordings.follow.growing_recording import read_end_of_recording
 from replay.follow.report_file import TOPIC
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
+from tests.one_line import assert_one_line
 from tests.replay.follow.recorders import Recording, mcap_recorder, rosbag2_recorder
 from tests.replay.sledge import Payscope
 from tests.twins import mark_slow_after

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from tests.join_to_one_line import assert_one_line
 
 from analysis.online.online_report import (
     OnlineReport,
@@ -27,6 +26,7 @@ from estimators.estimate import Estimate
 from replay import load_machine, open_log
 from replay.follow.report_file import ReportFile
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
+from tests.one_line import assert_one_line
 from tests.replay.follow.test_killed_follower import printed_reports
 from tests.replay.sledge import Payscope
 

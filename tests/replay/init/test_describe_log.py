@@ -6,12 +6,12 @@ from zoneinfo import ZoneInfo
 
 import pytest
 from rich.console import Console
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import LogError
 from replay import open_log
 from replay.commands.info import print_log_info
 from replay.init.describe_log import LogInfo, describe_log_by_index
+from tests.one_line import assert_one_line
 
 SANTIAGO = ZoneInfo("America/Santiago")
 

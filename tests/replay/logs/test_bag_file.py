@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tests.replay.logs.join_to_one_line import one_line_at_most
 
 from estimators.errors import LogError
 from replay import open_log
 from tests.replay.logs.damaged import without_bag_index
+from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.written_logs import Joints, write_bag
 
 DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(50)]

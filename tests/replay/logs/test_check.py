@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType
 from rosbags.rosbag2 import StoragePlugin
-from tests.replay.logs.join_to_one_line import one_line_at_most
 
 from replay import open_log
 from replay.logs import LogCheck
 from tests.replay.logs.conftest import Write
 from tests.replay.logs.damaged import chunks, hide_from_index, overwrite
+from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap, write_rosbag2
 
 DRIVE = [

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tests.replay.logs.join_to_one_line import one_line_at_most
 
 from estimators.errors import LogError
 from replay import open_log
+from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.written_logs import Joints, write_db3
 
 DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(5000)]

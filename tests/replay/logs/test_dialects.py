@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from analysis.model.physical_units import find_pint_name
 from benchmarks.dialects.dialect_file import DRIVE, RATE_HZ, DialectFile
@@ -12,6 +11,7 @@ from benchmarks.dialects.every_file import SETS, readable_files_of_set
 from estimators.errors import LogError
 from replay.commands.common_options import make_time_axis_from_options
 from replay.logs import open_log
+from tests.one_line import assert_one_line
 
 #: What is lost or moved in them is declared.
 DECLARED = (

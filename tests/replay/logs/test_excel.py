@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 import xlsxwriter
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import LogError
 from replay.commands.common_options import make_time_axis_from_options
 from replay.logs import open_log
 from replay.logs.tables.table_limits import LIMITS
+from tests.one_line import assert_one_line
 
 BEGIN = datetime(2026, 11, 13, 8, 15, 30)
 

@@ -5,11 +5,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import LogError
 from replay import open_log
 from replay.logs.log_formats import OPENERS
+from tests.one_line import assert_one_line
 
 
 def join_to_one_line(path: Path) -> str:

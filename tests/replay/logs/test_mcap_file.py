@@ -13,13 +13,13 @@ from mcap.records import Channel, ChunkIndex, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
-from tests.replay.logs.join_to_one_line import one_line_at_most
 
 from estimators.errors import LogError
 from replay import open_log
 from replay.logs.mcap.mcap_file import McapFile
 from replay.logs.mcap.mcap_index import read_indexed_times_of_chunk
 from replay.logs.storage.file_bytes import FileBytes
+from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.stored import stored
 from tests.replay.logs.written_logs import JOINT_STATE, ROS2, Joints, write_mcap
 

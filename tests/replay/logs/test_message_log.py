@@ -5,10 +5,10 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import LogError
 from replay import open_log
+from tests.one_line import assert_one_line
 from tests.replay.logs.written_logs import Joints
 
 Write = Callable[[Sequence[Joints]], Path]

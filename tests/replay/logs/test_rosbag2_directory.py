@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 import zstandard
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from tests.replay.logs.join_to_one_line import one_line_at_most
 
 from estimators.errors import LogError
 from replay import open_log
+from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.written_logs import Joints, write_mcap, write_rosbag2
 
 DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(30)]

@@ -11,10 +11,10 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
 from google.protobuf.timestamp_pb2 import DESCRIPTOR as TIMESTAMP
 from mcap.writer import Writer
-from tests.replay.logs.join_to_one_line import one_line_at_most
 
 from estimators.errors import LogError
 from replay import open_log
+from tests.replay.logs.one_line import one_line_at_most
 
 SCHEMA = {
     "type": "object",

@@ -11,7 +11,6 @@ import polars as pl
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import LogError
 from replay import open_log
@@ -25,6 +24,7 @@ from replay.logs.messages.raw_batch import make_batch_of_messages
 from replay.logs.rosbag2.rosbag2_directory import Rosbag2Directory
 from replay.logs.sqlite.sqlite_file import Db3File
 from tests.conftest import WHOSE
+from tests.one_line import assert_one_line
 from tests.replay.logs.decoding.random_types import every_field
 from tests.replay.logs.decoding.test_equality import same
 

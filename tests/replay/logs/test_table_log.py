@@ -4,11 +4,11 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from tests.join_to_one_line import assert_one_line
-from tests.replay.logs.join_to_one_line import one_line_at_most
 
 from estimators.errors import LogError
 from replay import TimeAxis, open_log
+from tests.one_line import assert_one_line
+from tests.replay.logs.one_line import one_line_at_most
 
 SAMPLES = pl.DataFrame(
     {

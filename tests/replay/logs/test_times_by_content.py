@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import LogError
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import open_log
 from replay.logs.tables.hints import TableHints, TimeAxis
+from tests.one_line import assert_one_line
 
 BEGIN = datetime(2026, 11, 13, 8, 15, 30, tzinfo=UTC)
 BEGIN_NS = int(BEGIN.timestamp()) * 10**9

@@ -7,12 +7,12 @@ from pathlib import Path
 import polars as pl
 import pyarrow.feather
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import QueryError
 from recordings import read_frame, write_recording
 from replay import load_machine, open_log, run
 from replay.query.run_query import prepare_query_of_sources
+from tests.one_line import assert_one_line
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 from tests.replay.sledge import MACHINE, Payscope, join_to_one_line, sledge
 

@@ -3,10 +3,10 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.join_to_one_line import assert_one_line
 
 from estimators.errors import MachineError
 from replay.runs.sweep_settings import list_value_combinations
+from tests.one_line import assert_one_line
 
 
 def test_a_range_has_both_ends_and_the_numbers_as_they_are_written() -> None:

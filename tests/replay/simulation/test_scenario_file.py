@@ -4,11 +4,11 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from tests.join_to_one_line import assert_one_line
 
 from analysis.simulation import Scenario
 from estimators.errors import ScenarioError
 from replay.simulation.scenario_file import load_scenario_file
+from tests.one_line import assert_one_line
 
 MANOEUVRE = "[[campaign.manoeuvres]]\n"
 EXAMPLE = Path(__file__).parents[3] / "examples" / "campaign.toml"

@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 import pytest
 from rosbags.highlevel import AnyReader
-from tests.join_to_one_line import assert_one_line
 
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import OutputError, ScenarioError
@@ -18,6 +17,7 @@ from replay.simulation.simulate_logs import (
     simulate_scenario_to_logs,
     write_logs_and_truths,
 )
+from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, join_to_one_line
 
 SHORT = Scenario.model_validate(

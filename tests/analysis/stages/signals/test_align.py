@@ -5,12 +5,12 @@ import polars as pl
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from tests.join_to_one_line import assert_one_line
 
 from analysis.stages.signals.align import align_channels_on_grid, list_alignment_notes
 from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
+from tests.one_line import assert_one_line
 
 MS = 1_000_000
 T0 = 1_700_000_000_000_000_000
