@@ -149,7 +149,7 @@ def machine(without=(), imu=None, **settings):
     """A machine with every channel, its yaw acceleration derived from the gyroscope."""
     channels = {name: {"field": name} for name in NOISE if name not in without}
     if "yaw_acc_rad_s2" not in without:
-        channels["yaw_acc_rad_s2"] = {"derive_channels_in_si": "d/dt yaw_rate_rad_s"}
+        channels["yaw_acc_rad_s2"] = {"derive": "d/dt yaw_rate_rad_s"}
     body = {"name": "loader", "empty_mass_kg": 3614.0}
     if imu is not None:
         body["imu"] = imu.model_dump()

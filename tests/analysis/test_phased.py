@@ -86,7 +86,7 @@ DERIVED = {
     "force_x_N": phased.CHANNELS["force_x_N"],
     "speed_x_m_s": phased.CHANNELS["speed_x_m_s"],
     "specific_force_x_m_s2": None,
-    "acc_x_m_s2": {"derive_channels_in_si": "d/dt speed_x_m_s"},
+    "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
 }
 
 

@@ -15,7 +15,7 @@ from tests.analysis.conftest import make_machine
 
 MASS_KG, FORCE_N, SPEED_M_S = 1850.0, 20.0, 0.01
 KINEMATIC = {
-    "acc_x_m_s2": {"derive_channels_in_si": "d/dt speed_x_m_s"},
+    "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
     "specific_force_x_m_s2": None,
 }
 

@@ -117,7 +117,7 @@ def test_a_hint_without_numbers_is_a_loss_and_one_of_the_wrong_type_an_error(raw
     hinted = machine(
         {"acceleration": "kinematic"},
         gear_ratio_1={"topic": "/imu", "field": "x"},
-        acc_x_m_s2={"derive_channels_in_si": "d/dt speed_x_m_s"},
+        acc_x_m_s2={"derive": "d/dt speed_x_m_s"},
         specific_force_x_m_s2=None,
     )
     channels, losses, _ = derived(loader(raw_topic, x=[None] * 500), hinted)
@@ -130,7 +130,7 @@ def test_a_hint_without_numbers_is_a_loss_and_one_of_the_wrong_type_an_error(raw
 def test_a_causal_force_derived_of_a_channel_of_ones_own_is_known_when_that_is(raw_topic, machine):
     own = {
         "drive_A": {"topic": "/can", "field": "force"},
-        "force_x_N": {"derive_channels_in_si": "drive_A * 1 [N/A]"},
+        "force_x_N": {"derive": "drive_A * 1 [N/A]"},
     }
     channels, _, _ = derived(loader(raw_topic), machine({"causal": True}, **own))
     assert "drive_A" not in channels
@@ -139,8 +139,8 @@ def test_a_causal_force_derived_of_a_channel_of_ones_own_is_known_when_that_is(r
 
 POSITION = {
     "position_x_m": {"topic": "/can", "field": "speed"},
-    "speed_x_m_s": {"derive_channels_in_si": "d/dt position_x_m"},
-    "acc_x_m_s2": {"derive_channels_in_si": "d/dt speed_x_m_s"},
+    "speed_x_m_s": {"derive": "d/dt position_x_m"},
+    "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
     "specific_force_x_m_s2": None,
 }
 
@@ -223,7 +223,7 @@ def test_the_pitch_of_a_quaternion_is_nose_up_and_in_the_topics_own_time(raw_top
     raw["/imu"] = raw["/imu"].with_columns(
         pl.Series(f"orientation.{axis}", value) for axis, value in parts.items()
     )
-    pitch = {"topic": "/imu", "derive_channels_in_si": "pitch(orientation)"}
+    pitch = {"topic": "/imu", "derive": "pitch(orientation)"}
     channels, _, _ = derived(
         raw, machine({"acceleration": "kinematic"}, **POSITION | {"pitch_rad": pitch})
     )
@@ -234,7 +234,7 @@ def test_the_pitch_of_a_quaternion_is_nose_up_and_in_the_topics_own_time(raw_top
 SIDES = {
     "speed_left_m_s": {"topic": "/can", "field": "speed"},
     "speed_right_m_s": {"topic": "/imu", "field": "x"},
-    "speed_x_m_s": {"derive_channels_in_si": "mean(speed_left_m_s, speed_right_m_s)"},
+    "speed_x_m_s": {"derive": "mean(speed_left_m_s, speed_right_m_s)"},
 }
 
 
@@ -270,7 +270,7 @@ def test_a_side_that_comes_back_after_a_gap_makes_no_spike_of_acceleration(raw_t
     made = wheels(
         machine,
         {"acceleration": "kinematic", "cutoff_hz": 40.0},
-        acc_x_m_s2={"derive_channels_in_si": "d/dt speed_x_m_s"},
+        acc_x_m_s2={"derive": "d/dt speed_x_m_s"},
     )
     channels, _, _ = derived(raw, made)
     np.testing.assert_allclose(channels["acc_x_m_s2"]["acc_x_m_s2"], 0.0, atol=1e-6)
