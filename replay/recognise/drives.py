@@ -83,7 +83,9 @@ def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognit
     return True
 
 
-def propose_force_from_unnamed_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def propose_force_from_unnamed_sides(
+    columns: Sequence[LogColumn], recognition: Recognition
+) -> bool:
     """Propose a force from two wheel torques without a side; whether there are any."""
     torques = [
         c
