@@ -30,12 +30,12 @@ def solve_least_squares_by_svd(A: Floats, f: Floats) -> Floats:
 def factor_covariance(covariance: Floats) -> Floats:
     """Lower triangular L with L Lᵀ = the covariance (p, p), which may be singular."""
     try:
-        return np.linalg.cholesky(covariance)
+        return np.asarray(np.linalg.cholesky(covariance), np.float64)
     except np.linalg.LinAlgError:
         # of a combination without variance, rounding makes a negative one
         variances, directions = np.linalg.eigh(covariance)
         upper = np.linalg.qr((directions * np.sqrt(np.maximum(variances, 0.0))).T)[1]
-        return upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
+        return np.asarray(upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0), np.float64)
 
 
 @compiled_unless_short_log
