@@ -111,6 +111,13 @@ def _opposing_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     )
 
 
+def _opposing_torque_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
+    """Fraction of samples of spins braked by the drive whose yaw torque opposes the spin."""
+    return fit_quality.force_fraction_against_motion(
+        motion.A, motion.f, motion.braking, motion.speeding, has_scrubbing_tyres=True
+    )
+
+
 def _driving_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of accelerating samples whose force acts along the motion."""
     return fit_quality.force_fraction_along_motion(motion.speed, motion.f, motion.speeding)
@@ -226,7 +233,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}opposing_share",
             subject,
-            _opposing_force_fraction,
+            _opposing_torque_fraction if subject == "inertia" else _opposing_force_fraction,
             f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
             f"the {force} has no sign",
             minimum="opposing_share_min",

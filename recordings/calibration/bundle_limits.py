@@ -49,6 +49,9 @@ class BundleLimits:
     # campaign_faults
     #: Time in s by which the clocks of two computers may differ.
     clock_difference_s: int = 300
+    #: Time in s that two logs of one machine may have in common: begins are stated in whole
+    #: seconds, and a recorder that splits its logs may write a message twice.
+    common_time_s: float = 2.0
 
     # evidence_document
     #: Characters of a stranger's text that are repeated.

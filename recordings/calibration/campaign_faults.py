@@ -2,8 +2,11 @@
 
 import datetime as dt
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Final
 from zoneinfo import ZoneInfo
+
+import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
 from analysis.model.machine import Machine
@@ -59,6 +62,46 @@ def iter_contradicted_run_days(
             yield (
                 f"run '{run.id}': its log {run.log} ends {end:%F %R} UTC, after the evidence was "
                 f"made, {evidence_creation:%F %R} UTC"
+            )
+
+
+def iter_repeated_runs(
+    campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], readings: pl.DataFrame
+) -> Iterator[str]:
+    """Yield a sentence for each pair of runs that count the same starts twice.
+
+    A machine drives once at a time, and no two drives give the same masses to the last bit.
+    Excluded runs count for nothing.
+
+    Args:
+        campaign: the campaign, whose runs do not overlap within a log.
+        logs: the replayed logs.
+        readings: frame `readings` of all runs.
+    """
+    by_name = {each.log: each for each in logs}
+    counted = [run for run in campaign.runs if not run.excluded and run.log in by_name]
+    groups = readings.filter("used").partition_by("run_id", as_dict=True)
+    masses_kg = {run_id: tuple(rows["mass_kg"]) for (run_id,), rows in groups.items()}
+    runs_by_masses: dict[tuple[float, ...], CampaignRun] = {}
+    for run in counted:
+        first = runs_by_masses.setdefault(masses_kg.get(run.id, ()), run)
+        if masses_kg.get(run.id) and first is not run:
+            yield (
+                f"runs '{first.id}' and '{run.id}' have the same readings to the last bit: one "
+                "drive counts twice"
+            )
+    begins = {log.log: parse_begin_time_of_log(log) for log in logs}
+    spans = sorted(
+        (*_compute_run_span(run, by_name[run.log], begin), run.id, run.log)
+        for run in counted
+        if (begin := begins[run.log]) is not None
+    )
+    for (_, end, one, log), (begin, other_end, two, other_log) in pairwise(spans):
+        common_s = (min(end, other_end) - begin).total_seconds()
+        if log != other_log and common_s > LIMITS.common_time_s:
+            yield (
+                f"runs '{one}' and '{two}': {common_s:.0f} s of {log} and {other_log} were "
+                "recorded at the same time: one drive counts twice"
             )
 
 

@@ -25,6 +25,7 @@ from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.campaign_faults import (
     iter_contradicted_run_days,
     iter_contradictions_to_machine,
+    iter_repeated_runs,
     parse_creation_time,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
@@ -262,6 +263,8 @@ def check_runs_and_readings(document: EvidenceDocument, readings: pl.DataFrame) 
     for name in runs:
         if name not in seen:
             yield BundleFinding(BundleOutcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
+    for fault in iter_repeated_runs(document.campaign, document.logs, readings):
+        yield _make_irreproducible_finding("campaign.runs", fault)
 
 
 def _iter_contradictions_of_reading_to_run(

@@ -66,6 +66,7 @@ from replay.calibration.dcc_output import DccOutput, require_dcc_inputs, write_a
 from replay.calibration.refuse_campaign import (
     load_range_of_notary_list,
     refuse_machine_unlike_logs,
+    refuse_repeated_runs,
     refuse_run_days_unlike_logs,
     refuse_unaccounted_logs_of_list,
 )
@@ -201,6 +202,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
         refuse_run_days_unlike_logs(campaign_file, campaign, replayed, machine)
+        refuse_repeated_runs(campaign_file, campaign, replayed)
         refuse_machine_unlike_logs(campaign_file, campaign, replayed, machine)
         refuse_unaccounted_logs_of_list(campaign_file, campaign, replayed, stretch)
         if learnt is not None:

@@ -9,6 +9,7 @@ from estimators.errors import CampaignError
 from recordings.calibration.campaign_faults import (
     iter_contradicted_run_days,
     iter_contradictions_to_machine,
+    iter_repeated_runs,
 )
 from recordings.calibration.notary_stretch import cut_range_from_notary_list, iter_unaccounted_logs
 from recordings.notary.notary_check import check_untrusted_notary_list
@@ -38,6 +39,19 @@ def refuse_run_days_unlike_logs(
     fault = next(faults, None)
     if fault is not None:
         raise CampaignError(f"{campaign_path}: {fault}; correct its day, or machine.timezone")
+
+
+def refuse_repeated_runs(
+    campaign_path: Path, campaign: CalibrationCampaign, replayed_logs: CampaignReplay
+) -> None:
+    """Raise an error if two runs are of one drive.
+
+    Raises:
+        CampaignError: a drive counts twice.
+    """
+    fault = next(iter_repeated_runs(campaign, replayed_logs.logs, replayed_logs.readings), None)
+    if fault is not None:
+        raise CampaignError(f"{campaign_path}: {fault}; remove one, or say why in excluded")
 
 
 def refuse_machine_unlike_logs(

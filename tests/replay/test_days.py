@@ -75,6 +75,30 @@ def test_days_that_the_logs_contradict_are_irreproducible(
     assert words in items(found)
 
 
+def test_runs_that_were_recorded_at_the_same_time_are_irreproducible(
+    made: Made, tmp_path: Path
+) -> None:
+    tamper = began("2026-05-01 10:00:00 UTC", "2026-05-01 10:00:05 UTC")
+    found = verify_bundle(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
+    assert found.outcome is IRREPRODUCIBLE
+    assert "runs 'run-0' and 'run-1'" in items(found)
+    assert "were recorded at the same time: one drive counts twice" in items(found)
+
+
+def test_a_drive_that_counts_twice_under_another_name_is_refused(tmp_path: Path) -> None:
+    campaign = campaign_folder(tmp_path / "c", loads=(0, 1, 2))
+    shutil.copy(campaign.parent / "load-1.csv", campaign.parent / "again.csv")
+    text = campaign.read_text()
+    start = text.index('[[runs]]\nid = "run-1"')
+    run = text[start : text.index("[[runs]]", start + 1)]
+    again = run.replace('id = "run-1"', 'id = "again"').replace("load-1.csv", "again.csv")
+    campaign.write_text(f"{text}\n{again}")
+    with pytest.raises(CampaignError, match="'run-1' and 'again' have the same readings"):
+        calibrate_from_campaign(campaign, tmp_path / "evidence")
+    campaign.write_text(f'{text}\n{again}excluded = "a copy"\n')
+    assert calibrate_from_campaign(campaign, tmp_path / "evidence").document.calibration
+
+
 def test_evidence_made_before_its_last_log_ended_is_irreproducible(
     made: Made, tmp_path: Path
 ) -> None:

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from analysis.calibration.line.line_inversion import LineInversion
+from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import DAY
 from analysis.model.prior_settings import LearnableTerm
 from estimators.errors import DataError
@@ -250,6 +251,14 @@ class Calibration:
         """Whether no data determine how the machine changes from day to day."""
         days = {point.day for point in self.points if point.readings}
         return len(days) == 1 and (self.day_kg is None or self.day_freedom is not None)
+
+    @property
+    def days_of_unknown_scatter(self) -> int:
+        """Days of the runs where these are too few to tell how the machine changes; else 0."""
+        if self.day_kg is not None and self.day_freedom is None:
+            return 0
+        days = len({point.day for point in self.points if point.readings})
+        return days if days < LIMITS.enough_days else 0
 
     @property
     def inversion(self) -> LineInversion:

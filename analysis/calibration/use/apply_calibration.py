@@ -50,7 +50,7 @@ class LaterLog:
         shared_errors: its estimate of errors shared with its campaign; None corrects none.
         empty_kg: known mass of the empty machine; None if unknown.
         empty_u_kg: its standard uncertainty.
-        unseen: changes that would have stayed undetected since evidence of one day.
+        unseen: changes since the evidence that would stay undetected.
     """
 
     refused: str = ""
@@ -131,8 +131,12 @@ def _make_calibrated_columns(
     if one.mass_kg is None:
         return said
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
-    if calibration.has_single_day and not drift_was_checked:
-        said["calibrated_said"] = later_log.unseen.get(load_row["load_id"], "")
+    days = calibration.days_of_unknown_scatter
+    unseen = later_log.unseen.get(load_row["load_id"], "")
+    if days and unseen and not drift_was_checked:
+        said["calibrated_said"] = (
+            f"evidence of {'one day' if days == 1 else f'{days} days'}: {unseen}"
+        )
     payload = calibrate_payload_of_load(load_row, calibration, later_log, one, empty_weighings)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload

@@ -22,10 +22,10 @@ from analysis.model.strict_config import STRICT
 
 #: Of the terms, what another ground, mounting or warmth changes from day to day.
 _CHANGES: Final = ("const", "direction")
-_ONE_DAY: Final = (
-    "evidence of one day: no log can reveal a force gain that has changed since, and a bias, "
-    "tilt or rolling resistance worth up to {:,.0f} kg cannot be distinguished from chance; an "
-    "empty start, calibrate --check or evidence of several days would reveal it"
+_UNDETECTED: Final = (
+    "no log can reveal a force gain that has changed since, and a bias, tilt or rolling resistance "
+    "worth up to {:,.0f} kg cannot be distinguished from chance; an empty start, calibrate --check "
+    "or evidence of several days would reveal it"
 )
 _NAMES: Final = get_args(LearnableTerm)
 
@@ -228,7 +228,7 @@ def describe_undetectable_changes_by_load(
         if row["term"] in place and row["term"] in _CHANGES:
             times[place[row["term"]]] = LIMITS.contradicting_std * std / row["prior_mean_u"]
     return {
-        number: _ONE_DAY.format(float(np.max(np.abs(moved_kg) * times, initial=0.0)))
+        number: _UNDETECTED.format(float(np.max(np.abs(moved_kg) * times, initial=0.0)))
         for (of, number), moved_kg in shared_errors.moved_kg.items()
         if of == "mass"
     }

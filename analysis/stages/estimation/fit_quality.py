@@ -54,7 +54,13 @@ def force_fraction_along_motion(speed: Floats, f: Floats, chosen_samples: Bools)
 
 
 def force_fraction_against_motion(
-    A: Floats, f: Floats, is_braking: Bools, is_speeding_up: Bools, raw_force: Floats | None = None
+    A: Floats,
+    f: Floats,
+    is_braking: Bools,
+    is_speeding_up: Bools,
+    raw_force: Floats | None = None,
+    *,
+    has_scrubbing_tyres: bool = False,
 ) -> float:
     """Fraction of the samples braked by the drive whose force opposes the motion.
 
@@ -71,6 +77,7 @@ def force_fraction_against_motion(
         is_speeding_up: (n,) samples that speed up.
         raw_force: (n,) the same force before it was filtered, whose sign is judged; None judges
             `f`.
+        has_scrubbing_tyres: whether Coulomb friction is part of the friction: it stops a spin.
 
     Returns:
         The fraction; NaN where the drive does not brake or no sensor sees it.
@@ -79,7 +86,8 @@ def force_fraction_against_motion(
     if not has_enough_moving_samples(A, is_speeding_up):
         return 1.0 - force_fraction_along_motion(A[:, 1], judged, is_braking)
     own = f[is_speeding_up]
-    expected = A @ np.linalg.lstsq(A[is_speeding_up], own, rcond=None)[0]
+    model = np.column_stack([A, np.sign(A[:, 1])]) if has_scrubbing_tyres else A
+    expected = model @ np.linalg.lstsq(model[is_speeding_up], own, rcond=None)[0]
     least = LIMITS.signed_force_fraction * float(np.quantile(np.abs(own), 0.95))
     braked = is_braking
     if float(np.var(own - expected[is_speeding_up])) < LIMITS.explained_variance_fraction * float(

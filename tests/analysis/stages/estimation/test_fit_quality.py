@@ -1,0 +1,41 @@
+"""Whether a force has its sign, by the samples that the drive slows down."""
+
+import numpy as np
+import pytest
+
+from analysis.stages.estimation.fit_quality import force_fraction_against_motion
+
+INERTIA_KG_M2, SCRUB_N_M = 90.0, 180.0
+
+
+def spin_pulses(torque_of_stop_N_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Regressor (n, 2), torque (n,) and slowing (n,) of spins to the left at three throttles."""
+    rows = []
+    for throttle_N_m in (240.0, 280.0, 320.0):
+        rate = 0.0
+        for torque_N_m, count in ((throttle_N_m, 100), (torque_of_stop_N_m, 400)):
+            acc = (torque_N_m - SCRUB_N_M) / INERTIA_KG_M2
+            for _ in range(count):
+                rate += 0.01 * acc
+                if rate <= 0.0:
+                    break
+                rows.append((acc, rate, torque_N_m, acc < 0.0))
+    found = np.array(rows)
+    return found[:, :2], found[:, 2], found[:, 3].astype(bool)
+
+
+def test_scrub_that_stops_a_spin_while_the_drive_still_pushes_is_no_lost_sign() -> None:
+    A, torque, slows = spin_pulses(torque_of_stop_N_m=70.0)
+    assert force_fraction_against_motion(A, torque, slows, ~slows) == 0.0
+    scrubbed = force_fraction_against_motion(A, torque, slows, ~slows, has_scrubbing_tyres=True)
+    assert np.isnan(scrubbed)
+
+
+@pytest.mark.parametrize(("sign", "fraction"), [(1.0, 0.0), (-1.0, 1.0)])
+def test_a_drive_that_brakes_a_spin_still_shows_whether_it_has_a_sign(
+    sign: float, fraction: float
+) -> None:
+    A, torque, slows = spin_pulses(torque_of_stop_N_m=-150.0)
+    read = np.where(slows, sign * np.abs(torque), torque)
+    found = force_fraction_against_motion(A, read, slows, ~slows, has_scrubbing_tyres=True)
+    assert found == fraction
