@@ -46,11 +46,11 @@ class SerialEngine:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def slots(self) -> int:
+    def count_parallel_slots(self) -> int:
         """One."""
         return 1
 
-    def run(self, function: Any, work: Sequence[TaskWork[Task]]) -> Iterator[tuple[Task, Result]]:
+    def run_tasks(self, function: Any, work: Sequence[TaskWork[Task]]) -> Iterator[tuple[Task, Result]]:
         """Run them in their order."""
         for each in work:
             yield each.task, function(each.task)

@@ -49,11 +49,11 @@ cluster = Cluster(initialize_head=True, head_node_args=node)
 victim = [cluster.add_node(**node) for _ in range(2)][-1]
 done = {}
 with start_ray_engine(cluster.address, None) as engine:
-    assert engine.slots() == 3
+    assert engine.count_parallel_slots() == 3
     assert {n["NodeManagerAddress"] for n in ray.nodes()} == {"127.0.0.1"}
     tasks = [*range(40), "die", "raise", "threads"]
     asked = [TaskWork("large", 1 << 50), *(TaskWork(task, 1 << 20) for task in tasks)]
-    for task, result in engine.run(work, asked):
+    for task, result in engine.run_tasks(work, asked):
         assert task not in done
         done[task] = result
         if len(done) == 8:

@@ -131,9 +131,9 @@ def test_a_task_that_the_engine_gives_up_is_listed_and_made_by_the_next_run(
     run_in: Run, tmp_path: Path
 ) -> None:
     class Losing(SerialEngine):
-        def run(self, function: Any, work: Any) -> Any:
+        def run_tasks(self, function: Any, work: Any) -> Any:
             yield work[0].task, LostTask("its node caught fire")
-            yield from super().run(function, work[1:])
+            yield from super().run_tasks(function, work[1:])
 
     did = run_in(tmp_path / "results", engine=Losing)
     assert list(did.failed.values()) == ["its node caught fire"]
@@ -143,8 +143,8 @@ def test_a_task_that_the_engine_gives_up_is_listed_and_made_by_the_next_run(
 
 def test_an_interrupted_run_leaves_done_what_is_done(run_in: Run, tmp_path: Path) -> None:
     class Interrupted(SerialEngine):
-        def run(self, function: Any, work: Any) -> Any:
-            yield from super().run(function, work[:2])
+        def run_tasks(self, function: Any, work: Any) -> Any:
+            yield from super().run_tasks(function, work[:2])
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -183,7 +183,7 @@ def test_a_node_with_other_software_replays_nothing(
     from dataclasses import replace
 
     class Other(SerialEngine):
-        def run(self, function: Any, work: Any) -> Any:
+        def run_tasks(self, function: Any, work: Any) -> Any:
             for each in work:
                 there = {**each.task.versions, "polars": "0.1"}
                 yield each.task, function(replace(each.task, versions=there))
