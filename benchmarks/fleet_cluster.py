@@ -26,10 +26,10 @@ from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.log_sources import FleetLog, list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
 from replay.fleet.ray_engine import start_ray_engine
-from replay.fleet.recording_task import TaskOutcome
+from replay.fleet.recording_task import TaskOutcome, replay_and_store_result
 from replay.fleet.run_fleet import FleetRun, replay_logs_of_fleet
 
-_WORKER = b"ray::replay_one"
+_WORKER = f"ray::{replay_and_store_result.__name__}".encode()
 _WAIT_S = 60.0
 
 

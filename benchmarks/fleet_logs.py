@@ -50,7 +50,9 @@ class SerialEngine:
         """One."""
         return 1
 
-    def run_tasks(self, function: Any, work: Sequence[TaskWork[Task]]) -> Iterator[tuple[Task, Result]]:
+    def run_tasks(
+        self, function: Any, work: Sequence[TaskWork[Task]]
+    ) -> Iterator[tuple[Task, Result]]:
         """Run them in their order."""
         for each in work:
             yield each.task, function(each.task)
