@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from recordings import write_recording
 from recordings.report.atomic_output import require_writable_output
+from replay import load_machine, open_log, run
+from replay.machines.machine_file import find_time_axis_of_machine
 from tests.replay.sledge import MACHINE, sledge
 from tests.twins import mark_slow_after
 
@@ -22,9 +25,17 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("kept")
     sledge().write_csv(folder / "sledge.csv")
     (folder / "sledge.toml").write_text(MACHINE)
-    words = ["run", "sledge.csv", "-m", "sledge.toml", "-o", "out.rrd"]
-    subprocess.run([SCRIPT, *words], cwd=folder, capture_output=True, check=True)
-    return folder / "out.rrd"
+    machine = load_machine(folder / "sledge.toml")
+    with open_log(folder / "sledge.csv", time=find_time_axis_of_machine(machine)) as opened:
+        return write_recording(run(opened, machine), folder / "out.rrd")
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log that weighs in as little time as possible."""
+    path = tmp_path / "sledge.csv"
+    sledge(seconds=20.0).write_csv(path)
+    return path
 
 
 @pytest.mark.parametrize(
