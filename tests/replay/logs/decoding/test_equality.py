@@ -17,7 +17,7 @@ from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, eve
 from tests.twins import mark_slow_after
 
 #: In each encoding; `make decoding` sets 2500.
-TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "35"))
+TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "24"))
 #: An oracle is some milliseconds of generated code for each type.
 RANDOM_TYPES = settings(
     max_examples=TYPES, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
