@@ -26,11 +26,12 @@ from replay.logs import Log
 from replay.pipeline import run as replay
 from tests.made_once import make_value_once
 
-#: Where campaigns, reviews, `run` and `explain` find what replays a log.
+#: Where campaigns, reviews, fleets, `run` and `explain` find what replays a log.
 _PLACES = (
     "replay.calibration.campaign_runs.run",
     "replay.review.review_shift.run",
     "replay.runs.run_logs.run",
+    "replay.fleet.recording_task.run",
     "replay.pipeline.run",
 )
 #: Where a check of evidence finds what recomputes it.

@@ -184,13 +184,13 @@ class TestInit:
         ),
     )
     def test_the_linear_axis_runs_from_its_first_machine_file(
-        self, payscope: Payscope, data: Path, tmp_path: Path, name: str
+        self, payscope: Payscope, data_in_kind: Path, tmp_path: Path, name: str
     ) -> None:
         made = tmp_path / "made.toml"
-        said = payscope("init", data / name, "-o", made)
+        said = payscope("init", data_in_kind / name, "-o", made)
         assert said.status == 0
         assert said.err == ""
-        said = payscope("run", data / name, "-m", made, "--json")
+        said = payscope("run", data_in_kind / name, "-m", made, "--json")
         assert json.loads(said.out)["mass_kg"]["joint"] == pytest.approx(95.11, rel=0.02)
 
     def test_whatever_a_log_calls_its_joints_the_file_is_toml(

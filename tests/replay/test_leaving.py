@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from recordings import write_recording
 from recordings.report.atomic_output import require_writable_output
+from replay import load_machine, open_log, run
+from replay.machines.machine_file import find_time_axis_of_machine
 from tests.replay.sledge import MACHINE, sledge
 from tests.twins import mark_slow_after
 
@@ -22,14 +25,22 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("kept")
     sledge().write_csv(folder / "sledge.csv")
     (folder / "sledge.toml").write_text(MACHINE)
-    words = ["run", "sledge.csv", "-m", "sledge.toml", "-o", "out.rrd"]
-    subprocess.run([SCRIPT, *words], cwd=folder, capture_output=True, check=True)
-    return folder / "out.rrd"
+    machine = load_machine(folder / "sledge.toml")
+    with open_log(folder / "sledge.csv", time=find_time_axis_of_machine(machine)) as opened:
+        return write_recording(run(opened, machine), folder / "out.rrd")
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log that weighs in as little time as possible."""
+    path = tmp_path / "sledge.csv"
+    sledge(seconds=20.0).write_csv(path)
+    return path
 
 
 @pytest.mark.parametrize(
     "words",
-    mark_slow_after(2, [[], ["gate", "--format", "csv"], ["gate"], ["gate", "--format", "json"]]),
+    mark_slow_after(1, [["gate", "--format", "csv"], [], ["gate"], ["gate", "--format", "json"]]),
     ids=lambda words: " ".join(words) or "stages",
 )
 def test_a_reader_that_closes_the_pipe_is_no_fault(recording: Path, words: list[str]) -> None:
@@ -44,7 +55,7 @@ def test_a_reader_that_closes_the_pipe_is_no_fault(recording: Path, words: list[
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-@pytest.mark.parametrize("words", mark_slow_after(2, [["gate", "--format", "csv"], [], ["masses"]]))
+@pytest.mark.parametrize("words", mark_slow_after(1, [["gate", "--format", "csv"], [], ["masses"]]))
 def test_a_full_disk_behind_stdout_is_one_line(recording: Path, words: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         left = subprocess.run(
@@ -116,7 +127,9 @@ def test_a_signal_while_the_hidden_folder_goes_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number", mark_slow_after(2, [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+)
 def test_ended_in_the_middle_it_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
     folder = tmp_path / "demo"
     with subprocess.Popen([SCRIPT, "demo", "-o", folder], stderr=subprocess.PIPE) as demo:
@@ -131,7 +144,7 @@ def test_ended_in_the_middle_it_leaves_no_half_file(tmp_path: Path, number: sign
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell is needed")
-@pytest.mark.parametrize("closed", mark_slow_after(2, [">&-", "<&- >&- 2>&-", "<&-", "2>&-"]))
+@pytest.mark.parametrize("closed", mark_slow_after(1, ["<&- >&- 2>&-", ">&-", "<&-", "2>&-"]))
 def test_streams_that_are_closed_from_the_beginning_are_no_fault(
     log: Path, machine_file: Path, tmp_path: Path, closed: str
 ) -> None:

@@ -13,6 +13,7 @@ from analysis.diagnosis.measured_channels import RawSignals
 from analysis.stages.estimation.masses import summarise_masses
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS
+from tests.twins import mark_slow_after
 
 BRAKING_AS_DRIVING = "settings.gate.exclude_braking=false"
 BRAKES_SEEN = {"campaign": {"brake_measured_share": 1.0}}
@@ -130,7 +131,7 @@ def test_a_term_beyond_its_prior_is_named():
     assert log.check("term_beyond_prior").meaning.endswith("(load_transfer)")
 
 
-@pytest.mark.parametrize("topic", ["force", "speed", "IMU"])
+@pytest.mark.parametrize("topic", mark_slow_after(1, ["IMU", "speed", "force"]))
 def test_a_topic_whose_values_repeat_is_found_whichever_it_is(topic):
     log = situation(f"frozen {topic}")
     assert "frozen_s" in log.fired

@@ -24,6 +24,7 @@ from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
 from estimators.errors import DataError
 from estimators.planar import planar_rows
+from tests.twins import mark_slow_after
 
 TRIALS = 400
 #: Of a root mean square over the trials, relative: four of its standard deviations.
@@ -74,7 +75,7 @@ def rms(values, truth):
     return float(np.sqrt(np.mean((values - truth) ** 2)))
 
 
-@pytest.mark.parametrize("index", range(6))
+@pytest.mark.parametrize("index", mark_slow_after(2, range(6)))
 def test_the_predicted_error_of_the_mass_is_that_of_monte_carlo_for_every_waveform(index):
     made = designed("straight")
     score = made.scores[index]

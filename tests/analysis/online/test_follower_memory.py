@@ -37,7 +37,11 @@ def reachable_bytes(root):
 def test_what_is_kept_after_many_manoeuvres_is_what_is_kept_after_a_few(laps: int):
     noise = {"force_N": 60.0, "acc_m_s2": 0.01, "speed_m_s": 0.005}
     follower = Follower(plane.machine(**noise))
-    said = plane.sensors([*plane.braked(plane.start(), plane.spin(), plane.start(-1.0))])
+    said = plane.sensors(
+        plane.braked(
+            plane.start(seconds=3.0), plane.spin(seconds=3.0), plane.start(-1.0, seconds=3.0)
+        )
+    )
     samples = said.rename({"unix_ns": "log_time_ns"}).with_columns(
         header_stamp_ns=pl.lit(None, pl.Int64)
     )

@@ -25,27 +25,36 @@ EVERY = tuple(METHODS)
 MANOEUVRES = ("standstill", "start", "cruise", "brake")
 
 
-def on_board(excitation, settings, noise=None, axis=X):
-    """Every step, the estimates by method as (row, θ), and the state after the last row."""
+def on_board(excitation, settings, noise=None):
+    """By axis every step of the gate, and the estimates by method as (row, θ)."""
     state = online.start(settings, noise)
-    rows_of_gate, found = [], {method: [] for method in settings.trace.methods}
+    stepped = {axis.letter: ([], {name: [] for name in settings.trace.methods}) for axis in (X, Z)}
     for row in excitation.iter_rows(named=True):
         step = online.step(state, row)
         state = step.state
-        seen = step.straight if axis is X else step.spin
-        rows_of_gate.append(seen.gate)
-        for method, (at, estimate) in seen.estimates.items():
-            found[method].append((at, estimate))
-    for of, late in online.finish(state):
-        for method, (at, estimate) in late.items() if of is axis else ():
-            found[method].append((at, estimate))
-    return rows_of_gate, found, state
+        for axis, seen in ((X, step.straight), (Z, step.spin)):
+            if seen is None:
+                continue
+            rows_of_gate, found = stepped[axis.letter]
+            rows_of_gate.append(seen.gate)
+            for method, (at, estimate) in seen.estimates.items():
+                found[method].append((at, estimate))
+    for axis, late in online.finish(state):
+        for method, (at, estimate) in late.items():
+            stepped[axis.letter][1][method].append((at, estimate))
+    return stepped
 
 
 def assert_as_in_replay(excitation, settings, noise=None, axis=X):
     gated = gate_windows(excitation, settings, noise)
     frames = trace_estimates(excitation, gated, settings, noise)
-    rows_of_gate, found, _ = on_board(excitation, settings, noise, axis)
+    stepped = on_board(excitation, settings, noise)
+    return gated, assert_axis_as_in_replay(excitation, gated, frames, stepped, axis)
+
+
+def assert_axis_as_in_replay(excitation, gated, frames, stepped, axis):
+    """Assert it of one axis; its estimates on board."""
+    rows_of_gate, found = stepped[axis.letter]
     assert [m.reason for m in rows_of_gate] == gated[f"reason_{axis.letter}"].to_list()
     for name in rows_of_gate[0].make_gate_columns(axis):
         if name in gated.columns:
@@ -59,7 +68,7 @@ def assert_as_in_replay(excitation, settings, noise=None, axis=X):
         expected, _ = read_parameters_and_stds(axis, frame)
         theta = np.array([e.theta for _, e in rows]).reshape(expected.shape)
         np.testing.assert_array_equal(theta, expected, err_msg=method)
-    return gated, found
+    return found
 
 
 def holes_in(excitation, holes):
@@ -148,7 +157,7 @@ def test_noise_of_the_log_refuses_and_corrects_on_board_as_in_replay(
     if coulomb:
         # beside a third column no window is better than its noise
         return
-    _, blind, _ = on_board(excitation_of(made), settings)
+    _, blind = on_board(excitation_of(made), settings)[X.letter]
     for method in ("pooled", "tls"):
         assert found[method][-1][1].theta[0] != blind[method][-1][1].theta[0]
 
@@ -242,7 +251,7 @@ def test_the_deviations_are_those_of_a_moving_mean_over_white_noise(drive, excit
     excitation = excitation_of(drive(seconds=(1.5, 6.0, 2.0, 1.5)))
     gated = gate_windows(excitation, settings)
     frames = trace_estimates(excitation, gated, settings)
-    _, found, _ = on_board(excitation, settings)
+    _, found = on_board(excitation, settings)[X.letter]
     for method, rows in found.items():
         mine = np.array([e.std for _, e in rows])[:, 0]
         ratio = np.median(mine / frames[method]["mass_std_kg"].to_numpy())
@@ -273,8 +282,11 @@ def yaw_noise():
 def assert_both_axes_as_in_replay(log, settings, noise):
     said, holes = log
     excitation = holes_in(plane.excitation(said), holes)
+    gated = gate_windows(excitation, settings, noise)
+    frames = trace_estimates(excitation, gated, settings, noise)
+    stepped = on_board(excitation, settings, noise)
     for axis in (X, Z):
-        assert_as_in_replay(excitation, settings, noise, axis)
+        assert_axis_as_in_replay(excitation, gated, frames, stepped, axis)
 
 
 @given(log=drives_in_the_plane(), settings=choices(), known=st.booleans())

@@ -14,7 +14,7 @@ from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.twins import mark_slow_after
 
-MEASURED = Cell(100.0, 20.0, derived=False)
+MEASURED = Cell(50.0, 20.0, derived=False)
 DERIVED = Cell(20.0, 3.0, derived=True)
 
 

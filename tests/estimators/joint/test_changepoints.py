@@ -9,6 +9,7 @@ import pytest
 from estimators.joint.changepoints import find_best_partitions
 from estimators.joint.group_effects import FILLED, HINTED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import PartitionPosterior, Stretches
+from tests.twins import mark_slow_after
 
 SPREAD = 1200.0
 USUAL = 72.0
@@ -218,7 +219,7 @@ class TestPartitions:
         found = find_best_partitions(units([3600.0] * 2 + [3680.0] * 2, seed=3), SPREAD, USUAL)
         assert 0.02 < found.single_probability < 0.999
 
-    @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
+    @pytest.mark.parametrize("scatter", mark_slow_after(2, [0.0, 45.0, 15.0]))
     def test_a_log_without_a_change_is_hardly_ever_split(self, scatter):
         states = [
             find_best_partitions(

@@ -11,6 +11,7 @@ from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
 from replay.fleet.run_fleet import FleetRun, replay_logs_of_fleet
 from replay.fleet.task_engine import TaskEngine
+from tests.replay.kept_replays import kept_replays
 
 COUNT = 6
 Run = Callable[..., FleetRun]
@@ -48,7 +49,8 @@ def run_in(fleet_folder: Path) -> Run:
 def kept(fleet_folder: Path, run_in: Run) -> Path:
     """Results of all six; not to be written to."""
     destination = fleet_folder / "results"
-    run_in(destination)
+    with kept_replays():
+        run_in(destination)
     return destination
 
 

@@ -20,7 +20,7 @@ SCREENS = [(PHONE, "light"), (PHONE, "dark"), (DESK, "light"), (DESK, "dark")]
 def report(tmp_path_factory: pytest.TempPathFactory) -> FleetReport:
     """Of four machines, of which the fourth's zero creeps, and a stranger's texts."""
     folder = tmp_path_factory.mktemp("page")
-    make(folder / "results", 4, 70)
+    make(folder / "results", 4, 45)
     (folder / "results/failed.json").write_text(json.dumps({HOSTILE: "hangs"}))
     results = open_results_of_fleet(str(folder / "results"))
     page = folder / "fleet.html"

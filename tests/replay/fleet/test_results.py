@@ -17,6 +17,8 @@ from replay.fleet.gathered_tables import open_results_of_fleet
 from replay.fleet.object_store import ObjectStore
 from replay.fleet.task_engine import LostTask
 
+pytestmark = pytest.mark.usefixtures("kept_replays")
+
 Run = Callable[..., Any]
 
 

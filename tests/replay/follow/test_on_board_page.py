@@ -33,18 +33,40 @@ from tests.replay.sledge import Payscope
 REPO = Path(__file__).resolve().parents[3]
 #: Of replays in the background nothing is said here; `test_background_replay.py` does.
 ALONE = ("--replay-share", "0")
-TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}})
+STARTS = {
+    runs: Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": runs}})
+    for runs in (1, 2)
+}
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """A drive of one start, and of two."""
+    folder = tmp_path_factory.mktemp("bags")
+    return {
+        runs: simulate_scenario_to_logs(scenario, folder / f"{runs}.bag")[0]
+        for runs, scenario in STARTS.items()
+    }
+
+
+def lay_out(bag: Path, folder: Path) -> None:
+    folder.mkdir()
+    shutil.copy(bag, folder / "campaign_150kg.bag")
+    shutil.copy(REPO / "replay/machines/cat262c.toml", folder)
 
 
 @pytest.fixture
-def demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def demo(bags: dict[int, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the page calls `demo`, smaller."""
-    folder = tmp_path / "demo"
-    folder.mkdir()
-    simulate_scenario_to_logs(TWO_STARTS, folder / "campaign_150kg.bag")
-    shutil.copy(REPO / "replay/machines/cat262c.toml", folder)
+    lay_out(bags[2], tmp_path / "demo")
     monkeypatch.chdir(tmp_path)
-    return folder
+
+
+@pytest.fixture
+def one_start(bags: dict[int, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same of half the rows, where one manoeuvre is enough."""
+    lay_out(bags[1], tmp_path / "demo")
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.usefixtures("demo")
@@ -79,7 +101,7 @@ def test_json_lines_give_no_number_without_validity(payscope: Payscope) -> None:
     assert reports[-1]["validity"] == "valid"
 
 
-@pytest.mark.usefixtures("demo")
+@pytest.mark.usefixtures("one_start")
 def test_reports_are_a_topic_that_others_read(payscope: Payscope) -> None:
     words = ("demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json")
     said = payscope("follow", *words, "--reports", "mass.mcap")
@@ -120,7 +142,7 @@ def test_the_topic_of_a_follower_that_was_killed_has_every_report(tmp_path: Path
         assert log.read("/payscope/mass", ["mass_kg"])["mass_kg"].to_list() == [3600.0, 3600.0]
 
 
-@pytest.mark.usefixtures("demo")
+@pytest.mark.usefixtures("one_start")
 def test_a_mass_grows_old(payscope: Payscope) -> None:
     words = ("-m", "demo/cat262c.toml", "--json", "--valid-s", "1", *ALONE)
     said = payscope("follow", "demo/campaign_150kg.bag", *words)
@@ -166,7 +188,7 @@ def test_an_inertia_that_is_not_worth_its_name_is_not_valid(
     assert judge_spin_validity(None, 10**9, 60.0) == "none_yet"
 
 
-@pytest.mark.usefixtures("demo")
+@pytest.mark.usefixtures("one_start")
 def test_what_cannot_be_followed_is_said_in_a_line(payscope: Payscope, tmp_path: Path) -> None:
     (tmp_path / "shift.parquet").write_bytes(b"PAR1")
     (tmp_path / "hello.mcap").write_text("hello")
@@ -185,7 +207,7 @@ def test_what_cannot_be_followed_is_said_in_a_line(payscope: Payscope, tmp_path:
         assert_one_line(said.error)
 
 
-@pytest.mark.usefixtures("demo")
+@pytest.mark.usefixtures("one_start")
 def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> None:
     noise = ("force_N=60", "acc_m_s2=0.01", "speed_m_s=0.005")
     words = [word for each in noise for word in ("--set", f"settings.noise.{each}")]
@@ -201,7 +223,7 @@ def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> N
     assert "followed.rrd" in again.err
 
 
-@pytest.mark.usefixtures("demo")
+@pytest.mark.usefixtures("one_start")
 def test_json_lines_go_to_stdout_also_where_a_panel_is_drawn() -> None:
     """On a terminal, `follow --json > FILE` draws on stderr and writes lines into the file."""
     master, terminal = pty.openpty()
@@ -219,7 +241,7 @@ def test_json_lines_go_to_stdout_also_where_a_panel_is_drawn() -> None:
         drawn.join()
     os.close(master)
     assert following.returncode == 0
-    assert [json.loads(line)["event"] for line in out.splitlines()].count("manoeuvre") == 2
+    assert [json.loads(line)["event"] for line in out.splitlines()].count("manoeuvre") == 1
 
 
 def _drain(terminal: int) -> None:

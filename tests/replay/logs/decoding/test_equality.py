@@ -14,9 +14,10 @@ from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.messages.message_fields import Field, resolve_message_field
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, every_field, types
+from tests.twins import mark_slow_after
 
 #: In each encoding; `make decoding` sets 2500.
-TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "35"))
+TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "24"))
 #: An oracle is some milliseconds of generated code for each type.
 RANDOM_TYPES = settings(
     max_examples=TYPES, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
@@ -69,7 +70,7 @@ def test_all_fields_of_a_random_type_are_those_of_rosbags(
     assert same(columnar(sample, fields, encoding), rosbags(sample, fields, encoding))
 
 
-@pytest.mark.parametrize("encoding", ["xcdr2_le", "xcdr2_be"])
+@pytest.mark.parametrize("encoding", mark_slow_after(1, ["xcdr2_be", "xcdr2_le"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
 def test_plain_xcdr2_holds_the_same_values_as_cdr(encoding: str, types: Types, seed: int) -> None:
@@ -92,7 +93,7 @@ def test_a_column_does_not_depend_on_what_else_is_asked_for(
     )
 
 
-@pytest.mark.parametrize("encoding", ["cdr_le", "cdr_be", "ros1", "xcdr2_le"])
+@pytest.mark.parametrize("encoding", mark_slow_after(2, ["cdr_le", "ros1", "cdr_be", "xcdr2_le"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32), data=st.data())
 def test_a_message_is_decoded_as_if_it_were_alone_whatever_came_before_it(

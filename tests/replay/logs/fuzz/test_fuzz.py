@@ -21,7 +21,7 @@ from tests.replay.logs.fuzz.recorded import START_NS, STEP_NS, STEPS
 from tests.replay.logs.fuzz.sources import SOURCES, Source
 from tests.replay.sledge import Payscope
 
-FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "15"))
+FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "8"))
 FIRST = int(os.environ.get("PAYSCOPE_FUZZ_FIRST", "0"))
 #: A file of 40 kB is read in some hundredths of a second.
 LONGEST_S = 20.0
@@ -30,7 +30,7 @@ MOST_GROWTH_MB = 200.0
 MOST_FAULTS = 20
 _STDERR = 2
 #: One file in so many goes through the command line besides.
-INFO_EVERY, RUN_EVERY = 10, 40
+INFO_EVERY, RUN_EVERY = 5, 40
 MACHINE = """
 [machine]
 name = "loader"
