@@ -30,7 +30,11 @@ from estimators.errors import PayscopeError
 from replay.explain.proposal_edits import Proposal, insert_proposals_into_machine_file
 from replay.explain.try_proposals import MachineText, write_corrected_machine_file
 from replay.logs import open_log
-from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
+from replay.machines.machine_file import (
+    find_machine_file_or_shipped_one,
+    find_time_axis_of_machine,
+    load_machine,
+)
 from replay.pipeline import run
 from replay.simulation.simulate_logs import write_logs_and_truths
 from tests.trials.drawn_designs import Sections, join_designs
@@ -179,7 +183,7 @@ def _machine_text(log: SimulatedLog, axes: Mapping[str, str]) -> str:
         "machine.force_share": body.force_share,
         **{f"channels.{key}": value for key, value in axes.items()},
     }
-    shipped = find_machine_file(Path("cat262c.toml"))
+    shipped = find_machine_file_or_shipped_one(Path("cat262c.toml"))
     changes = [Proposal(key, value, "", "simulated") for key, value in stated.items()]
     return insert_proposals_into_machine_file(shipped.read_text(encoding="utf-8"), changes, shipped)
 

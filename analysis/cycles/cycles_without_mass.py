@@ -151,7 +151,7 @@ def estimate_uncounted_cycle_count(
         aligned, excitation, [(t - LIMITS.one_dump_ns, t + LIMITS.one_dump_ns) for t in times]
     )
     likely, common_u = estimate_massless_cycle_probabilities(cycles, boom)
-    if not boom.shows_dumps and not is_digging_reliable(cycles):
+    if not boom.shows_dumps and not is_dig_detection_reliable(cycles):
         likely += estimate_missed_cycle_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
@@ -234,7 +234,7 @@ def estimate_massless_cycle_probabilities(
     only_dug = contradicted if boom_dumps.shows_dumps else alone
     only_dumped = (
         contradicted
-        if is_digging_reliable(cycles)
+        if is_dig_detection_reliable(cycles)
         else _estimate_boom_reliability(cycles, boom_dumps)
     )
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
@@ -262,7 +262,7 @@ def _estimate_boom_reliability(cycles: pl.DataFrame, boom_dumps: BoomDumps) -> _
     )
 
 
-def is_digging_reliable(cycles: pl.DataFrame) -> bool:
+def is_dig_detection_reliable(cycles: pl.DataFrame) -> bool:
     """Whether most counted cycles show digging."""
     counted = cycles.filter("counted")
     dug = counted.height - counted["dig_t_ns"].null_count()

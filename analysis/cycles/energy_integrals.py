@@ -160,7 +160,7 @@ def sum_fuel_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
     return np.where(lost_s > LIMITS.longest_sample_s, np.nan, fuel_L)
 
 
-def subtract_braked_drive(
+def drop_driving_samples_under_brakes(
     samples: EnergySamples,
     excitation: pl.DataFrame,
     machine: Machine,

@@ -16,8 +16,8 @@ from analysis.cycles.energy_integrals import (
     collect_energy_samples,
     compute_centred_speed_and_acceleration,
     count_delay_rows_of_excitation,
+    drop_driving_samples_under_brakes,
     integrate_drive_over_phases,
-    subtract_braked_drive,
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
@@ -94,7 +94,9 @@ def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(
-        subtract_braked_drive(samples, frames["excitation"], machine, mass_kg, *friction),
+        drop_driving_samples_under_brakes(
+            samples, frames["excitation"], machine, mass_kg, *friction
+        ),
         max(count_delay_rows_of_excitation(machine), 1),
         mass_kg,
         machine.machine.rotating_mass_kg,

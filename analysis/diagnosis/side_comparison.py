@@ -119,7 +119,7 @@ def compare_left_and_right_sides(
         push = None
         if torques[0] is not None and torques[1] is not None:
             push = np.maximum(np.abs(torques[0]), np.abs(torques[1]))
-        found |= compare_side_wheel_speeds(apart, mean, push, driving)
+        found |= estimate_wheel_speed_difference_of_sides(apart, mean, push, driving)
     return {kind: each for kind, each in found.items() if each is not None}
 
 
@@ -166,7 +166,7 @@ def compare_side_torques(
     return found
 
 
-def compare_side_wheel_speeds(
+def estimate_wheel_speed_difference_of_sides(
     difference: Floats, mean_of_sides: Floats, drive_force: Floats | None, is_driving: Bools
 ) -> dict[str, SideDifference | None]:
     """Relative difference of the wheel speeds, and its increase in hard starts."""

@@ -68,7 +68,7 @@ def tabulate_masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFra
 LOADS: Final = Extract(CAMPAIGNS, tabulate_masses_by_method_and_load)
 
 
-def _concatenate_loads(extracts: Extracts) -> pl.DataFrame:
+def _concatenate_load_tables(extracts: Extracts) -> pl.DataFrame:
     return pl.concat(extracts.list_results_of_extract(LOADS), how="vertical_relaxed")
 
 
@@ -90,7 +90,7 @@ class Figure6:
 def make_figure_6_data(extracts: Extracts) -> Figure6:
     """Average the raw masses over the campaigns."""
     means = compute_mean_intervals(
-        _concatenate_loads(extracts),
+        _concatenate_load_tables(extracts),
         ["method", "load_kg", "reference_kg"],
         ["estimate_kg", "estimate_std_kg"],
     )
@@ -124,7 +124,7 @@ def make_figure_7_data(extracts: Extracts) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
     table = compute_mean_intervals(
-        _concatenate_loads(extracts).with_columns(calibrated_std_kg=spread),
+        _concatenate_load_tables(extracts).with_columns(calibrated_std_kg=spread),
         ["method", "load_kg", "reference_kg"],
         ["calibrated_kg", "calibrated_std_kg", "error_kg", "error_left_out_kg"],
     )
@@ -147,7 +147,7 @@ class Figure8:
 def make_figure_8_data(extracts: Extracts) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
     table = compute_mean_intervals(
-        _concatenate_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
+        _concatenate_load_tables(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
     )
     ratios = table.group_by("load_kg", maintain_order=True).agg(
         (pl.col("rms_left_out_kg") / pl.col("rms_kg")).mean().alias("ratio")

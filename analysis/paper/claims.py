@@ -81,7 +81,7 @@ def compute_cruise_error_kg(
     return float(before["mass_kg"][-1] - campaign.trials["mass_kg"][0])
 
 
-def compute_claim_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
+def compute_errors_of_paper_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     """Errors of one campaign that the claims concern.
 
     Returns:
@@ -110,7 +110,7 @@ def compute_claim_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
     )
 
 
-CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, compute_claim_errors)
+CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, compute_errors_of_paper_claims)
 CRUISE_ERRORS: Final = Extract(CRUISES, compute_cruise_errors_kg)
 TEN_SECONDS: Final = AT_LENGTH[LIMITS.optimal_window_s]
 

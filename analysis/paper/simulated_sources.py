@@ -18,7 +18,7 @@ from analysis.paper.paper_excitation import (
 )
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign
-from analysis.paper.torque_chain import TorqueChain, apply_torque_chain
+from analysis.paper.torque_chain import TorqueChain, apply_torque_measuring_chain
 from analysis.simulation import Scenario, SimulatedLog
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
@@ -185,7 +185,7 @@ def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> Repl
     return study.replay(
         study.make_scenario_of_repetition(repetition),
         machine,
-        lambda log: apply_torque_chain(log, TorqueChain()),
+        lambda log: apply_torque_measuring_chain(log, TorqueChain()),
     )
 
 

@@ -37,7 +37,7 @@ class TorqueChain:
         return front_kg / (empty_kg + load_kg)
 
 
-def apply_torque_chain(simulated_log: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
+def apply_torque_measuring_chain(simulated_log: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
     """Log with the torques, and their noise, that this chain would record."""
     machine = simulated_log.scenario.machine
     share = chain.front_axle_fraction(machine.mass_kg, simulated_log.load_kg)

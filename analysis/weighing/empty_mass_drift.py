@@ -86,11 +86,13 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
         u_1,
         LIMITS.fuel_loss_1_h * hours,
         tuple(states.membership[np.sort(first)].tolist()),
-        find_empty_masses_around_states_kg(fit.masses_kg, states.membership, light) / mean_kg - 1.0,
+        find_empty_masses_before_and_after_states_kg(fit.masses_kg, states.membership, light)
+        / mean_kg
+        - 1.0,
     )
 
 
-def find_empty_masses_around_states_kg(
+def find_empty_masses_before_and_after_states_kg(
     masses_kg: Floats, state_of_manoeuvre: Ints, empty_manoeuvres: Ints
 ) -> Floats:
     """(2, states) mass of the empty machine before and after each state, in kg.

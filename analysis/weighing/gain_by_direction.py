@@ -124,7 +124,7 @@ def estimate_force_gain_by_driving_direction(
     left = fit_with_searched_load_states(fit_jointly(inputs), inputs, body.repeatability_kg)
     if left.mass_count > 1 or left.states is None:
         return None
-    heavy = mark_manoeuvres_nearer_to_heavy_mass(fit.states, mark_forward_manoeuvres(motion))
+    heavy = mark_manoeuvres_of_heavier_direction(fit.states, mark_forward_manoeuvres(motion))
     return None if do_heavy_masses_scatter_more(left.states, heavy) else found
 
 
@@ -163,7 +163,7 @@ def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
     if motion.empty is not None:
         return False
     forwards = mark_forward_manoeuvres(motion)
-    agree = float(np.mean(mark_manoeuvres_nearer_to_heavy_mass(states, forwards) == forwards))
+    agree = float(np.mean(mark_manoeuvres_of_heavier_direction(states, forwards) == forwards))
     if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
         return False
     changes = np.diff(states.membership) != 0
@@ -186,7 +186,7 @@ def average_mass_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[f
     return float(reverse_kg), float(forwards_kg)
 
 
-def mark_manoeuvres_nearer_to_heavy_mass(states: LoadStates, forwards: Bools) -> Bools:
+def mark_manoeuvres_of_heavier_direction(states: LoadStates, forwards: Bools) -> Bools:
     """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
     return states.level_kg > float(np.mean(average_mass_by_direction_kg(states, forwards)))
 

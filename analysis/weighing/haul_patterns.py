@@ -33,7 +33,7 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     begins_m = motion.driven_m[first]
     visits = [
         np.isin(begins_m[1:], add_missed_dump_visits(begins_m[1:][each], begins_m[1:]))
-        for each in mark_visits_of_recurrent_stops(begins_m, forwards)
+        for each in mark_standstills_at_recurrent_stops(begins_m, forwards)
     ]
     changes = [each & (kind > 0) for each in visits]
     taking_turns = [mark_loaded_manoeuvres(on, off) for on, off in combinations(visits, 2)]
@@ -49,7 +49,7 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     ]
 
 
-def mark_visits_of_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bools]:
+def mark_standstills_at_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bools]:
     """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
 
     Stands are of one place if they are as far after the last turn and before the next one, between

@@ -169,13 +169,13 @@ def _estimate_manoeuvre_masses(
     fit: JointFit, inputs: JointFitInputs, change_kinds: Ints
 ) -> GroupEffects:
     """Mass estimates of each manoeuvre by a fit, with the kinds of change between them."""
-    units = _make_task_from_fit(fit, inputs).estimate_manoeuvre_masses(
+    units = _rebuild_task_of_fit(fit, inputs).estimate_manoeuvre_masses(
         fit, make_refit_rows(fit, inputs.noise)
     )
     return replace(units, kind=change_kinds)
 
 
-def _make_task_from_fit(fit: JointFit, inputs: JointFitInputs) -> FitTask:
+def _rebuild_task_of_fit(fit: JointFit, inputs: JointFitInputs) -> FitTask:
     """The task that produced a fit."""
     return FitTask(fit.motion, inputs.noise, inputs.priors, fit.terms, fit.kinematics, fit.states)
 
@@ -205,7 +205,7 @@ def alternate_state_search_and_fit(
     first, best, tried = first_fit, None, list[Ints]()
     for _ in range(LIMITS.state_rounds):
         task, rows = (
-            _make_task_from_fit(first_fit, inputs),
+            _rebuild_task_of_fit(first_fit, inputs),
             make_refit_rows(first_fit, inputs.noise),
         )
         states = max(

@@ -28,7 +28,7 @@ from estimators.numerics.recursive import (
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import find_ends_of_accepted_windows
-from estimators.numerics.sandwich import compute_recursive_stds, compute_sandwich_meat
+from estimators.numerics.sandwich import compute_recursive_sandwich_stds, compute_sandwich_meat
 from estimators.numerics.small_systems import (
     compute_condition_numbers,
     compute_scaled_condition,
@@ -228,7 +228,7 @@ def compute_recursion_stds(
         none,
         pad_entries_to_lanes(pack_symmetric_matrix(inverse_covariances)),
     )
-    return compute_recursive_stds(bread, meats, white)
+    return compute_recursive_sandwich_stds(bread, meats, white)
 
 
 def trace_with_directional_forgetting(

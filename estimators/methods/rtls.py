@@ -24,7 +24,7 @@ from estimators.numerics.recursive import (
     pad_entries_to_lanes,
 )
 from estimators.numerics.rolling import find_ends_of_accepted_windows
-from estimators.numerics.sandwich import compute_recursive_stds, compute_sandwich_meat
+from estimators.numerics.sandwich import compute_recursive_sandwich_stds, compute_sandwich_meat
 from estimators.numerics.small_systems import compute_condition_numbers, pack_symmetric_matrix
 
 
@@ -140,7 +140,7 @@ def trace(
         )
         for r in (correlation, np.ones(1))
     )  # fmt: skip
-    std = compute_recursive_stds(grams, meats, white) * np.sqrt(variance)
+    std = compute_recursive_sandwich_stds(grams, meats, white) * np.sqrt(variance)
     return Trace(index, theta, std, rms, condition, correlation)
 
 

@@ -355,7 +355,7 @@ def sum_correlated_neighbours(
                 total[k] += r * x[k]
 
 
-def compute_recursive_stds(grams: Floats, meats: Floats, white_meats: Floats) -> Floats:
+def compute_recursive_sandwich_stds(grams: Floats, meats: Floats, white_meats: Floats) -> Floats:
     """Roots of diag G⁻¹ M G⁻¹, (rows, p), for unit variance; at least those of `white_meats`.
 
     Args:

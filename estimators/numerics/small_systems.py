@@ -145,7 +145,7 @@ def invert_factored_systems(L: Floats, inverse: Floats) -> Floats:
     return out
 
 
-def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
+def _compute_condition_numbers_by_arrays(G: Floats, size: int, p: int) -> Floats:
     i, j = np.triu_indices(p)
     rows = [find_packed_index(a, b, size) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
     squares = np.array([G[find_packed_index(a, a, size)] for a in range(p)])
@@ -163,7 +163,7 @@ def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
     return np.where(np.isnan(values).any(axis=0), np.inf, out)
 
 
-@compiled_with_array_form(_find_conditions_by_arrays)
+@compiled_with_array_form(_compute_condition_numbers_by_arrays)
 def compute_condition_numbers(G: Floats, size: int, leading_size: int) -> Floats:
     """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 

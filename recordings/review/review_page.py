@@ -34,7 +34,7 @@ from recordings.review.shift_facts import (
     explain_why_no_cycle_counts,
     list_losses_besides_torn_ends,
     list_shift_names_and_values,
-    make_warning_of_two_machines,
+    make_warning_of_mixed_machines,
     summarise_shift_in_line,
 )
 from recordings.review.shift_ledger import make_cycle_remark, make_cycles_frame
@@ -257,7 +257,7 @@ def render_review_html(review_page: ReviewPage) -> str:
         headline=summarise_shift_in_line(shift, why_not, state),
         no_tonnes=bool(why_not),
         alarms=list(
-            filter(None, (make_warning_of_two_machines(state), describe_long_gaps(shift, state)))
+            filter(None, (make_warning_of_mixed_machines(state), describe_long_gaps(shift, state)))
         ),
         facts=list_shift_names_and_values(shift, review_page.ledger, state, review_page.target),
         warnings=_list_review_warnings(review_page),

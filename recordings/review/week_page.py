@@ -25,7 +25,7 @@ from recordings.review.shift_facts import (
     describe_torn_logs,
     format_spans_of_recording_gaps,
     list_losses_besides_torn_ends,
-    make_warning_of_two_machines,
+    make_warning_of_mixed_machines,
 )
 from recordings.review.week_totals import (
     BY_REVIEW,
@@ -87,7 +87,7 @@ def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
 
 def _list_uncounted_work_of_shift(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
-        yield make_warning_of_two_machines(state)
+        yield make_warning_of_mixed_machines(state)
     if gaps := format_spans_of_recording_gaps(state):
         yield f"Nothing was recorded {gaps}."
     yield from describe_torn_logs(state)

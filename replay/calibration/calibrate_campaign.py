@@ -53,6 +53,7 @@ from recordings.report.atomic_output import (
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, read_signing_key_or_none
+from replay.calibration import refuse_campaign
 from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.calibration.campaign_limits import LIMITS
 from replay.calibration.campaign_runs import (
@@ -63,13 +64,6 @@ from replay.calibration.campaign_runs import (
     replay_campaign_logs,
 )
 from replay.calibration.dcc_output import DccOutput, require_dcc_inputs, write_and_verify_dcc
-from replay.calibration.refuse_campaign import (
-    load_range_of_notary_list,
-    refuse_machine_unlike_logs,
-    refuse_repeated_runs,
-    refuse_run_days_unlike_logs,
-    refuse_unaccounted_logs_of_list,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +172,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
     require_writable_folder(folder, force=force)
-    stretch = load_range_of_notary_list(campaign_file, campaign)
+    stretch = refuse_campaign.load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
         refuse_timestamp_request_early(timestamp_request_file, key, force=force)
     with stage_output_files([folder], force=force) as stage:
@@ -192,8 +186,8 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         if campaign.does_learn_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_campaign_logs(campaign, machine, path_of_log, None, on_log)
-            refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)
-            refuse_unaccounted_logs_of_list(campaign_file, campaign, first, stretch)
+            refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)
+            refuse_campaign.refuse_unaccounted_logs_of_list(campaign_file, campaign, first, stretch)
             learnt = first.pool_priors_learnt_from_logs
         weighing = (
             machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
@@ -201,10 +195,10 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         replayed = replay_campaign_logs(
             campaign, weighing, path_of_log, made if recordings else None, on_log
         )
-        refuse_run_days_unlike_logs(campaign_file, campaign, replayed, machine)
-        refuse_repeated_runs(campaign_file, campaign, replayed)
-        refuse_machine_unlike_logs(campaign_file, campaign, replayed, machine)
-        refuse_unaccounted_logs_of_list(campaign_file, campaign, replayed, stretch)
+        refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, replayed, machine)
+        refuse_campaign.refuse_repeated_runs(campaign_file, campaign, replayed)
+        refuse_campaign.refuse_machine_unlike_logs(campaign_file, campaign, replayed, machine)
+        refuse_campaign.refuse_unaccounted_logs_of_list(campaign_file, campaign, replayed, stretch)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")

@@ -14,7 +14,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
 from recordings.dcc.dcc_limits import LIMITS as DCC_LIMITS
-from replay.machines.machine_file import find_machine_file, load_machine
+from replay.machines.machine_file import find_machine_file_or_shipped_one, load_machine
 from replay.machines.toml_file import (
     read_toml_file,
     refuse_other_kind_of_file,
@@ -63,7 +63,7 @@ def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
             "[laboratory]"
         )
     beside = path.parent / campaign.machine.file
-    shipped = find_machine_file(Path(campaign.machine.file))
+    shipped = find_machine_file_or_shipped_one(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
     machine = with_serial_number(
         with_empty_mass_of_campaign(campaign, machine), campaign.machine.id, path

@@ -295,7 +295,7 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         describe_torn_logs,
         list_losses_besides_torn_ends,
         list_shift_names_and_values,
-        make_warning_of_two_machines,
+        make_warning_of_mixed_machines,
         summarise_shift_in_line,
     )
     from replay.commands.print_tables import print_line
@@ -304,7 +304,7 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
     if not review.missing_tonnes_reason:
         print_line(console, summarise_shift_in_line(review.shift, "", state))
     if state.mixed_machines:
-        print_line(console, f"warning: {make_warning_of_two_machines(state)}")
+        print_line(console, f"warning: {make_warning_of_mixed_machines(state)}")
     holes = describe_long_gaps(review.shift, state)
     for sentence in (
         *filter(None, [holes]),

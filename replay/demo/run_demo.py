@@ -34,7 +34,11 @@ from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.logs import open_log
-from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
+from replay.machines.machine_file import (
+    find_machine_file_or_shipped_one,
+    find_time_axis_of_machine,
+    load_machine,
+)
 from replay.pipeline import STAGES, run
 from replay.review.review_folder import refuse_unsuitable_review_folder
 from replay.review.review_shift import ReviewOptions, review_shift
@@ -177,7 +181,7 @@ def run_demo(
     else:
         require_writable_folder(page, force=force)
     with stage_output_file(machine_file, force=force) as partial:
-        shutil.copyfile(find_machine_file(_MACHINE), partial)
+        shutil.copyfile(find_machine_file_or_shipped_one(_MACHINE), partial)
     on_stage("simulate")
     logs = simulate_scenario_to_logs(scenario, folder / "campaign.bag", force=force)
     with stage_output_file(campaign_file, force=force) as partial:

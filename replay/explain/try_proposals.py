@@ -34,7 +34,11 @@ from replay.explain.proposal_limits import LIMITS
 from replay.inputs.channel_inputs import list_channel_fields
 from replay.inputs.derived_logs import CachedLog, LogPart
 from replay.logs import Log, open_log
-from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
+from replay.machines.machine_file import (
+    find_machine_file_or_shipped_one,
+    find_time_axis_of_machine,
+    load_machine,
+)
 from replay.pipeline import run
 
 #: Causes that say of the answer how poor it is.
@@ -169,7 +173,7 @@ def write_corrected_machine_file(
     Raises:
         PayscopeError: the machine file cannot be read, or the output cannot be written.
     """
-    file = find_machine_file(machine_text.path)
+    file = find_machine_file_or_shipped_one(machine_text.path)
     text = _read_text_of_machine_file(file)
     machine = load_machine(machine_text.path, machine_text.overrides)
     with (

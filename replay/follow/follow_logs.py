@@ -25,7 +25,7 @@ from replay.follow.interrupts import Interrupts
 from replay.inputs.channel_inputs import list_channel_fields
 from replay.logs import GrowingLogFile, open_growing_log
 from replay.machines.machine_file import (
-    find_machine_file,
+    find_machine_file_or_shipped_one,
     find_time_axis_of_machine,
     read_file_time_size_and_inode,
 )
@@ -232,7 +232,7 @@ class MachineFileChange:
 
     def __init__(self, path: Path) -> None:
         """Read it; one that is missing or no file is for those to refuse who load it."""
-        self._path = find_machine_file(path)
+        self._path = find_machine_file_or_shipped_one(path)
         self._signature = read_file_time_size_and_inode(self._path)
         self._text = self._read_file_or_empty()
 

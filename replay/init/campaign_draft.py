@@ -173,7 +173,7 @@ def _iter_campaign_run_blocks(log: Log, log_name: str, machine: Machine | None) 
         if dated and isinstance(start_ns, int)
         else '"TODO"                    # this log has no date'
     )
-    for stretch, said in _iter_load_state_runs(log, machine):
+    for stretch, said in _iter_load_state_spans(log, machine):
         lines = [
             "[[runs]]",
             f"log = {format_toml(log_name)}",
@@ -186,20 +186,20 @@ def _iter_campaign_run_blocks(log: Log, log_name: str, machine: Machine | None) 
         yield "\n".join(lines)
 
 
-class _LoadStateRun(NamedTuple):
+class _LoadStateSpan(NamedTuple):
     """Lines of a run that holds one load state, and its mass as text."""
 
     lines: list[str]
     mass_text: str
 
 
-def _iter_load_state_runs(log: Log, machine: Machine | None) -> Iterator[_LoadStateRun]:
+def _iter_load_state_spans(log: Log, machine: Machine | None) -> Iterator[_LoadStateSpan]:
     """Lines with begin and end of each load state, and its estimated mass."""
     loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
     rows = loads.to_dicts()
     if len(rows) < 2:
         seen = f"; {rows[0]['mass_kg']:.0f} kg uncalibrated" if rows and rows[0]["mass_kg"] else ""
-        yield _LoadStateRun([], seen)
+        yield _LoadStateSpan([], seen)
         return
     # a run ends midway between two loads, where the machine stood
     middles = [(before["end_t_ns"] + after["start_t_ns"]) / 2e9 for before, after in pairwise(rows)]
@@ -208,7 +208,7 @@ def _iter_load_state_runs(log: Log, machine: Machine | None) -> Iterator[_LoadSt
             *([] if begin is None else [f"from_s = {begin:.1f}"]),
             *([] if end is None else [f"to_s = {end:.1f}"]),
         ]
-        yield _LoadStateRun(
+        yield _LoadStateSpan(
             stretch, f"; {row['mass_kg']:.0f} kg uncalibrated" if row["mass_kg"] else ""
         )
 

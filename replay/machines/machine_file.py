@@ -33,7 +33,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     Raises:
         MachineError: one line with the file, the fault, the choices and the remedy.
     """
-    path = find_machine_file(Path(path))
+    path = find_machine_file_or_shipped_one(Path(path))
     if not path.exists():
         shipped = ", ".join(sorted(each.name for each in _SHIPPED.glob("*.toml")))
         raise MachineError(
@@ -87,7 +87,7 @@ def find_time_axis_of_section(log_section: LogSection) -> TimeAxis | None:
     return TimeAxis(time, unit, TableHints(**given))
 
 
-def find_machine_file(path: Path) -> Path:
+def find_machine_file_or_shipped_one(path: Path) -> Path:
     """Path of a machine file, or of the shipped one with that name if no such file exists."""
     shipped = _SHIPPED / path.name
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path

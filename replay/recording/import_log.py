@@ -14,7 +14,11 @@ from recordings.rrd.viewer_stream import (
     stream_topics_to_stdout,
 )
 from replay.logs import Log, open_log
-from replay.machines.machine_file import find_machine_file, find_time_axis_of_machine, load_machine
+from replay.machines.machine_file import (
+    find_machine_file_or_shipped_one,
+    find_time_axis_of_machine,
+    load_machine,
+)
 from replay.pipeline import run
 from replay.recording.importer_files import VARIABLE, find_machine_file_of_log
 
@@ -41,7 +45,7 @@ def stream_log_to_viewer(log: Path, request: ViewerRequest) -> str | None:
     fault: str | None = None
     if machine_file is not None:
         try:
-            machine = load_machine(find_machine_file(machine_file))
+            machine = load_machine(find_machine_file_or_shipped_one(machine_file))
             with open_log(log, time=find_time_axis_of_machine(machine)) as opened:
                 replayed = run(opened, machine)
         except PayscopeError as error:

@@ -15,7 +15,7 @@ from estimators.errors import DataError, LogError, PayscopeError
 from recordings.report.atomic_output import refuse_input_as_output
 from replay.logs import open_log
 from replay.machines.machine_file import (
-    find_machine_file,
+    find_machine_file_or_shipped_one,
     find_time_axis_of_machine,
     load_machine,
     read_file_time_size_and_inode,
@@ -150,7 +150,7 @@ def watch_machine_file(
     from recordings.rrd.viewer import list_ids_of_shown_recordings, replace_recording_in_viewer
 
     # a file that is gone is not the shipped one of its name
-    path = find_machine_file(machine_file).absolute()
+    path = find_machine_file_or_shipped_one(machine_file).absolute()
     view = open_requested_live_viewer(output)
     last: Machine | None = None
     failed = False

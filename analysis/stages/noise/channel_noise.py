@@ -113,7 +113,7 @@ def estimate_channel_noise(
     """
     rate_hz = machine.settings.align.rate_hz
     gap = aligned["gap"].to_numpy()
-    columns = compute_equation_columns(aligned, machine)
+    columns = compute_equation_columns_by_name(aligned, machine)
     phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
@@ -173,7 +173,7 @@ def replace_noise_hidden_by_grid(
         return
 
     def grid_columns(aligned: pl.DataFrame) -> Floats:
-        columns = compute_equation_columns(aligned, machine)
+        columns = compute_equation_columns_by_name(aligned, machine)
         x = np.column_stack([columns[name] for name in column_names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
@@ -196,7 +196,7 @@ def list_channels_of_column(column_name: str, machine: Machine) -> tuple[str, ..
     return ("torque_left_N_m", "torque_right_N_m")
 
 
-def compute_equation_columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+def compute_equation_columns_by_name(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
     """Columns of the force and yaw equations, (rows,) each, by name."""
     body = machine.machine
     columns = {

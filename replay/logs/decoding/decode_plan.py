@@ -29,7 +29,7 @@ from replay.logs.decoding.walk_program import (
     Encoding,
     WalkNotes,
     WalkOutcome,
-    allocate_layout_template,
+    allocate_message_layout_template,
     read_encapsulations,
 )
 from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
@@ -94,7 +94,7 @@ class BatchPass:
         while True:
             walk_and_gather(
                 self._messages, Encoding(wire.cdr, self._swap, wire.length_alignment),
-                program.steps, self._notes, allocate_layout_template(program.nodes),
+                program.steps, self._notes, allocate_message_layout_template(program.nodes),
                 self._direct.gather_plan, self._gathered, self._outcome,
             )  # fmt: skip
             filled = self._notes.filled

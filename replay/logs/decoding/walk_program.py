@@ -117,7 +117,7 @@ class WalkOutcome(NamedTuple):
     places: Ints
 
 
-def allocate_layout_template(node_count: int) -> LayoutTemplate:
+def allocate_message_layout_template(node_count: int) -> LayoutTemplate:
     """Memory for a template, initially empty."""
     state = np.array([-1, 0, 0, 0, 0, 0])
     checks, notes = np.empty((_MOST_CHECKS, 2), np.int64), np.empty((_MOST_NOTES, 4), np.int64)

@@ -123,7 +123,7 @@ def _parse_element_index_or_name(text: str | None) -> int | str | None:
 def _refuse_invalid_list_element(
     path_so_far: str, step: PathStep, list_type: ListOf, parent: RecordType
 ) -> None:
-    by_name = f" or by name, {path_so_far}[NAME]" if parent.has_list_of_element_names else ""
+    by_name = f" or by name, {path_so_far}[NAME]" if parent.has_field_of_element_names else ""
     if step.element is None:
         raise FieldError(
             f"'{path_so_far}' is a list; pick an element by index, {path_so_far}[0]{by_name}"
@@ -131,7 +131,7 @@ def _refuse_invalid_list_element(
     if step.element == ALL:
         return
     if isinstance(step.element, str):
-        if not parent.has_list_of_element_names:
+        if not parent.has_field_of_element_names:
             raise FieldError(
                 f"'{path_so_far}[{step.element}]' selects by name, but {parent.name} has no list "
                 f"'name'; select by index, {path_so_far}[0]"

@@ -85,7 +85,7 @@ class RecordType:
         )
 
     @property
-    def has_list_of_element_names(self) -> bool:
+    def has_field_of_element_names(self) -> bool:
         """Whether list elements can be selected by the names in its list `name`."""
         return self.type_of_field("name") == ListOf(Scalar("string"), None)
 

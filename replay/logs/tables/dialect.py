@@ -207,15 +207,15 @@ def _iter_dialect_trials(
     is_quoted = any('"' in line for line in lines)
     # without quotes no cell holds the sign between the cells
     for decimal in [d for d in decimal_signs if d != separator or is_quoted] or decimal_signs:
-        reading = _try_dialect(rows, later, width, (separator, decimal), below)
+        reading = _try_csv_dialect(rows, later, width, (separator, decimal), below)
         if reading is not None:
             yield reading
 
 
-def _try_dialect(
-    rows: list[TextRow], later_rows: list[TextRow], width: int, signs: tuple[str, str], start: int
+def _try_csv_dialect(
+    rows: list[TextRow], later_rows: list[TextRow], width: int, marks: tuple[str, str], start: int
 ) -> _DialectTrial | None:
-    separator, decimal = signs
+    separator, decimal = marks
     fitting = [row for row in later_rows if len(row.cells) == width] or later_rows
     columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
     kinds = [[classify_cell_text(cell, decimal) for cell in column] for column in columns]

@@ -10,7 +10,7 @@ from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.twins import mark_slow_after
 
-MEASURED = Cell(50.0, 20.0, derived=False)
+MEASURED = Cell(100.0, 20.0, derived=False)
 DERIVED = Cell(50.0, 5.0, derived=True)
 LOW_GEAR_M_S = 12.0
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -108,11 +108,6 @@ def replayed(path: Path, machine: Machine) -> Run:
         return run(log, machine)
 
 
-@cache
-def replayed_drive(log: Path) -> Run:
-    return replayed(log, machine_of(log))
-
-
 def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
     stepped = [(row.t_ns, row.gate) for row in rows if row.gate is not None]
     gate = replay.frames["gate"]
@@ -146,8 +141,7 @@ def test_what_is_followed_is_what_the_replay_has_bit_for_bit(
     target = tmp_path / ("growing" if suffix == ".db3" else f"growing{suffix}")
     with Recording(record(logs[suffix], target), target) as recording:
         following, rows = followed(target, machine, recording)
-    # every container has the messages of one drive
-    assert_as_replayed(rows, replayed_drive(logs[".csv" if suffix == ".csv" else ".bag"]))
+    assert_as_replayed(rows, replayed(target, machine))
     assert following.follower.manoeuvres == 2
     assert not following.losses
     assert following.follower.log.late_samples == 0
@@ -163,7 +157,7 @@ def test_an_active_bag_is_followed_over_its_renaming(logs: dict[str, Path], tmp_
     with Recording(record(), active) as recording:
         following, rows = followed(active, machine_of(target), recording)
     assert following.ended == "the recorder has closed the log"
-    assert_as_replayed(rows, replayed_drive(logs[".bag"]))
+    assert_as_replayed(rows, replayed(target, machine_of(target)))
 
 
 @pytest.mark.parametrize("suffix", [".bag", ".mcap"])
@@ -199,7 +193,7 @@ def test_a_log_whose_recorder_was_killed_is_given_up_to_its_last_whole_chunk(
     rows: list[FollowedRow] = []
     following = follow_logs([target], machine, lambda _, new: rows.extend(new), idle_s=IDLE_S)
     assert following.ended == f"the log has not grown for {IDLE_S:g} s"
-    whole = replayed_drive(logs[".bag"]).frames["gate"]["reason_x"].to_list()
+    whole = replayed(logs[".mcap"], machine).frames["gate"]["reason_x"].to_list()
     reasons = [row.gate.reason for row in rows if row.gate is not None]
     assert 500 < len(reasons) < len(whole)
     assert reasons == whole[: len(reasons)]
@@ -211,7 +205,7 @@ def test_digests_say_from_which_minute_on_a_replay_differs(logs: dict[str, Path]
     follow_logs(
         [logs[".bag"]], machine, lambda _, rows: digests.add_followed_rows(rows), idle_s=IDLE_S
     )
-    frames = dict(replayed_drive(logs[".bag"]).frames)
+    frames = dict(replayed(logs[".bag"], machine).frames)
     assert all(each.differs_from_s is None for each in digests.compare_with_replayed_frames(frames))
     frames["estimates/ls"] = frames["estimates/ls"].with_columns(pl.col("mass_kg") + 1e-9)
     frames["estimates/tls"] = frames["estimates/tls"].with_columns(pl.col("mass_kg") + 1.0)

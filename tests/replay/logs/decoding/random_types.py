@@ -183,7 +183,7 @@ def every_field(record: RecordType) -> Iterator[str]:
     for name, kind in record.fields:
         if isinstance(kind, ListOf):
             picks = [ALL, *range(min(kind.length or 3, 3))]
-            picks += ["left", "Größe"] if record.has_list_of_element_names else []
+            picks += ["left", "Größe"] if record.has_field_of_element_names else []
             for pick in picks:
                 yield from _leaves(f"{name}[{pick}]", kind.element)
         else:
