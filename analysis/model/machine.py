@@ -7,6 +7,7 @@ from typing import Any, Self
 from pydantic import (
     BaseModel,
     Field,
+    PrivateAttr,
     SerializerFunctionWrapHandler,
     model_serializer,
     model_validator,
@@ -73,6 +74,19 @@ class Channel(BaseModel):
     unit: str | None = None
     delay_s: float = 0.0
     derive: str | None = None
+    #: found in a log, not stated in the file
+    _is_piecewise_constant: bool = PrivateAttr(default=False)
+
+    @property
+    def is_recorded_piecewise_constant(self) -> bool:
+        """Whether a log has its readings constant between steps, as those of a gear."""
+        return self._is_piecewise_constant
+
+    def copy_as_piecewise_constant(self) -> Self:
+        """The same channel, constant between steps."""
+        channel = self.model_copy()
+        channel._is_piecewise_constant = True  # noqa: SLF001  a copy of its own class
+        return channel
 
     @property
     def differentiated_channel(self) -> str | None:
@@ -295,6 +309,15 @@ class Machine(BaseModel):
             self.differentiates_speed
             and self.channels["speed_x_m_s"].differentiated_channel is None
         )
+
+    def is_piecewise_constant(self, channel_name: str) -> bool:
+        """Whether a channel is constant between steps: as recorded, or of such channels alone."""
+        channel = self.channels.get(channel_name)
+        if channel is None:
+            return False
+        if channel.expression is None or not channel.direct_source_channels:
+            return channel.is_recorded_piecewise_constant
+        return all(map(self.is_piecewise_constant, channel.direct_source_channels))
 
     def order_channels_by_derivation(self) -> list[str]:
         """Channel names with sources first.

@@ -126,8 +126,7 @@ def _make_channel_and_regressor_series(
     channels: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, ChannelSeries], dict[str, ChannelSeries]]:
     """All channels, and the same with the regressors' at the stamps of their slowest."""
-    align = machine.settings.align
-    raw = {name: rates.make_channel_series(name, frame, align) for name, frame in channels.items()}
+    raw = {n: rates.make_channel_series(n, frame, machine) for n, frame in channels.items()}
     return raw, _average_fast_channels_to_slowest(raw, machine)
 
 
@@ -165,10 +164,7 @@ def align_channels_at_instants(
 
 def list_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Notes on what `align` does to these channels."""
-    raw = {
-        n: rates.make_channel_series(n, frame, machine.settings.align)
-        for n, frame in channels.items()
-    }
+    raw = {n: rates.make_channel_series(n, frame, machine) for n, frame in channels.items()}
     said = [str(each) for each in rates.list_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:
         late_s = (

@@ -22,9 +22,9 @@ from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
 from analysis.model.physical_units import gain_and_offset_to_si, split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
-from analysis.model.settings import AlignSettings, Settings
+from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters, mounting
-from analysis.stages.signals.piecewise_constant import interpolate_channel, is_piecewise_constant
+from analysis.stages.signals.piecewise_constant import interpolate_between_steps
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.errors import DataError, MachineError, NoReadingError
 
@@ -54,7 +54,7 @@ def derive_channels_in_si(
     settings = machine.settings
     notes: list[str] = []
     filtering = any(channel.is_derivative for channel in machine.channels.values())
-    picked = low_pass_fast_channels(measured, settings, notes) if filtering else dict(measured)
+    picked = low_pass_fast_channels(measured, machine, notes) if filtering else dict(measured)
 
     series = mounting.rotate_imu_to_machine_axes(picked, machine.machine.imu, settings.align)
     for name in machine.order_channels_by_derivation():
@@ -132,8 +132,8 @@ def compute_arithmetic_channel(
 ) -> mounting.Series:
     """Compute a channel from others at the stamps of the slowest, with interpolation.
 
-    A gear or a switch among them does not set the stamps: it is held between equal readings.
-    Samples without a value are left out, as where a divisor is near zero or a gear changes.
+    A gear among them does not set the stamps: it is held between equal readings. Samples without a
+    value are left out, as where a divisor is near zero or a gear changes.
     """
     tree, settings = parse_derivation_in_si(name, machine), machine.settings
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
@@ -143,17 +143,16 @@ def compute_arithmetic_channel(
         own[f"{SLOPE} {each}"] = filters.differentiate_signal(
             t, x, longest_ns, causal=settings.filter.causal
         )
-    continuous = [t for each, (t, x) in own.items() if not is_piecewise_constant(each, x)]
+    steps = {each for each in own if machine.is_piecewise_constant(each)}
     at = max(
-        continuous or [t for t, _ in own.values()],
+        (t for each, (t, _) in own.items() if each not in steps or len(steps) == len(own)),
         key=lambda t: (filters.median_period_ns(t), -t.size),
     )
-    values = {
-        each: x
-        if np.array_equal(t, at)
-        else interpolate_channel(each, t, x, at, filters.gap_threshold_ns(t, settings.align))
-        for each, (t, x) in own.items()
-    }
+    values: dict[str, filters.Floats] = {}
+    for each, (t, x) in own.items():
+        read = interpolate_between_steps if each in steps else filters.interpolate_in_stretches
+        longest_ns = filters.gap_threshold_ns(t, settings.align)
+        values[each] = x if np.array_equal(t, at) else read(t, x, at, longest_ns)
     for each in BODY_NUMBERS:
         number = getattr(machine.machine, each)
         values[each] = np.full(at.size, np.nan if number is None else number)
@@ -210,17 +209,18 @@ def share_equal_stamp_arrays(channels: Mapping[str, mounting.Series]) -> dict[st
 
 
 def low_pass_fast_channels(
-    measured: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
+    measured: Mapping[str, mounting.Series], machine: Machine, notes: list[str]
 ) -> dict[str, mounting.Series]:
     """Apply the low-pass to every channel whose rate allows it.
 
     A causal filter delays, so if one channel's rate is too low, none is filtered.
     """
+    settings = machine.settings
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
     rates_hz = {
         n: 1e9 / filters.median_period_ns(t)
-        for n, (t, x) in measured.items()
-        if n not in UNFILTERED and not is_piecewise_constant(n, x)
+        for n, (t, _) in measured.items()
+        if n not in UNFILTERED and not machine.is_piecewise_constant(n)
     }
     slow = {
         name: hz

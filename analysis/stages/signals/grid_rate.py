@@ -12,7 +12,7 @@ from typing import Final
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings, GateSettings, SmoothSettings
 from analysis.stages.signals import mounting, rates
-from analysis.stages.signals.piecewise_constant import is_piecewise_constant
+from analysis.stages.signals.piecewise_constant import mark_piecewise_constant_channels
 from analysis.stages.signals.signal_limits import LIMITS
 
 #: The paper's rate, in Hz: the highest that is chosen, and that of a log that is not much slower.
@@ -27,6 +27,8 @@ def choose_grid_rate_by_log(
 ) -> tuple[Machine, list[str]]:
     """Set the grid rate, window and moving mean that the machine file leaves open.
 
+    Channels that are constant between steps are marked.
+
     Args:
         channels: channels from `read_measured_channels`.
         machine: machine file; given settings are kept.
@@ -34,6 +36,7 @@ def choose_grid_rate_by_log(
     Returns:
         The completed machine, and notes on values other than the paper's.
     """
+    machine = mark_piecewise_constant_channels(channels, machine)
     settings = machine.settings
     slowest, own_hz = find_slowest_channel_and_rate_hz(channels, machine)
     rate_hz = settings.align.rate_hz
@@ -77,7 +80,7 @@ def find_slowest_channel_and_rate_hz(
         for regressor in rates.list_channel_sets_of_equations(machine)
         for name in regressor - {"direction_x_1"}
         for source in rates.find_source_channels(name, machine)
-        if source in channels and not is_piecewise_constant(source, channels[source][1])
+        if source in channels and not machine.is_piecewise_constant(source)
     }
     periods = {
         name: rates.mean_period_without_gaps_ns(channels[name][0], 1e9 / PAPER_HZ) for name in names

@@ -10,10 +10,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
-from analysis.stages.signals.piecewise_constant import (
-    drop_values_between_steps,
-    is_piecewise_constant,
-)
+from analysis.stages.signals.piecewise_constant import drop_values_between_steps
 from analysis.stages.signals.resample import average_about_instants, interpolate_in_stretches
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats, Ints
@@ -73,8 +70,9 @@ class ChannelSeries:
         return float(np.median(self.known_ns - self.t_ns)) + self.width_ns / 2
 
 
-def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings) -> ChannelSeries:
+def make_channel_series(name: str, frame: pl.DataFrame, machine: Machine) -> ChannelSeries:
     """Series of a channel from `derive`, averaged if its topic is faster than the grid."""
+    settings = machine.settings.align
     t_ns = frame["unix_ns"].to_numpy()
     x = frame[name].to_numpy()
     if name in _WHOLE_TURN:
@@ -92,8 +90,7 @@ def make_channel_series(name: str, frame: pl.DataFrame, settings: AlignSettings)
         longest_ns,
         period_ns,
         width_ns=round(step_ns) if faster else 0,
-        # of a ratio that slips there are all values
-        is_piecewise_constant=name == "gear_ratio_1" and is_piecewise_constant(name, x),
+        is_piecewise_constant=machine.is_piecewise_constant(name),
     )
 
 

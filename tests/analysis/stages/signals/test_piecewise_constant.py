@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
+from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.piecewise_constant import (
     drop_values_between_steps,
     is_piecewise_constant,
@@ -46,11 +47,14 @@ def test_a_force_of_a_gear_read_once_a_second_comes_at_the_rate_of_the_torque(ra
     own = machine(
         torque_N_m={"topic": "/engine", "field": "torque"},
         gear_1={"topic": "/gearbox", "field": "gear"},
-        force_x_N={"derive": "torque_N_m * gear_1 / 1 [m]"},
+        gear_ratio_1={"derive": "where(gear_1 > 3, 4, 2)"},
+        force_x_N={"derive": "torque_N_m * gear_ratio_1 / 1 [m]"},
         speed_x_m_s={"topic": "/engine", "field": "speed"},
         specific_force_x_m_s2={"topic": "/engine", "field": "speed"},
     )
     read, _ = read_measured_channels(assign_timestamps(raw)[0], own)
+    own, _ = choose_grid_rate_by_log(read, own)
+    assert own.settings.align.rate_hz == 10.0
     force = derive_channels_in_si(read, own)[0]["force_x_N"]
     # from 4 s, the last reading of the one gear, to 5 s, the first of the other, none is known
     assert force["unix_ns"].to_list() == [*at[:41], *at[50:91]]
