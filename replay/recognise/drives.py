@@ -1,6 +1,6 @@
 """Force and speed derived from what a drive reports, with a gear ratio to be stated."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final
 
@@ -36,6 +36,7 @@ def propose_force_and_speed_of_drives(
     ):
         sketches = (
             add_forces_of_both_sides,
+            propose_torques_without_unit,
             propose_force_from_unnamed_sides,
             _propose_force_from_engine,
             propose_force_from_motors_of_both_sides,
@@ -58,28 +59,51 @@ def _has_left_and_right_channel(recognition: Recognition, channel: str) -> bool:
     return {channel.format(side) for side in _SIDES} <= recognition.filled_or_proposed_channels
 
 
+def find_column_of_each_side(columns: Iterable[LogColumn]) -> tuple[LogColumn, LogColumn] | None:
+    """The one column of the left side and that of the right; None without both."""
+    columns = [*columns]
+    left, right = ([c for c in columns if c.name_meaning.side == side] for side in _SIDES)
+    return (left[0], right[0]) if len(left) == len(right) == 1 else None
+
+
 def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Add the forces of the left and the right side, as of two tracks; whether there are any."""
-    sides = [
-        [
-            c
-            for c in columns
-            if c.name_meaning.side == side
-            and c.quantity == "force"
-            and c.has_dimension_of_channel("force_x_N")
-            and c.name_meaning.axis in (None, "x")
-            # a wheel's force is its load more often than what drives it
-            and c.name_meaning.part != "wheel"
-            and not (c.name_meaning.is_linkage or c.name_meaning.is_elsewhere)
-        ]
-        for side in _SIDES
-    ]
-    if any(len(each) != 1 for each in sides):
+    sides = find_column_of_each_side(
+        c
+        for c in columns
+        if c.quantity == "force"
+        and c.has_dimension_of_channel("force_x_N")
+        and c.name_meaning.axis in (None, "x")
+        # a wheel's force is its load more often than what drives it
+        and c.name_meaning.part != "wheel"
+        and not (c.name_meaning.is_linkage or c.name_meaning.is_elsewhere)
+    )
+    if sides is None:
         return False
-    names = " and ".join(f"'{column.source_text}'" for (column,) in sides)
-    for side, (column,) in zip(_SIDES, sides, strict=True):
+    names = " and ".join(f"'{column.source_text}'" for column in sides)
+    for side, column in zip(_SIDES, sides, strict=True):
         recognition.fill_channel_if_empty(column, f"force_{side}_N", f"the {side} of {names}")
     recognition.add_derived_channel("force_x_N", "force_left_N + force_right_N", names)
+    return True
+
+
+def propose_torques_without_unit(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+    """Propose the torques of both sides whose unit is not stated, if any."""
+    sides = find_column_of_each_side(
+        c
+        for c in columns
+        if c.quantity == "torque" and c.unit is None and c.name_meaning.part != "motor"
+    )
+    if sides is None:
+        return False
+    for side, column in zip(_SIDES, sides, strict=True):
+        recognition.propose_source_of_derived_channel(
+            column, f"torque_{side}_N_m", "?", f"{column.source_text}: its unit is not stated"
+        )
+        recognition.add_question_of_subject(
+            "unit", f"the unit of '{column.source_text}', in channels.torque_{side}_N_m.unit"
+        )
+    recognition.add_question_of_subject("radius", _RADIUS)
     return True
 
 
@@ -128,21 +152,17 @@ def propose_force_from_motors_of_both_sides(
 ) -> bool:
     """Propose a force from the torques or currents of a left and a right motor, if any."""
     for quantity, unit, name, factor in _MOTOR_OUTPUTS:
-        sides = [
-            [
-                c
-                for c in columns
-                if is_drive_output(c, quantity, unit)
-                and (c.name_meaning.part, c.name_meaning.side) == ("motor", side)
-            ]
-            for side in _SIDES
-        ]
-        if any(len(each) != 1 for each in sides):
+        sides = find_column_of_each_side(
+            c
+            for c in columns
+            if is_drive_output(c, quantity, unit) and c.name_meaning.part == "motor"
+        )
+        if sides is None:
             continue
         names: list[str] = []
-        reason = " and ".join(f"{each[0].source_text}" for each in sides)
+        reason = " and ".join(each.source_text for each in sides)
         reason += ": measured at the motors of both sides; needs the gear ratio"
-        for side, (column,) in zip(_SIDES, sides, strict=True):
+        for side, column in zip(_SIDES, sides, strict=True):
             names.append(f"{side}_{name}")
             recognition.propose_source_of_derived_channel(column, names[-1], column.unit, reason)
         recognition.propose_derived_channel_as_comment(

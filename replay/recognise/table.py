@@ -25,7 +25,12 @@ from replay.recognise.correlations import (
 )
 from replay.recognise.drives import add_question_on_gear_ratios, propose_force_and_speed_of_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import ColumnMeaning, interpret_column_name, is_side_prefix_confirmed
+from replay.recognise.words import (
+    ColumnMeaning,
+    interpret_column_name,
+    is_side_prefix_confirmed,
+    put_side_first,
+)
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -194,7 +199,7 @@ def _list_columns_of_log(log: Log) -> list[LogColumn]:
             unit = (
                 units.get(field)
                 or _find_unit_of_standard_name(name)
-                or (topic and split_unit_from_name(name)[1])
+                or ((topic or name != field) and split_unit_from_name(name)[1])
                 or None
             )
             said = _add_topic_meaning_to_field(
@@ -224,10 +229,13 @@ def _can_message_have_own_field_names(message_type: str) -> bool:
 
 
 def _extract_name_of_field(topic: str | None, field: str) -> str:
-    """Last part of a field's name; that of its topic where it is the only number."""
-    if topic is None:
-        return field
-    return topic.rstrip("/").rpartition("/")[2] if field == "data" else field.rpartition(".")[2]
+    """Last part of a field's name, with its side in front; that of its topic if it has no other."""
+    if topic is None or field == "data":
+        return put_side_first(field if topic is None else topic.rstrip("/").rpartition("/")[2])
+    *_, record, last = ["", *field.split(".")]
+    # of `torque_Nm.left` the record says what it is
+    whole = put_side_first(f"{record}.{last}")
+    return last if whole.startswith(f"{record}.") else whole
 
 
 def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:

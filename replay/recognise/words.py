@@ -94,6 +94,13 @@ def is_side_prefix_confirmed(name: str, all_names: Collection[str]) -> bool:
     return f"{name[: match.start()]}{other}{name[match.end() :]}" in all_names
 
 
+def put_side_first(column_name: str) -> str:
+    """The name with a side at its end put in front, so that a unit is last: `torque_nm.left`."""
+    *rest, last = re.split(r"[._ ](?=[^._ ]*$)", column_name)
+    is_side = any(last.lower() in words for words in _SIDES.values())
+    return f"{last}_{rest[0]}" if rest and rest[0] and is_side else column_name
+
+
 @dataclass(frozen=True, slots=True)
 class ColumnMeaning:
     """Meaning of a column's name; None for what it does not state."""

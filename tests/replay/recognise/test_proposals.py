@@ -364,6 +364,23 @@ def test_forces_of_both_tracks_are_one_force(tmp_path: Path, names: tuple[str, s
     assert not questions
 
 
+def test_torques_of_both_sides_without_a_unit_are_asked_for_it(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, speed__kmh=V, torque_left=A, torque_right=A)
+    assert channels["torque_left_N_m"].is_comment
+    assert channels["torque_left_N_m"].unit == "?"
+    assert "the unit of 'torque_right', in channels.torque_right_N_m.unit" in questions
+    assert "machine.wheel_radius_m" in questions
+
+
+@pytest.mark.parametrize("side_behind", ["wheel_torque_Nm.{}", "torque_Nm_{}", "torque_Nm {}"])
+def test_a_side_may_stand_behind_the_unit(tmp_path: Path, side_behind: str) -> None:
+    names = [side_behind.format(side) for side in ("left", "right")]
+    channels, _ = proposed(tmp_path, speed__kmh=V, **dict.fromkeys(names, A))
+    found = [channels[f"torque_{side}_N_m"] for side in ("left", "right")]
+    assert [each.field for each in found] == names
+    assert not any(each.is_comment or each.unit for each in found)
+
+
 @pytest.mark.parametrize(
     "names",
     [
