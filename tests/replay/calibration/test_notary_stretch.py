@@ -21,8 +21,9 @@ from recordings.notary.notary_list import (
 )
 from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
 from recordings.signatures.signing import SigningKey, read_public_key_file, read_signing_key_or_none
-from replay.calibration.calibrate_campaign import calibrate_from_campaign, load_range_of_notary_list
+from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.campaign_file import load_campaign_and_machine
+from replay.calibration.refuse_campaign import load_range_of_notary_list
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.notary.list_file import STATE_VARIABLE
 from replay.notary.notarise_folder import notarise_folder
