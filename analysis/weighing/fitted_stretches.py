@@ -211,10 +211,9 @@ def read_gear_ratio(aligned: pl.DataFrame) -> Floats | None:
     return None if known.is_empty() or known.null_count() else known.to_numpy()
 
 
-def mark_gear_changes(aligned: pl.DataFrame, rate_hz: float) -> Bools:
-    """Samples in which the gear changes or may have changed, (rows,)."""
+def mark_gear_changes(aligned: pl.DataFrame, ratio: Floats | None, rate_hz: float) -> Bools:
+    """Samples in which the gear, of `read_gear_ratio`, changes or may have changed, (rows,)."""
     changes = np.zeros(aligned.height, np.bool_)
-    ratio = read_gear_ratio(aligned)
     if ratio is None:
         return changes
     step = count_rows_in_duration(LIMITS.gear_change_s, rate_hz)

@@ -313,7 +313,7 @@ def collect_motion_samples(
     clear = count_rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
     ratio = read_gear_ratio(aligned)
     silent = ~known | mark_rows_without_data(aligned)
-    silent |= mark_gear_changes(aligned, settings.align.rate_hz)
+    silent |= mark_gear_changes(aligned, ratio, settings.align.rate_hz)
     near_gap = (
         flag_windows_with_flagged_rows(silent, clear)
         | flag_windows_with_flagged_rows(silent[::-1], clear)[::-1]

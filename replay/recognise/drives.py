@@ -97,12 +97,7 @@ def propose_torques_without_unit(columns: Sequence[LogColumn], recognition: Reco
     if sides is None:
         return False
     for side, column in zip(_SIDES, sides, strict=True):
-        recognition.propose_source_of_derived_channel(
-            column, f"torque_{side}_N_m", "?", f"{column.source_text}: its unit is not stated"
-        )
-        recognition.add_question_of_subject(
-            "unit", f"the unit of '{column.source_text}', in channels.torque_{side}_N_m.unit"
-        )
+        recognition.propose_channel_without_unit(column, f"torque_{side}_N_m")
     recognition.add_question_of_subject("radius", _RADIUS)
     return True
 
@@ -318,9 +313,7 @@ def _propose_force_from_power(columns: Sequence[LogColumn], recognition: Recogni
         reason = f"{power.source_text}: a power; over the speed it is a force; needs the efficiency"
         recognition.propose_source_of_derived_channel(power, "power_W", power.unit or "?", reason)
         if power.unit is None:
-            recognition.add_question_of_subject(
-                "unit", f"the unit of '{power.source_text}', in channels.power_W.unit"
-            )
+            recognition.add_question_on_unit(power, "power_W")
         watts = "power_W"
     else:
         if current is None or voltage is None:

@@ -120,6 +120,18 @@ class Recognition:
         stated = return_unit_unless_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
+    def propose_channel_without_unit(self, column: LogColumn, channel: str) -> None:
+        """Propose a channel whose column states no unit, and ask for it."""
+        reason = f"{column.source_text}: its unit is not stated"
+        self.propose_source_of_derived_channel(column, channel, "?", reason)
+        self.add_question_on_unit(column, channel)
+
+    def add_question_on_unit(self, column: LogColumn, channel: str) -> None:
+        """Ask for the unit of a column that fills a channel."""
+        self.add_question_of_subject(
+            "unit", f"the unit of '{column.source_text}', in channels.{channel}.unit"
+        )
+
     def add_derived_channel(self, channel: str, derivation: str, reason: str) -> None:
         """Add a derived channel that needs no answer."""
         self.channels.append(ChannelProposal(channel, None, None, None, reason, derivation))

@@ -391,10 +391,5 @@ def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Reco
             part = said.part if quantity != "speed" or said.part == "motor" else None
             whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:
-                recognition.propose_source_of_derived_channel(
-                    column, channel, "?", f"{column.source_text}: its unit is not stated"
-                )
-                recognition.add_question_of_subject(
-                    "unit", f"the unit of '{column.source_text}', in channels.{channel}.unit"
-                )
+                recognition.propose_channel_without_unit(column, channel)
                 break

@@ -249,8 +249,7 @@ class Calibration:
     @property
     def has_single_day(self) -> bool:
         """Whether no data determine how the machine changes from day to day."""
-        days = {point.day for point in self.points if point.readings}
-        return len(days) == 1 and (self.day_kg is None or self.day_freedom is not None)
+        return self.days_of_unknown_scatter == 1
 
     @property
     def days_of_unknown_scatter(self) -> int:

@@ -156,10 +156,10 @@ def test_a_ratio_of_neutral_is_that_of_the_gear_before() -> None:
 def test_a_gear_changes_in_a_step_and_a_continuous_one_never_does() -> None:
     def changes(ratios: Floats) -> list[int]:
         aligned = pl.DataFrame({"gear_ratio_1": ratios}, nan_to_null=True)
-        return np.flatnonzero(mark_gear_changes(aligned, 10.0)).tolist()
+        return np.flatnonzero(mark_gear_changes(aligned, read_gear_ratio(aligned), 10.0)).tolist()
 
     assert changes(np.repeat([40.0, 25.0], 20)) == [20]
     assert changes(np.geomspace(40.0, 25.0, 40)) == []
     # read once a second, it may have changed at any time between two readings
     assert changes(np.array([40.0, np.nan, np.nan, 40.0, np.nan, np.nan, 25.0])) == [4, 5, 6]
-    assert not mark_gear_changes(pl.DataFrame({"t_ns": [1, 2]}), 10.0).any()
+    assert not mark_gear_changes(pl.DataFrame({"t_ns": [1, 2]}), None, 10.0).any()
