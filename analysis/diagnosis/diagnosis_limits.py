@@ -54,6 +54,9 @@ class DiagnosisLimits:
     #: The same as a multiple of the threshold below which a speed reads 0: machines stop fast at a
     #: pile.
     stand_edge_threshold_ratio: float = 2.0
+    #: Quantile of the steps from reading to reading under way that one to a stand may be: at 1 Hz a
+    #: machine is as fast as that one reading before it stands.
+    stand_edge_step_quantile: float = 0.98
     #: Fewest readings of a run: of a slow channel two equal readings are none.
     run_min_readings: int = 5
     #: Largest step beside a run, over the smallest there, that is one step of the resolution.

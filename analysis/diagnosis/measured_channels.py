@@ -238,9 +238,12 @@ def find_zero_speed_spans(unix_ns: Ints, speed: Floats) -> Spans:
         np.abs(speed[np.maximum(first - 1, 0)]),
         np.abs(speed[np.minimum(last + 1, speed.size - 1)]),
     )
+    moves = speed != 0.0
+    steps = np.abs(np.diff(speed))[moves[1:] & moves[:-1]]
     small = max(
         LIMITS.stand_edge_range_fraction * float(np.quantile(np.abs(speed), 0.98)),
         LIMITS.stand_edge_threshold_ratio * estimate_zero_speed_threshold_m_s(speed),
+        float(np.quantile(steps, LIMITS.stand_edge_step_quantile)) if steps.size else 0.0,
     )
     stands = (speed[first] == 0.0) & (before <= small) & (after <= small)
     stands &= (unix_ns[last] - unix_ns[first]) > LIMITS.frozen_s * 1e9

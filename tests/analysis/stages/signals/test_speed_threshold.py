@@ -85,3 +85,20 @@ def test_a_dropout_from_full_speed_is_no_stand() -> None:
     before = find_zero_speed_spans(T_NS, speed)
     speed[fastest : fastest + 25] = 0.0
     assert find_zero_speed_spans(T_NS, speed) == before
+
+
+def test_a_speed_of_1_hz_stands_where_it_stopped_from_one_reading_to_the_next() -> None:
+    """At 0.9 m/s² the reading before a stand is up to 0.9 m/s, and no sensor froze."""
+    drive_m_s = np.concatenate([np.arange(0.9, 8.0, 0.9), np.arange(7.2, 0.0, -0.9)])
+    speed = np.concatenate([np.zeros(20), drive_m_s, np.zeros(20), drive_m_s, np.zeros(20)])
+    t_ns = np.arange(speed.size) * 10**9
+    stands = find_zero_speed_spans(t_ns, speed)
+    assert [round((end - begin) / 1e9) for begin, end in stands] == [19, 19, 19]
+
+
+def test_a_speed_of_1_hz_that_falls_to_0_under_way_does_not_stand() -> None:
+    drive_m_s = np.concatenate([np.arange(0.9, 8.0, 0.9), np.arange(7.2, 0.0, -0.9)])
+    speed = np.concatenate([np.zeros(20), drive_m_s, np.zeros(20), drive_m_s, np.zeros(20)])
+    speed[26:33] = 0.0
+    stands = find_zero_speed_spans(np.arange(speed.size) * 10**9, speed)
+    assert all(round((end - begin) / 1e9) == 19 for begin, end in stands)
