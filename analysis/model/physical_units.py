@@ -70,17 +70,23 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "km/h": "km/h kmh kph km/hr kmph km_h км/ч км/год km/jam km/sa km/u km/t 公里/小时 千米/时",
     "mph": "mph mi/h",
     "knot": "kn knot knots kt kts",
-    "ft/s": "ft/s fps",
+    "ft/s": "ft/s ft/sec ft_s fps",
+    "inch/s": "in/s in/sec ips",
     "mm/s": "mm/s mm_s",
     "cm/s": "cm/s cm_s",
     "m/min": "m/min m_min",
     "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 m_s2 m/s**2 m*s^-2 ms-2 м/с2 м/с^2",
+    "ft/s**2": "ft/s2 ft/s^2 ft/s/s ft/sec2 ft/sec^2 ft_s2 fps2",
+    "mm/s**2": "mm/s2 mm/s^2 mm_s2",
+    "cm/s**2": "cm/s2 cm/s^2 cm_s2 Gal",
+    "millistandard_gravity": "mg",
     "standard_gravity": "g G g_n gee g's gs",
     "rad/s": "rad/s rad_s rad/sec",
     "deg/s": "deg/s deg_s dps °/s degree/s degrees/s deg/sec °/sec",
     "rpm": "rpm 1/min u/min r/min min-1 min^-1 rev/min tr/min 1_min "
     "об/мин dev/dak obr/min ot/min giri/min 转/分",
     "rad/s**2": "rad/s2 rad/s^2 rad_s2",
+    "deg/s**2": "deg/s2 deg/s^2 deg_s2 °/s^2",
     "rad": "rad radian radians",
     "deg": "deg ° degree degrees grad",
     "N": "N newton newtons Н 牛",
@@ -93,6 +99,7 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "kN*m": "kNm kN*m kN-m kN_m кНм кН*м",
     "mN*m": "mNm mN*m",
     "ft*lbf": "ft-lb ft*lb ft*lbf ftlb lb-ft lb*ft lbft lbf*ft lbf-ft ft-lbf",
+    "in*lbf": "in-lb in*lb in*lbf inlb lb-in lb*in lbin lbf*in lbf-in in-lbf",
     "W": "W watt watts Вт",
     "kW": "kW кВт",
     "horsepower": "hp",
@@ -134,7 +141,7 @@ _UNITS_OF_FOLDED: Final = Counter(each for each, _ in _FOLDED)
 _LOWER: Final[Mapping[str, str]] = {
     each: unit for each, unit in _FOLDED if _UNITS_OF_FOLDED[each] == 1
 }
-_MILLI_OR_MEGA: Final = frozenset({"mN*m", "mA", "mV", "MPa"})
+_MILLI_OR_MEGA: Final = frozenset({"mN*m", "mA", "mV", "MPa", "millistandard_gravity"})
 _SIGNS: Final = str.maketrans(
     {"·": "*", "⋅": "*", "×": "*", "²": "^2", "μ": "µ", "º": "°", "⁻": "-", "¹": "1"}
 )
