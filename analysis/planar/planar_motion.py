@@ -38,6 +38,7 @@ class TurningSamples(NamedTuple):
     direction_x: Floats
     direction_x_spinning: Floats
     direction_z: Floats
+    direction_z_spinning: Floats
     progress: Floats
     heading_rad: Floats
     one: Floats
@@ -176,6 +177,8 @@ def make_planar_drive(
         motion.speed, column_values(excitation, "speed_rate_x_m_s2"), LIMITS.moving_min_m_s
     )
     direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, LIMITS.turning_min_rad_s)
+    # tyres scrub before the yaw rate is that of a turn
+    scrubs = samples.turning | (np.abs(motion.yaw_rate) > LIMITS.turning_min_rad_s)
     spins = np.abs(motion.speed) < read_half_track_m(machine) * np.abs(motion.yaw_rate)
     term_inputs = np.stack(
         [
@@ -186,7 +189,8 @@ def make_planar_drive(
             central_difference(motion.speed * np.abs(force)),
             np.where(spins, 0.0, direction_x),
             np.where(spins, direction_x, 0.0),
-            np.where(samples.turning, direction_z, 0.0),
+            np.where(scrubs, direction_z, 0.0),
+            np.where(scrubs & spins, direction_z, 0.0),
             t / max(float(t[-1]), 1.0) - 0.5,
             np.cumsum(np.nan_to_num(motion.yaw_rate)) / rate_hz,
         ]

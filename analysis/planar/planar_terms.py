@@ -231,6 +231,15 @@ TERMS: Final = (
         "z",
     ),
     Term(
+        # the sides' rolling resistances are a couple where they roll against each other
+        "turning_spinning",
+        lambda m: (None, m.direction_z_spinning),
+        lambda d, s: _planar_coulomb_prior_std(d, s) * d.half_track_m,
+        "Coulomb friction of turning where left and right wheels turn opposite ways, in addition",
+        "spins in place as well as turns under way",
+        "z",
+    ),
+    Term(
         "turning_quadratic",
         lambda m: (None, m.yaw_rate * np.abs(m.yaw_rate)),
         lambda d, s: s.quadratic_share * d.peak_torque_N_m / d.peak_yaw_rate_rad_s**2,

@@ -15,7 +15,10 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.errors import DataError, suggest_choice
-from estimators.methods.attenuation import compute_attenuation_by_noise_source
+from estimators.methods.attenuation import (
+    compute_attenuation_by_noise_source,
+    compute_largest_noise_fraction,
+)
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.numerics.autocorrelation import (
     compute_autocovariance_loss,
@@ -234,6 +237,11 @@ class _WeightedSystem:
         noise = self.added * scale[:, None] ** 2
         doubt = np.zeros((r, r))
         if noise.any():
+            added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
+            fraction = compute_largest_noise_fraction(added.sum(axis=0), whole)
+            # of what only the priors tell apart, the noise may be more than the motion
+            kept = min(1.0, LIMITS.max_noise_fraction / fraction)
+            noise, added = kept * noise, kept * added
             sources, loading = noise.ravel(), np.concatenate(list(self.loading), axis=1)
             drawn = [
                 compute_attenuation_by_noise_source(whole, each, sources, loading)
@@ -242,7 +250,6 @@ class _WeightedSystem:
             by_axis = by_axis + np.stack([each.sum(axis=1) for each in drawn])
             taken: Floats = np.sum(drawn, axis=0)
             doubt = METHOD_LIMITS.uncertain_correction_fraction**2 * taken @ taken.T
-            added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
             grams, whole = grams - added, whole - added.sum(axis=0)
         bread = invert_positive_definite(whole)
         theta = by_axis.sum(axis=0)
