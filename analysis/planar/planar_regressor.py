@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.planar.planar_motion import PlanarDrive
 from analysis.planar.planar_terms import (
+    TERMS,
     Term,
     has_forward_accelerometer,
     has_lateral_accelerometer,
@@ -93,3 +94,15 @@ class Regressor:
             if has_lateral_accelerometer(self.drive.machine):
                 found[1, moment_x, inertia] = -x_m
         return found
+
+
+def select_terms_of_drive(drive: PlanarDrive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
+    """Terms that apply to a drive on the given axes, with their prior standard deviations."""
+    found: list[tuple[Term, float]] = []
+    for term in TERMS:
+        if term.applies(drive.machine) and set(term.axes) & set(axes):
+            width = term.width(drive, drive.machine.settings.priors)
+            # what is known exactly, and what the machine cannot have here, is no term
+            if width > 0.0 and np.isfinite(width):
+                found.append((term, width))
+    return tuple(found)

@@ -232,10 +232,10 @@ TERMS: Final = (
     ),
     Term(
         # the sides' rolling resistances are a couple where they roll against each other
-        "turning_spinning",
-        lambda m: (None, m.direction_z_spinning),
-        lambda d, s: _planar_coulomb_prior_std(d, s) * d.half_track_m,
-        "Coulomb friction of turning where left and right wheels turn opposite ways, in addition",
+        "turning_rolling",
+        lambda m: (None, m.rolling_z),
+        _planar_coulomb_prior_std,
+        "rolling resistance of left and right wheels that turn opposite ways",
         "spins in place as well as turns under way",
         "z",
     ),
@@ -395,15 +395,3 @@ TERMS: Final = (
         mixture=_mix_columns_by_imu_y_error,
     ),
 )
-
-
-def select_terms_of_drive(drive: PlanarDrive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
-    """Terms that apply to a drive on the given axes, with their prior standard deviations."""
-    found: list[tuple[Term, float]] = []
-    for term in TERMS:
-        if term.applies(drive.machine) and set(term.axes) & set(axes):
-            width = term.width(drive, drive.machine.settings.priors)
-            # what is known exactly, and what the machine cannot have here, is no term
-            if width > 0.0 and np.isfinite(width):
-                found.append((term, width))
-    return tuple(found)

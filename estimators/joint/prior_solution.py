@@ -20,10 +20,10 @@ from estimators.joint.gain_matrix import (
 )
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.random_intercepts import InterceptShape
-from estimators.methods.attenuation import compute_largest_noise_fraction
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 from estimators.numerics.bordered_matrix import BorderedMatrix
 from estimators.numerics.group_sums import GroupSums
+from estimators.numerics.small_systems import compute_largest_noise_fraction
 
 #: Parts of a `BorderedMatrix`.
 BorderedParts = tuple[Floats, Floats, Floats, Floats]

@@ -40,18 +40,6 @@ def compute_attenuation_by_noise_source(
     return invert_positive_definite(G - L * added_noise @ L.T) @ (L * (added_noise * (L.T @ theta)))
 
 
-def compute_largest_noise_fraction(noise: Floats, gram: Floats) -> float:
-    """Largest fraction of noise in any direction of the columns."""
-    if not noise.any():
-        return 0.0
-    try:
-        root = np.linalg.cholesky(gram)
-    except np.linalg.LinAlgError:
-        return np.inf
-    half = np.linalg.solve(root, noise)
-    return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])
-
-
 def compute_attenuation_corrections_of_windows(
     A: Floats, f: Floats, window: int, window_ends: Ints, theta: Floats, noise: Floats
 ) -> Floats:

@@ -15,17 +15,18 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.errors import DataError, suggest_choice
-from estimators.methods.attenuation import (
-    compute_attenuation_by_noise_source,
-    compute_largest_noise_fraction,
-)
+from estimators.methods.attenuation import compute_attenuation_by_noise_source
 from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.numerics.autocorrelation import (
     compute_autocovariance_loss,
     compute_std_widening_factor,
     estimate_pooled_autocorrelation,
 )
-from estimators.numerics.small_systems import invert_positive_definite, solve_least_squares_by_svd
+from estimators.numerics.small_systems import (
+    compute_largest_noise_fraction,
+    invert_positive_definite,
+    solve_least_squares_by_svd,
+)
 from estimators.planar.base_estimate import BaseEstimate, Prior
 from estimators.planar.blockwise_qr import (
     BLOCK,

@@ -69,7 +69,12 @@ def test_all_motion_together_determines_all_six(stages):
     assert row["identifiable"] == ", ".join(PARAMETERS)
     assert row["combinations"] == ""
     for name, truth in zip(PARAMETERS, LOADER, strict=True):
-        assert row[name] == pytest.approx(truth, rel=0.02 if abs(truth) > 100 else 0.2)
+        if name == "inertia_z_kg_m2":
+            # spins at one throttle tell it to a twentieth beside tyres that may scrub
+            assert agrees(row, name, "inertia_z_std_kg_m2", truth)
+            assert 0.02 * truth < row["inertia_z_std_kg_m2"] < 0.06 * truth
+        else:
+            assert row[name] == pytest.approx(truth, rel=0.02 if abs(truth) > 100 else 0.2)
 
 
 def test_clean_joint_motion_without_any_straight_start_tells_inertia_and_centre_of_mass():
@@ -114,7 +119,7 @@ def test_nominal_95_percent_intervals_cover_over_logs_of_different_noise(logs, l
         assert abs(error) < 0.02 * LOADER[1]
         inside["inertia, pooled"].append(abs(error) < 1.96 * total["inertia_z_std_kg_m2"])
         for row in stages["planar"].to_dicts():
-            if row["com_x_m"] is None:
+            if row["com_x_m"] is None or row["kind"] == "arc":
                 continue
             error = row["com_x_m"] - COM_X_M
             assert abs(error) < 4.0 * row["com_x_std_m"]
