@@ -25,7 +25,11 @@ from analysis.planar.planar_budget import (
     make_planar_budget_rows,
 )
 from analysis.planar.planar_limits import LIMITS
-from analysis.planar.planar_motion import make_planar_drive, read_half_track_m
+from analysis.planar.planar_motion import (
+    has_lateral_accelerometer,
+    make_planar_drive,
+    read_half_track_m,
+)
 from analysis.planar.planar_regressor import Regressor, select_terms_of_drive
 from analysis.planar.planar_samples import (
     PlanarSamples,
@@ -33,7 +37,7 @@ from analysis.planar.planar_samples import (
     compute_planar_column_noise,
     mark_turns_that_begin,
 )
-from analysis.planar.planar_terms import TERMS, has_lateral_accelerometer
+from analysis.planar.planar_terms import TERMS
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_for_pooling
 from analysis.stages.gating.segments import number_manoeuvres

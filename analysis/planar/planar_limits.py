@@ -37,6 +37,10 @@ class PlanarLimits:
     model_mean_s: float = 1.0
 
     # planar_terms
+    #: Standard deviation of the distance from the origin to the point that a machine turns about,
+    #: times that to its centre of mass, over half the track width squared: each 0.13 of half the
+    #: track width on the independent machines of `benchmarks/turning.py`.
+    spin_centre_moment_std_1: float = 0.017
     #: Standard deviation by which tyres and friction that differ from side to side change the
     #: difference of the sides' gains. On 33 machines of seeds 610000 to 612024 of
     #: `benchmarks/turning.py`, whose friction is not the model's, the fitted gain was off by 0.001

@@ -220,6 +220,16 @@ def read_half_track_m(machine: Machine) -> float:
     return (machine.machine.track_width_m or 2.0) / 2.0
 
 
+def has_forward_accelerometer(machine: Machine) -> bool:
+    """Whether an accelerometer measures the forward specific force, gravity included."""
+    return machine.settings.forces.acceleration == "specific_force"
+
+
+def has_lateral_accelerometer(machine: Machine) -> bool:
+    """Whether an accelerometer measures the lateral specific force."""
+    return has_forward_accelerometer(machine) and "specific_force_y_m_s2" in machine.channels
+
+
 def estimate_robust_maximum(values: Floats, is_used: Bools) -> float:
     """Maximum without outliers; a small positive number if there is none."""
     found = (

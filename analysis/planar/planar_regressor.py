@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.planar.planar_motion import PlanarDrive
-from analysis.planar.planar_terms import (
-    TERMS,
-    Term,
+from analysis.planar.planar_motion import (
+    PlanarDrive,
     has_forward_accelerometer,
     has_lateral_accelerometer,
 )
+from analysis.planar.planar_terms import TERMS, Term
 from estimators.arrays import Floats, Ints
 from estimators.planar.planar_rows import PARAMETERS
 

@@ -370,7 +370,8 @@ def compute_sandwich_covariance(
     std = np.sqrt(np.maximum(variance, 0.0)) * compute_std_widening_factor(
         fitted_parameters.samples * k, correlations[0]
     )
-    shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else plain
+    # a tapered correlation, or a column that is nearly all noise, makes a variance negative
+    shape = next((each for each in (cover, plain) if np.linalg.eigvalsh(each)[0] > 0.0), bread)
     own = np.diagonal(shape)
     stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))
     told = fitted_parameters.responses.T @ fitted_parameters.responses if q else 0.0
