@@ -185,7 +185,7 @@ def make_planar_drive(
         )
         for side in (-half_track_m, half_track_m)
     )
-    spins = np.abs(motion.speed) < read_half_track_m(machine) * np.abs(motion.yaw_rate)
+    spins = np.abs(motion.speed) < half_track_m * np.abs(motion.yaw_rate)
     term_inputs = np.stack(
         [
             averaged(force),
