@@ -20,6 +20,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
+from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_for_pooling
 from analysis.stages.motion.phases import (
@@ -111,10 +112,21 @@ def _opposing_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     )
 
 
-def _opposing_torque_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
-    """Fraction of samples of spins braked by the drive whose yaw torque opposes the spin."""
+def _opposing_torque_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
+    """Fraction of samples of spins braked by the drive whose yaw torque opposes the spin.
+
+    Tyres that scrub stop a spin while the torque that drove it still falls.
+    """
+    settings = inputs.machine.settings
+    rows = count_rows_in_duration(LIMITS.falling_torque_s, settings.align.rate_hz)
+    rows += settings.smooth.samples
+    still_falling = flag_windows_with_flagged_rows(motion.speeding, rows)
     return fit_quality.force_fraction_against_motion(
-        motion.A, motion.f, motion.braking, motion.speeding, has_scrubbing_tyres=True
+        motion.A,
+        motion.f,
+        motion.braking & ~still_falling,
+        motion.speeding,
+        has_scrubbing_tyres=True,
     )
 
 

@@ -23,6 +23,9 @@ class DiagnosisLimits:
     #: Shortest motion in s of which the correlation has a sign.
     correlation_min_moving_s: float = 1.0
 
+    #: Time in s that a torque takes to fall once the drive is shut: three time constants of 0.15 s.
+    falling_torque_s: float = 0.5
+
     # excluded_stretches
     #: Largest change of the answer without a stretch, in its standard uncertainties, that is none.
     harmless_change_u: float = 1.0

@@ -9,8 +9,6 @@ from analysis.model.model_limits import LIMITS
 
 #: Checks of the mass that find a force without its sign, which spoils the yaw torque as well.
 _SIGNS: Final = frozenset({"opposing_share", "driving_share"})
-#: The check that counts windows, which joint motion has no use for.
-_COUNT: Final = "accepted_stretches"
 
 EvidenceSubject = Literal["mass", "inertia"]
 #: What a check that fails leads to: the number withheld, its uncertainty widened, the methods that
@@ -99,14 +97,12 @@ class Verdict:
         return self.has_spins and not signless and not self.withholding_checks("inertia")
 
     @property
-    def is_beyond_limit(self) -> bool:
-        """Whether a check failed by its number rather than for lack of data."""
-        return any(
-            check.passed is False
-            and check.consequence == "withhold"
-            and check.value is not None
-            and check.check != _COUNT
+    def checks_beyond_limit(self) -> tuple[Check, ...]:
+        """Withholding checks that failed by their number rather than for lack of data."""
+        return tuple(
+            check
             for check in self.checks
+            if check.passed is False and check.consequence == "withhold" and check.value is not None
         )
 
     def withholding_checks(self, subject: EvidenceSubject) -> tuple[Check, ...]:

@@ -17,23 +17,27 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import list_scale_sources_without_u
-from analysis.model.verdict import Verdict
+from analysis.model.verdict import Check, Verdict
 from analysis.planar.planar_budget import (
     combine_standard_uncertainty,
     compute_quantity_gradient,
-    list_uncertainty_sources,
+    join_missing_setting_names,
     make_planar_budget_rows,
 )
 from analysis.planar.planar_limits import LIMITS
-from analysis.planar.planar_motion import make_planar_drive
-from analysis.planar.planar_regressor import Regressor
+from analysis.planar.planar_motion import (
+    has_lateral_accelerometer,
+    make_planar_drive,
+    read_half_track_m,
+)
+from analysis.planar.planar_regressor import Regressor, select_terms_of_drive
 from analysis.planar.planar_samples import (
     PlanarSamples,
     collect_planar_samples,
     compute_planar_column_noise,
+    mark_turns_that_begin,
 )
-from analysis.planar.planar_terms import TERMS, select_terms_of_drive
+from analysis.planar.planar_terms import TERMS
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_for_pooling
 from analysis.stages.gating.segments import number_manoeuvres
@@ -191,7 +195,7 @@ def does_parameter_occur_on_one_axis(parameter_name: str, axis: Axis) -> bool:
 def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], PlanarFit] | None:
     """Fit over all motion; None without enough turning or without yaw torque."""
     plane, settings = log.plane, log.machine.settings
-    used = plane.usable & plane.moving
+    used = plane.usable & plane.moving & ~mark_turns_that_begin(plane, settings)
     if not plane.has_torque or (used & plane.turning).sum() < settings.gate.window_samples:
         return None
     of = np.where(used, 0, -1)
@@ -207,9 +211,22 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
         estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
     )
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
-    believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.is_beyond_limit
+    believed = is_fit_plausible(plane, estimate, row, settings) and not any(
+        does_check_concern_joint_motion(check, log.machine) for check in verdict.checks_beyond_limit
+    )
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
     return _add_outcome_to_row(row, reason, withheld=not believed), fitted
+
+
+def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
+    """Whether joint motion is wrong where the check fails, too.
+
+    It needs no windows. A machine that spins about another point than the origin has first moments,
+    which are fitted; a point far away is an accelerometer that is elsewhere than stated.
+    """
+    if check.check == "spin_centre_m" and has_lateral_accelerometer(machine):
+        return (check.value or 0.0) > LIMITS.spin_centre_max_1 * read_half_track_m(machine)
+    return check.check != "accepted_stretches"
 
 
 def is_fit_plausible(
@@ -291,7 +308,7 @@ def fit_planar_once(
     )
     used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
     noise = compute_planar_column_noise(log.plane, used, arm_y_m)[axes][:, of_columns]
-    prior = restrict_prior_to_rows(known_prior, axes, names).combine_with_prior(
+    prior = known_prior.select_axes_and_parameters(axes, names).combine_with_prior(
         Prior.make_zero_mean(width, noise.shape[0])
     )
     fitted = base_parameters.fit(
@@ -309,16 +326,6 @@ def fit_planar_once(
             fitted = fitted.with_parameter_uncertainty(term.name, term.least_u)
             names = (*names, term.name)
     return PlanarFit(fitted, names)
-
-
-def restrict_prior_to_rows(prior: Prior, axes: slice, term_names: tuple[str, ...]) -> Prior:
-    """The part of a prior that a fit of these rows has parameters of."""
-    own = [n for n, name in enumerate(prior.names) if name in term_names]
-    return Prior(
-        tuple(prior.names[n] for n in own),
-        prior.mean[axes][:, own],
-        prior.covariance[np.ix_(own, own)],
-    )
 
 
 def _make_fit_row(
@@ -363,29 +370,21 @@ def _make_fit_row(
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = join_missing_setting_names(
-        fitted, [compute_quantity_gradient(estimate, name) for name in sorted(told)], log.machine
-    )
-    row["com_scale_unknown"] = join_missing_setting_names(
-        fitted,
-        [estimate.ratio_and_gradient(moment, "mass_kg")[1] for moment in MOMENTS],
-        log.machine,
-    )
+    gradients = {
+        "scale_unknown": [compute_quantity_gradient(estimate, name) for name in sorted(told)],
+        "com_scale_unknown": [
+            estimate.ratio_and_gradient(moment, "mass_kg")[1] for moment in MOMENTS
+        ],
+    }
+    for column, wanted in gradients.items():
+        row[column] = join_missing_setting_names(
+            estimate, wanted, fitted.response_names, log.machine
+        )
     for name, rms in zip(
         ("residual_rms_N", "residual_rms_N_m"), estimate.residual_rms, strict=False
     ):
         row[name] = float(rms)
     return row
-
-
-def join_missing_setting_names(fitted: PlanarFit, gradients: list[Floats], machine: Machine) -> str:
-    """Values missing in the machine file that any of these quantities needs."""
-    told = [g for g in gradients if np.isfinite(g).all()]
-    each = [
-        list_uncertainty_sources(fitted.estimate, g, fitted.response_names, machine) for g in told
-    ]
-    names = (name for found in each for name in list_scale_sources_without_u(found))
-    return ", ".join(dict.fromkeys(names))
 
 
 def _add_outcome_to_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from analysis.model.uncertainty_sources import (
     UncertaintySource,
     combine_u,
     has_torque_of_sides,
+    list_scale_sources_without_u,
     sort_sources_largest_first,
 )
 from analysis.planar.planar_limits import LIMITS
@@ -158,3 +159,25 @@ def make_planar_budget_rows(
             for source in found
         ]
     return parts
+
+
+def join_missing_setting_names(
+    estimate: BaseEstimate, gradients: list[Floats], terms: tuple[str, ...], machine: Machine
+) -> str:
+    """Values missing in the machine file that any of these quantities needs.
+
+    Args:
+        estimate: the fit.
+        gradients: (p,) derivatives of each quantity by the parameters.
+        terms: as `list_uncertainty_sources` takes them.
+        machine: machine file with its uncertainties.
+    """
+    names = (
+        name
+        for gradient in gradients
+        if np.isfinite(gradient).all()
+        for name in list_scale_sources_without_u(
+            list_uncertainty_sources(estimate, gradient, terms, machine)
+        )
+    )
+    return ", ".join(dict.fromkeys(names))

@@ -15,6 +15,10 @@ class PlanarLimits:
     #: Fits of a motion: the terms' columns are made of the mass and moments of the round before.
     motion_fit_rounds: int = 2
 
+    #: Farthest point that a machine may spin about, from the origin over half the track width. On
+    #: the independent machines of `benchmarks/turning.py` the farthest was 0.3.
+    spin_centre_max_1: float = 0.4
+
     # planar_budget
     #: Change of a quantity by a gain, as a fraction of it, below which the gain cancels in it,
     cancelled_gain_1: float = 1e-9
@@ -33,6 +37,10 @@ class PlanarLimits:
     model_mean_s: float = 1.0
 
     # planar_terms
+    #: Standard deviation of the distance from the origin to the point that a machine turns about,
+    #: times that to its centre of mass, over half the track width squared: each 0.13 of half the
+    #: track width on the independent machines of `benchmarks/turning.py`.
+    spin_centre_moment_std_1: float = 0.017
     #: Standard deviation by which tyres and friction that differ from side to side change the
     #: difference of the sides' gains. On 33 machines of seeds 610000 to 612024 of
     #: `benchmarks/turning.py`, whose friction is not the model's, the fitted gain was off by 0.001

@@ -37,6 +37,7 @@ class TurningSamples(NamedTuple):
     slip_rate: Floats
     direction_x: Floats
     direction_x_spinning: Floats
+    rolling_z: Floats
     direction_z: Floats
     progress: Floats
     heading_rad: Floats
@@ -52,7 +53,7 @@ class PlanarDrive:
         plane: motion and forces.
         machine: machine file.
         coefficients: (6,) coefficients of the planar regressor; 0 if not determined.
-        term_inputs: (10, n) fields of `TurningSamples` from force to heading.
+        term_inputs: (11, n) fields of `TurningSamples` from force to heading.
         peak_force_N: large quantile of the force, in N.
         peak_torque_N_m: large quantile of the yaw torque, in N·m.
         peak_speed_m_s: large quantile of the speed, in m/s.
@@ -172,11 +173,19 @@ def make_planar_drive(
         return np.clip(speed / np.maximum(passes, least), -1.0, 1.0)
 
     t = np.arange(motion.speed.size) / rate_hz
-    direction_x = direction(
-        motion.speed, column_values(excitation, "speed_rate_x_m_s2"), LIMITS.moving_min_m_s
-    )
+    acc_x = column_values(excitation, "speed_rate_x_m_s2")
+    direction_x = direction(motion.speed, acc_x, LIMITS.moving_min_m_s)
     direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, LIMITS.turning_min_rad_s)
-    spins = np.abs(motion.speed) < read_half_track_m(machine) * np.abs(motion.yaw_rate)
+    half_track_m = read_half_track_m(machine)
+    left, right = (
+        direction(
+            motion.speed + side * motion.yaw_rate,
+            acc_x + side * motion.yaw_acceleration,
+            LIMITS.moving_min_m_s,
+        )
+        for side in (-half_track_m, half_track_m)
+    )
+    spins = np.abs(motion.speed) < half_track_m * np.abs(motion.yaw_rate)
     term_inputs = np.stack(
         [
             averaged(force),
@@ -184,8 +193,9 @@ def make_planar_drive(
             central_difference(force),
             central_difference(torque),
             central_difference(motion.speed * np.abs(force)),
-            np.where(spins, 0.0, direction_x),
+            (left + right) / 2.0,
             np.where(spins, direction_x, 0.0),
+            np.where(samples.turning, half_track_m * (right - left) / 2.0, 0.0),
             np.where(samples.turning, direction_z, 0.0),
             t / max(float(t[-1]), 1.0) - 0.5,
             np.cumsum(np.nan_to_num(motion.yaw_rate)) / rate_hz,
@@ -208,6 +218,16 @@ def make_planar_drive(
 def read_half_track_m(machine: Machine) -> float:
     """Distance of each side's wheels from the middle, in m; 1 m without a track width."""
     return (machine.machine.track_width_m or 2.0) / 2.0
+
+
+def has_forward_accelerometer(machine: Machine) -> bool:
+    """Whether an accelerometer measures the forward specific force, gravity included."""
+    return machine.settings.forces.acceleration == "specific_force"
+
+
+def has_lateral_accelerometer(machine: Machine) -> bool:
+    """Whether an accelerometer measures the lateral specific force."""
+    return has_forward_accelerometer(machine) and "specific_force_y_m_s2" in machine.channels
 
 
 def estimate_robust_maximum(values: Floats, is_used: Bools) -> float:

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.planar.planar_motion import PlanarDrive
-from analysis.planar.planar_terms import (
-    Term,
+from analysis.planar.planar_motion import (
+    PlanarDrive,
     has_forward_accelerometer,
     has_lateral_accelerometer,
 )
+from analysis.planar.planar_terms import TERMS, Term
 from estimators.arrays import Floats, Ints
 from estimators.planar.planar_rows import PARAMETERS
 
@@ -93,3 +93,15 @@ class Regressor:
             if has_lateral_accelerometer(self.drive.machine):
                 found[1, moment_x, inertia] = -x_m
         return found
+
+
+def select_terms_of_drive(drive: PlanarDrive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
+    """Terms that apply to a drive on the given axes, with their prior standard deviations."""
+    found: list[tuple[Term, float]] = []
+    for term in TERMS:
+        if term.applies(drive.machine) and set(term.axes) & set(axes):
+            width = term.width(drive, drive.machine.settings.priors)
+            # what is known exactly, and what the machine cannot have here, is no term
+            if width > 0.0 and np.isfinite(width):
+                found.append((term, width))
+    return tuple(found)

@@ -124,6 +124,21 @@ def mark_samples_between_braking_and_stand(
     return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
+def mark_turns_that_begin(samples: PlanarSamples, settings: Settings) -> Bools:
+    """Samples of a turn that begins, ends or changes its direction, (n,).
+
+    Their means over `smooth.samples` hold friction of both directions, or of tyres that stand and
+    hold any torque.
+    """
+    from scipy.ndimage import maximum_filter1d  # slow to import
+
+    span = settings.smooth.samples
+    turning, motion = samples.turning, samples.motion
+    near = maximum_filter1d(turning.astype(np.int8), 2 * span + 1).astype(np.bool_)
+    gained = np.abs(motion.yaw_acceleration) * span / settings.align.rate_hz
+    return np.where(turning, np.abs(motion.yaw_rate) < gained / 2.0, near)
+
+
 def compute_planar_column_noise(
     samples: PlanarSamples, is_used: Bools, arm_y_m: float = 0.0
 ) -> Floats:

@@ -16,7 +16,12 @@ from analysis.model.machine import Machine
 from analysis.model.prior_settings import PriorSettings
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
 from analysis.planar.planar_limits import LIMITS
-from analysis.planar.planar_motion import PlanarDrive, TurningSamples
+from analysis.planar.planar_motion import (
+    PlanarDrive,
+    TurningSamples,
+    has_forward_accelerometer,
+    has_lateral_accelerometer,
+)
 from analysis.weighing.nuisances import constant_force_prior_std, friction_force_prior_std
 from estimators.arrays import Floats
 
@@ -60,16 +65,6 @@ class Term:
     def list_mixed_columns(self, drive: PlanarDrive, rows: slice) -> set[int]:
         """Columns among the six that it is a share of, in these rows."""
         return {n for row in self.mixture(drive)[rows] for n, share in row.items() if share}
-
-
-def has_forward_accelerometer(machine: Machine) -> bool:
-    """Whether an accelerometer measures the forward specific force, gravity included."""
-    return machine.settings.forces.acceleration == "specific_force"
-
-
-def has_lateral_accelerometer(machine: Machine) -> bool:
-    """Whether an accelerometer measures the lateral specific force."""
-    return has_forward_accelerometer(machine) and "specific_force_y_m_s2" in machine.channels
 
 
 def has_unmeasured_slope(machine: Machine) -> bool:
@@ -126,15 +121,15 @@ def _mix_columns_by_accelerometer_gain_error(drive: PlanarDrive) -> Mixture:
     return {_MASS: drive.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: drive.moment_y_kg_m}
 
 
-def make_turning_torque_columns(turn: TurningSamples, moment_kg_m: float) -> Columns:
-    """Yaw torque of an acceleration ω² per metre, which the six columns lack."""
-    return None, moment_kg_m * turn.yaw_rate**2
-
-
 def _mix_columns_by_lateral_force_arm(drive: PlanarDrive) -> Mixture:
     """How an unknown arm of the sideways force mixes the parameters."""
     # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
     return {}, {_MOMENT_X: drive.mass_kg, _INERTIA: drive.moment_x_kg_m}
+
+
+def _make_imu_y_error_columns(turn: TurningSamples) -> Columns:
+    sees_sideways = has_lateral_accelerometer(turn.drive.machine)
+    return None, turn.drive.moment_x_kg_m * sees_sideways * turn.yaw_rate**2
 
 
 def _mix_columns_by_imu_x_error(drive: PlanarDrive) -> Mixture:
@@ -231,6 +226,15 @@ TERMS: Final = (
         "z",
     ),
     Term(
+        # the sides' rolling resistances are a couple where they roll against each other
+        "turning_rolling",
+        lambda m: (None, m.rolling_z),
+        _planar_coulomb_prior_std,
+        "rolling resistance of left and right wheels that turn opposite ways",
+        "spins in place as well as turns under way",
+        "z",
+    ),
+    Term(
         "turning_quadratic",
         lambda m: (None, m.yaw_rate * np.abs(m.yaw_rate)),
         lambda d, s: s.quadratic_share * d.peak_torque_N_m / d.peak_yaw_rate_rad_s**2,
@@ -261,10 +265,20 @@ TERMS: Final = (
         lambda _: (None, None),
         lambda _, s: s.lateral_arm_m,
         "where the ground's sideways force acts, ahead of the origin",
-        "an accelerometer whose position is known: the force then determines the centre of mass "
-        "alone",
+        "an accelerometer whose position is known: then the force alone tells the moments",
         "z",
         mixture=_mix_columns_by_lateral_force_arm,
+    ),
+    Term(
+        # a machine that turns about r ahead of the origin adds r times its first moment
+        "spin_centre",
+        lambda _: (None, None),
+        lambda d, _: LIMITS.spin_centre_moment_std_1 * d.half_track_m**2,
+        "a point that the machine turns about, which is not the origin",
+        "an accelerometer, whose sideways force shows it",
+        "z",
+        lambda machine: not has_lateral_accelerometer(machine),
+        mixture=lambda drive: ({}, {_INERTIA: drive.mass_kg}),
     ),
     Term(
         "turning_drift",
@@ -374,9 +388,7 @@ TERMS: Final = (
     ),
     Term(
         f"{IMU_POSITION.name}_y",
-        lambda m: make_turning_torque_columns(
-            m, m.drive.moment_x_kg_m if has_lateral_accelerometer(m.drive.machine) else 0.0
-        ),
+        _make_imu_y_error_columns,
         _imu_position_prior_std,
         f"{IMU_POSITION.meaning}, to the left",
         IMU_POSITION.remedy,
@@ -386,15 +398,3 @@ TERMS: Final = (
         mixture=_mix_columns_by_imu_y_error,
     ),
 )
-
-
-def select_terms_of_drive(drive: PlanarDrive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
-    """Terms that apply to a drive on the given axes, with their prior standard deviations."""
-    found: list[tuple[Term, float]] = []
-    for term in TERMS:
-        if term.applies(drive.machine) and set(term.axes) & set(axes):
-            width = term.width(drive, drive.machine.settings.priors)
-            # what is known exactly, and what the machine cannot have here, is no term
-            if width > 0.0 and np.isfinite(width):
-                found.append((term, width))
-    return tuple(found)

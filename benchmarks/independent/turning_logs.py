@@ -86,6 +86,7 @@ FAULTS: Final[Mapping[str, TurnFault]] = {
         rolling_1=0.01,
         slope_deg=1.0,
     ),
+    "skid-steer": TurnFault(turning_N_m=1500.0, rolling_1=0.03),
 }
 
 
@@ -178,8 +179,10 @@ def _legs(dice: np.random.Generator, machine: Turner, force_N: float) -> list[Tu
     # what the tyres hold a spin by comes on top
     grips = machine.grip_1 * machine.mass_kg * GRAVITY_M_S2 * machine.half_base_m
     inertia = machine.inertia_origin_kg_m2
-    torque_N_m = grips + machine.turning_N_m + inertia * float(dice.uniform(0.7, 1.1))
     held_N = machine.coulomb_N + machine.rolling_1 * machine.mass_kg * GRAVITY_M_S2
+    # the sides hold a spin by their dry friction, too
+    holds = grips + machine.turning_N_m + held_N * machine.half_track_m
+    torque_N_m = holds + inertia * float(dice.uniform(0.7, 1.1))
     legs = [TurnLeg(STAND, 3.0)]
 
     def then(*driven: TurnLeg) -> None:

@@ -118,6 +118,14 @@ def _triangle(t_s: float, period_s: float) -> float:
 
 
 @njit(cache=True)
+def _side_friction(m: Turner, u: float, w: float) -> tuple[float, float]:
+    """Dry friction and rolling resistance of the left and the right side, each by its own speed."""
+    side_N = (m.coulomb_N + m.rolling_1 * m.mass_kg * GRAVITY_M_S2) / 2.0
+    over = m.half_track_m * w
+    return side_N * np.tanh((u - over) / _DRY), side_N * np.tanh((u + over) / _DRY)
+
+
+@njit(cache=True)
 def _asked(m: Turner, leg: Any, t_s: float, u: float, w: float) -> tuple[float, float]:
     """Force and yaw torque that the driver asks of the drive."""
     if leg.kind == PUSH:
@@ -134,9 +142,10 @@ def _asked(m: Turner, leg: Any, t_s: float, u: float, w: float) -> tuple[float, 
         inertia = m.inertia_kg_m2 + m.mass_kg * (m.com_x_m**2 + m.com_y_m**2)
         base = m.grip_1 * m.mass_kg * GRAVITY_M_S2 * m.half_base_m
         scrub = base * np.tanh(aim_w * m.half_base_m / m.grip_m_s)
-        weight_N = m.rolling_1 * m.mass_kg * GRAVITY_M_S2 + m.coulomb_N
-        force = m.viscous_N_s_m * aim_u + weight_N * np.tanh(aim_u / _DRY)
+        left_N, right_N = _side_friction(m, aim_u, aim_w)
+        force = m.viscous_N_s_m * aim_u + left_N + right_N
         torque = m.turning_N_m_s * aim_w + m.turning_N_m * np.tanh(aim_w / _DRY) + scrub
+        torque += m.half_track_m * (right_N - left_N)
         return (
             force + m.mass_kg * _KEEPS_1_S * (aim_u - u),
             torque + inertia * _KEEPS_1_S * (aim_w - w),
@@ -157,8 +166,10 @@ def _turned(m: Turner, legs: NDArray[Any], lag_s: float, out: Floats) -> None:
             warm = 1.0 - m.warming_1 * row / total
             weight_N = m.mass_kg * GRAVITY_M_S2
             fx = force - m.viscous_N_s_m * warm * u
-            fx -= (m.coulomb_N + m.rolling_1 * weight_N) * np.tanh(u / _DRY)
+            left_N, right_N = _side_friction(m, u, w)
+            fx -= left_N + right_N
             moment = torque - m.turning_N_m_s * warm * w - m.turning_N_m * np.tanh(w / _DRY)
+            moment -= m.half_track_m * (right_N - left_N)
             fy = 0.0
             moved = m.mass_kg * acc_x * m.com_height_m / (2.0 * m.half_base_m)
             for end in range(2):

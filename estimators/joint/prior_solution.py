@@ -23,6 +23,7 @@ from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 from estimators.numerics.bordered_matrix import BorderedMatrix
 from estimators.numerics.group_sums import GroupSums
+from estimators.numerics.small_systems import compute_largest_noise_fraction
 
 #: Parts of a `BorderedMatrix`.
 BorderedParts = tuple[Floats, Floats, Floats, Floats]
@@ -354,15 +355,3 @@ def compute_weighted_gram(
     """G S⁻¹ for S = σ² AᵀA plus an error common to all samples."""
     S = variance * gram + np.outer(uncertain_noise, uncertain_noise)
     return np.linalg.solve(S + LIMITS.ridge_fraction * np.trace(S) * np.eye(len(S)), clean).T
-
-
-def compute_largest_noise_fraction(noise: Floats, gram: Floats) -> float:
-    """Largest fraction of noise in any direction of the columns."""
-    if not noise.any():
-        return 0.0
-    try:
-        root = np.linalg.cholesky(gram)
-    except np.linalg.LinAlgError:
-        return np.inf
-    half = np.linalg.solve(root, noise)
-    return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])

@@ -309,3 +309,15 @@ def compute_scaled_condition(G: Floats) -> float:
     return float(
         compute_condition_numbers(pack_symmetric_matrix(G).reshape(-1, 1), len(G), len(G))[0]
     )
+
+
+def compute_largest_noise_fraction(noise: Floats, gram: Floats) -> float:
+    """Largest fraction of noise in any direction of the columns."""
+    if not noise.any():
+        return 0.0
+    try:
+        root = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return np.inf
+    half = np.linalg.solve(root, noise)
+    return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])

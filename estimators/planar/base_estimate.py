@@ -32,6 +32,15 @@ class Prior:
             np.diag(variance),
         )
 
+    def select_axes_and_parameters(self, axes: slice, parameters: tuple[str, ...]) -> "Prior":
+        """The prior of some axes' forces and of some parameters."""
+        kept = [n for n, name in enumerate(self.names) if name in parameters]
+        return Prior(
+            tuple(self.names[n] for n in kept),
+            self.mean[axes][:, kept],
+            self.covariance[np.ix_(kept, kept)],
+        )
+
     def combine_with_prior(self, other_prior: "Prior") -> "Prior":
         """Combine two independent priors of different parameters."""
         mine, size = len(self.names), len(self.names) + len(other_prior.names)

@@ -22,7 +22,11 @@ from estimators.numerics.autocorrelation import (
     compute_std_widening_factor,
     estimate_pooled_autocorrelation,
 )
-from estimators.numerics.small_systems import invert_positive_definite, solve_least_squares_by_svd
+from estimators.numerics.small_systems import (
+    compute_largest_noise_fraction,
+    invert_positive_definite,
+    solve_least_squares_by_svd,
+)
 from estimators.planar.base_estimate import BaseEstimate, Prior
 from estimators.planar.blockwise_qr import (
     BLOCK,
@@ -234,6 +238,11 @@ class _WeightedSystem:
         noise = self.added * scale[:, None] ** 2
         doubt = np.zeros((r, r))
         if noise.any():
+            added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
+            fraction = compute_largest_noise_fraction(added.sum(axis=0), whole)
+            # of what only the priors tell apart, the noise may be more than the motion
+            kept = min(1.0, LIMITS.max_noise_fraction / fraction)
+            noise, added = kept * noise, kept * added
             sources, loading = noise.ravel(), np.concatenate(list(self.loading), axis=1)
             drawn = [
                 compute_attenuation_by_noise_source(whole, each, sources, loading)
@@ -242,7 +251,6 @@ class _WeightedSystem:
             by_axis = by_axis + np.stack([each.sum(axis=1) for each in drawn])
             taken: Floats = np.sum(drawn, axis=0)
             doubt = METHOD_LIMITS.uncertain_correction_fraction**2 * taken @ taken.T
-            added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
             grams, whole = grams - added, whole - added.sum(axis=0)
         bread = invert_positive_definite(whole)
         theta = by_axis.sum(axis=0)
@@ -362,7 +370,8 @@ def compute_sandwich_covariance(
     std = np.sqrt(np.maximum(variance, 0.0)) * compute_std_widening_factor(
         fitted_parameters.samples * k, correlations[0]
     )
-    shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else plain
+    # a tapered correlation, or a column that is nearly all noise, makes a variance negative
+    shape = next((each for each in (cover, plain) if np.linalg.eigvalsh(each)[0] > 0.0), bread)
     own = np.diagonal(shape)
     stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))
     told = fitted_parameters.responses.T @ fitted_parameters.responses if q else 0.0

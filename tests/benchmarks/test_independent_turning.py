@@ -20,10 +20,13 @@ SLOW = pytest.mark.slow
         ("track 1 %", "inertia_z_kg_m2", (0,)),
         # its spins creep: 15 % too heavy where their sign of speed was a direction
         ("rolling and Coulomb", "mass_kg", (610011,)),
+        # tyres that scrub hold its spins, and the point that it turns about is not the origin
+        ("skid-steer", "inertia_z_kg_m2", (640000,)),
         pytest.param("Coulomb friction of turning", "inertia_z_kg_m2", SEEDS, marks=SLOW),
         pytest.param("IMU 5 cm off", "com_x_m", SEEDS, marks=SLOW),
         pytest.param("track 1 %", "inertia_z_kg_m2", SEEDS, marks=SLOW),
         pytest.param("rolling and Coulomb", "mass_kg", range(610011, 610014), marks=SLOW),
+        pytest.param("skid-steer", "inertia_z_kg_m2", range(640000, 640004), marks=SLOW),
     ],
 )
 def test_what_is_said_of_a_faulty_log_is_within_three_standard_uncertainties(
@@ -32,6 +35,12 @@ def test_what_is_said_of_a_faulty_log_is_within_three_standard_uncertainties(
     found = [each for seed in seeds for each in turned(fault, seed).deviations("joint", quantity)]
     assert found
     assert np.max(np.abs(found)) < 3.0
+
+
+def test_what_spins_tell_an_arc_is_a_covariance_where_priors_alone_tell_terms_apart():
+    """Its yaw rate's noise was more than what told quadratic from viscous friction."""
+    rows = turned("slope, wheels alone", 641009).rows
+    assert [row["reason"] for row in rows if row["kind"] == "arcs"]
 
 
 def test_a_machine_file_that_states_nothing_is_told_what_is_not_in_the_uncertainty():

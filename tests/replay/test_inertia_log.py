@@ -58,16 +58,14 @@ def test_inertia_is_within_two_percent_and_the_centre_of_mass_of_all_motion_with
 
 
 def test_one_arc_alone_hardly_tells_a_centre_of_mass_and_is_right_where_it_does(replays):
-    told = 0
     for truth, frames in replays:
         arcs = frames["planar"].filter(frames["planar"]["kind"] == "arc").to_dicts()
         assert len(arcs) > 1
         for row in arcs:
             assert (row["reason"] == "accepted") is (row["com_x_m"] is not None)
             if row["com_x_m"] is not None:
-                told += 1
                 assert abs(row["com_x_m"] - truth["com_x_m"]) < 3.0 * row["com_x_std_m"]
-    assert told <= len(replays) / 2
+                assert row["com_x_std_m"] > 0.25 * abs(truth["com_x_m"])
 
 
 def test_the_lateral_centre_of_mass_and_the_frictions_come_from_all_motion(replays):
