@@ -111,7 +111,7 @@ def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
     of_mass_kg = found.relative_mass_u * abs(weighing.fit.mass_kg)
     return [
         Symptom(
-            abs(apart) / found.significance_threshold_1,
+            max(found.significance_1, 1.0),
             says,
             channel=inputs.force_channel,
             # which of the two directions is right is not known

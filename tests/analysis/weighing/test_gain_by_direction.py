@@ -65,6 +65,19 @@ def test_a_constant_load_whose_force_has_another_gain_in_reverse_counts_no_cycle
     assert not log.replayed.frames["cycles"]["counted"].any()
 
 
+@pytest.mark.parametrize("starts", mark_slow_after(1, [8, 5]))
+def test_a_gain_that_friction_leaves_uncertain_may_still_be_all_the_loads(starts: int) -> None:
+    """Starts at full throttle tell a gain by direction from friction by a hundredth only."""
+    alike = merged(TO_AND_FRO, {"campaign": {"runs": starts}, "starts": {"throttle_least": 1.0}})
+    log = weighed(alike, body={"empty_mass_kg": None}, changed=heavier_forwards((0.05,)))
+    found = log.weighing.by_direction
+    assert log.weighing.fit.mass_count == starts
+    assert found is not None
+    assert abs(found.gain_1 - 1.0 / 1.05) < 3.0 * found.std_1
+    assert found.std_1 > 0.008
+    assert log.replayed.frames["loads"]["withheld"].all()
+
+
 def test_the_gain_that_is_said_is_that_of_the_log() -> None:
     found = to_and_fro(0.05).weighing.by_direction
     assert found is not None
