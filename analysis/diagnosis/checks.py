@@ -68,7 +68,7 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
             ),
             "meaning": [row.describe_check_number(inputs, motion) for row, motion in judged],
             "consequence": [row.decide_consequence(inputs, motion) for row, motion in judged],
-            "remedy": [row.remedy for row, _ in judged],
+            "remedy": [row.describe_remedy(inputs, motion) for row, motion in judged],
         }
     )
     inside = (pl.col("value") >= pl.col("minimum").fill_null(-np.inf)) & (

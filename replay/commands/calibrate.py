@@ -155,7 +155,9 @@ def _print_calibration_evidence(
             "[bold red]!![/] ",
         )
     else:
-        print_line(screen, f"signed as {signer.name or 'no name'}, key {signer.key_id[:12]}…")
+        key = f"key {signer.key_id[:12]}…"
+        unnamed = f"signed, {key}; campaign.signer names who signs"
+        print_line(screen, f"signed as {signer.name}, {key}" if signer.name else unnamed)
     if calibration_outcome.document.chain.previous is None:
         print_line(
             screen, "first evidence of this machine; --previous chains it to earlier evidence"

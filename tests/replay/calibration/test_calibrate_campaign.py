@@ -2,6 +2,7 @@
 
 import datetime as dt
 import json
+import re
 import shutil
 import time
 from pathlib import Path
@@ -111,6 +112,15 @@ def test_unsigned_evidence_says_so_on_every_surface(
         payscope("calibrate", folder / "campaign.toml", "-o", tmp_path / "evidence"),
         "exists already",
     )
+
+
+def test_a_signature_without_a_name_says_where_the_name_is_stated(
+    folder: Path, keys: tuple[Path, Path], tmp_path: Path, payscope: Payscope
+) -> None:
+    unnamed = shutil.copytree(folder, tmp_path / "unnamed") / "campaign.toml"
+    unnamed.write_text(unnamed.read_text().replace('signer = "T. Signer"\n', ""))
+    said = payscope("calibrate", unnamed, "-o", tmp_path / "evidence", "--key", keys[0])
+    assert re.search(r"signed, key [0-9a-f]{12}…; campaign.signer names who signs", said.out)
 
 
 def test_the_environment_may_hold_the_key(
