@@ -30,7 +30,8 @@ from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 
-_CHECK: Final = "invalidating_causes"
+#: The check that fails where a finding invalidates the mass.
+INVALIDATING_CAUSES: Final = "invalidating_causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
 _REMEDY: Final = "payscope explain names what mends each"
 _SCALE_REMEDY: Final = (
@@ -354,7 +355,7 @@ def withhold_by_findings(
     names = ", ".join(name.replace("_", " ") for name in grave["cause"])
     row = pl.DataFrame(
         {
-            "check": [_CHECK],
+            "check": [INVALIDATING_CAUSES],
             "about": ["mass"],
             "value": [float(grave.height)],
             "minimum": pl.Series([None], dtype=pl.Float64),

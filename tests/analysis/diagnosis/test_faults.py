@@ -127,9 +127,13 @@ def test_a_check_finds_the_fault_that_it_is_about(name):
 def test_where_the_force_is_ahead_the_remedy_is_the_delay_of_the_acceleration():
     late = weighed({"sensors": {"imu_delay_s": 0.15}}).check("force_delay_s")
     assert late.passed is False
-    assert late.remedy.startswith("channels.specific_force_x_m_s2.delay_s: the acceleration is late")
-    assert situation("force late 150 ms").check("force_delay_s").remedy.startswith(
-        "channels.force_x_N.delay_s"
+    assert late.remedy.startswith(
+        "channels.specific_force_x_m_s2.delay_s: the acceleration is late"
+    )
+    assert (
+        situation("force late 150 ms")
+        .check("force_delay_s")
+        .remedy.startswith("channels.force_x_N.delay_s")
     )
 
 
