@@ -76,7 +76,7 @@ class CalibrationOutcome:
         readings: frame `readings`.
         points: frame with a row per run.
         remarks: remarks for the user, one per line.
-        refusals: why each log that cannot weigh cannot, and what mends it, by log.
+        refusals: why each log that cannot weigh cannot, by log.
     """
 
     folder: Path
@@ -324,9 +324,8 @@ def write_verified_evidence(
             f"{final_folder}: the written evidence failed verification, so it was removed: "
             + "; ".join(wrong[: LIMITS.max_faults])
         )
-    return CalibrationOutcome(
-        final_folder, document, readings, points, tuple(remarks), evidence.replayed.refusals
-    )
+    refusals = evidence.replayed.refusals
+    return CalibrationOutcome(final_folder, document, readings, points, tuple(remarks), refusals)
 
 
 def _make_evidence_document(
