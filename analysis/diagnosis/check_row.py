@@ -39,6 +39,7 @@ class CheckRow:
         moved_u: change of the answer, in standard uncertainties, without the samples or channel
             that the check names. Up to 1, failing withholds nothing and is only reported.
         remedy: setting or change that would correct it.
+        own_remedy: remedy in this log where it is another one; else "".
     """
 
     name: str
@@ -53,6 +54,7 @@ class CheckRow:
     consequence: Consequence = "withhold"
     moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _return_no_mass_change
     remedy: str = ""
+    own_remedy: Callable[[CheckInputs, AxisMotion], str] = _return_empty_text
 
     def __post_init__(self) -> None:
         for limit in filter(None, (self.minimum, self.maximum)):
@@ -66,6 +68,10 @@ class CheckRow:
         """Meaning of the number and its subject, as text."""
         name = self.subject_text(inputs, motion)
         return f"{self.meaning} ({name})" if name else self.meaning
+
+    def describe_remedy(self, inputs: CheckInputs, motion: AxisMotion) -> str:
+        """Remedy in this log."""
+        return self.own_remedy(inputs, motion) or self.remedy
 
     def decide_consequence(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
         """Consequence of failing in this log, given the mass change it causes."""

@@ -31,7 +31,8 @@ from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 
-_CHECK: Final = "invalidating_causes"
+#: The check that fails where a finding invalidates the mass.
+INVALIDATING_CAUSES: Final = "invalidating_causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
 _REMEDY: Final = "payscope explain names what mends each"
 _SCALE_REMEDY: Final = (
@@ -69,7 +70,7 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
             ),
             "meaning": [row.describe_check_number(inputs, motion) for row, motion in judged],
             "consequence": [row.decide_consequence(inputs, motion) for row, motion in judged],
-            "remedy": [row.remedy for row, _ in judged],
+            "remedy": [row.describe_remedy(inputs, motion) for row, motion in judged],
         }
     )
     inside = (pl.col("value") >= pl.col("minimum").fill_null(-np.inf)) & (
@@ -366,7 +367,7 @@ def withhold_by_findings(
     names = ", ".join(name.replace("_", " ") for name in grave["cause"])
     row = pl.DataFrame(
         {
-            "check": [_CHECK],
+            "check": [INVALIDATING_CAUSES],
             "about": ["mass"],
             "value": [float(grave.height)],
             "minimum": pl.Series([None], dtype=pl.Float64),

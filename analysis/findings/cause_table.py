@@ -259,6 +259,8 @@ CAUSES: Final = (
         changing_loads.find_force_gain_by_direction,
         withholds=True,
         explains=("driveline", "gain_drift"),
+        # a load transfer looks like a gain by direction that hardly shows
+        explains_up_to=3.0,
     ),
     Cause(
         "gain_by_speed",

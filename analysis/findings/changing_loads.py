@@ -105,13 +105,14 @@ def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
         says = (
             f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse and there is one load, "
             f"or there are {found.loads} that depend on the direction: this log cannot distinguish "
-            "the two. A boom or bucket channel, settings.loads.empty_from_s and empty_to_s, "
-            "machine.digs or machine.force_gain_in_reverse (1: both directions alike) can"
+            "the two. A boom or bucket channel, settings.loads.single_load, or empty_from_s and "
+            "empty_to_s there, machine.digs or machine.force_gain_in_reverse (1: both directions "
+            "alike) can"
         )
     of_mass_kg = found.relative_mass_u * abs(weighing.fit.mass_kg)
     return [
         Symptom(
-            abs(apart) / found.significance_threshold_1,
+            max(found.significance_1, 1.0),
             says,
             channel=inputs.force_channel,
             # which of the two directions is right is not known

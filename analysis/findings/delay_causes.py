@@ -278,7 +278,13 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in beside)
     said = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms {words} against {against}"
-    if rivals:
+    if not inputs.has_accelerometer:
+        # two channels do not tell which of them is wrong
+        said = (
+            f"the force is {said}, or that is {'early' if late_s > 0.0 else 'late'}: this log "
+            "has no accelerometer to tell"
+        )
+    elif rivals:
         said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
     smooth = channel == "imu" and late_s > 0
     others = [n for n in pick.rivals if not n.startswith("delay") and n not in WARMING]

@@ -170,6 +170,9 @@ class LoadSettings(BaseModel):
 
     empty_from_s: float | None = Field(None, description="it is known to be empty from here on")
     empty_to_s: float | None = Field(None, description="up to here, in seconds from the start")
+    single_load: bool = Field(
+        default=False, description="it carries one load throughout, so that no other is sought"
+    )
 
     @model_validator(mode="after")
     def _refuse_reversed_empty_spans(self) -> Self:

@@ -59,14 +59,23 @@ class DirectionGain:
     loads: int
 
     @property
-    def significance_threshold_1(self) -> float:
-        """Smallest difference of the gain from 1 that shows and matters."""
-        return max(LIMITS.direction_gain_min_std * self.std_1, LIMITS.direction_gain_min_1)
+    def significance_1(self) -> float:
+        """Difference of the gain from 1 over the smallest one that shows and matters."""
+        least_1 = max(LIMITS.direction_gain_min_std * self.std_1, LIMITS.direction_gain_min_1)
+        return abs(self.gain_1 - 1.0) / least_1
 
     @property
     def is_significant(self) -> bool:
-        """Whether the gain differs from 1, and by no more than a sensor's may."""
-        return self.significance_threshold_1 < abs(self.gain_1 - 1.0) < LIMITS.direction_gain_max_1
+        """Whether the gain differs from 1, and by no more than a sensor's may.
+
+        Where masses differ by direction, it need not show once more: friction and slip of the
+        wheels leave it uncertain.
+        """
+        apart_1 = abs(self.gain_1 - 1.0)
+        shows = self.significance_1 > 1.0 or (
+            self.could_replace_several_loads and apart_1 > LIMITS.direction_gain_min_1
+        )
+        return shows and apart_1 < LIMITS.direction_gain_max_1
 
     @property
     def could_replace_several_loads(self) -> bool:

@@ -203,9 +203,10 @@ def label_load_change_evidence(motion: MotionSamples) -> Ints:
     """Kind of evidence for a load change between successive manoeuvres, (units - 1,).
 
     Returns:
-        0 if the machine drove on or is named empty, 1 if only the masses can tell, `TURNED` at a
-        change of direction, `RESTARTED` after a gap as between files, `HINTED` if boom or bucket
-        moved, `FILLED` if the machine dug, `NAMED` at a border of the times named empty.
+        0 if the machine drove on, is named empty or is known to carry one load, 1 if only the
+        masses can tell, `TURNED` at a change of direction, `RESTARTED` after a gap as between
+        files, `HINTED` if boom or bucket moved, `FILLED` if the machine dug, `NAMED` at a border of
+        the times named empty.
     """
     used = np.flatnonzero(motion.is_fittable)
     first = np.flatnonzero(np.append(True, np.diff(find_manoeuvre_of_fitted_samples(motion)) > 0))
@@ -218,7 +219,8 @@ def label_load_change_evidence(motion: MotionSamples) -> Ints:
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
     seen = np.isin(kind, (HINTED, FILLED)).any()
-    return np.where(backs_out & ~seen, TURNED, kind)
+    kind = np.where(backs_out & ~seen, TURNED, kind)
+    return np.zeros_like(kind) if motion.has_single_load else kind
 
 
 def label_one_load_change(

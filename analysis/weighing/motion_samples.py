@@ -110,6 +110,7 @@ class MotionSamples:
         silences: number of earlier gaps as long as between files.
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
+        has_single_load: whether the machine is known to carry one load throughout.
     """
 
     acceleration: Floats
@@ -136,6 +137,7 @@ class MotionSamples:
     silences: Ints | None = None
     wheel_radius_u_1: float | None = None
     relative_gear_ratio: Floats | None = None
+    has_single_load: bool = False
 
     def cut_to_first_stretches(self, stretches: int) -> "MotionSamples":
         """Cut the samples to the first stretches."""
@@ -360,6 +362,7 @@ def collect_motion_samples(
         silences,
         machine.machine.wheel_radius_u_1,
         None if ratio is None else ratio / ratio[group >= 0].max(initial=np.finfo(float).tiny),
+        settings.loads.single_load,
     )
 
 

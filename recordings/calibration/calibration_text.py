@@ -8,6 +8,7 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.calibration_budget import rank_loads_for_next_run
+from analysis.calibration.line.outliers import find_exchanged_runs
 from estimators.errors import format_count, join_first_names
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.campaign_faults import (
@@ -66,6 +67,14 @@ def write_report_paragraphs(
             *_describe_logs_of_notary_list(document),
         ]
     return found
+
+
+def describe_exchanged_runs(document: EvidenceDocument) -> list[str]:
+    """Name two runs of a calibration that fit the line with each other's load, if there are any."""
+    if document.kind != "calibration" or document.calibration is None:
+        return []
+    found = find_exchanged_runs(document.calibration)
+    return [] if found is None else [str(found)]
 
 
 def describe_undetectable_faults(document: EvidenceDocument) -> list[str]:

@@ -22,6 +22,7 @@ from recordings.calibration.bundle_folder import (
 )
 from recordings.calibration.bundle_tables import encode_table_as_parquet
 from recordings.calibration.calibration_report import render_report_html, write_report_pdf
+from recordings.calibration.calibration_text import describe_exchanged_runs
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
 from recordings.signatures.signing import (
     SigningKey,
@@ -91,7 +92,7 @@ def write_bundle(
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
         payload = encode_in_toto_statement(digests, make_signed_statement_predicate(document))
         (folder / STATEMENT).write_bytes(encode_signed_envelope(payload, signing_key))
-    return [remark] if remark else []
+    return [*([remark] if remark else []), *describe_exchanged_runs(document)]
 
 
 def make_signed_statement_predicate(document: EvidenceDocument) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """The command `calibrate`: from a campaign file to a bundle of evidence."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -76,6 +76,7 @@ class CalibrationOutcome:
         readings: frame `readings`.
         points: frame with a row per run.
         remarks: remarks for the user, one per line.
+        refusals: why each log that cannot weigh cannot, by log.
     """
 
     folder: Path
@@ -83,6 +84,7 @@ class CalibrationOutcome:
     readings: pl.DataFrame
     points: pl.DataFrame
     remarks: tuple[str, ...]
+    refusals: Mapping[str, str]
 
     @property
     def rejected_readings(self) -> pl.DataFrame:
@@ -105,6 +107,7 @@ class CalibrationOutcome:
             "evidence": self.document.model_dump(mode="json"),
             "points": self.points.to_dicts(),
             "rejected": self.rejected_readings.to_dicts(),
+            "refusals": dict(self.refusals),
             "signed": self.document.signer is not None,
             "remarks": list(self.remarks),
         }
@@ -321,7 +324,8 @@ def write_verified_evidence(
             f"{final_folder}: the written evidence failed verification, so it was removed: "
             + "; ".join(wrong[: LIMITS.max_faults])
         )
-    return CalibrationOutcome(final_folder, document, readings, points, tuple(remarks))
+    refusals = evidence.replayed.refusals
+    return CalibrationOutcome(final_folder, document, readings, points, tuple(remarks), refusals)
 
 
 def _make_evidence_document(

@@ -3,7 +3,7 @@
 import datetime as dt
 import platform
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, version
@@ -13,7 +13,7 @@ from uuid import uuid4
 
 import polars as pl
 
-from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
     make_readings_of_campaign_runs,
     make_run_responses_to_learnt_means,
@@ -26,6 +26,7 @@ from analysis.calibration.use.learnt_priors import (
     pool_learnt_terms_over_logs,
     select_learnable_terms,
 )
+from analysis.diagnosis.checks import INVALIDATING_CAUSES
 from analysis.model.answer import make_answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -58,6 +59,7 @@ class CampaignReplay:
         budgets: frame `budget` of each log.
         terms: nuisance estimates of each log that can weigh.
         responses: responses of the runs to errors of learnt means.
+        refusals: why each log that cannot weigh cannot, and what mends it, by log.
     """
 
     readings: pl.DataFrame
@@ -65,6 +67,7 @@ class CampaignReplay:
     budgets: tuple[pl.DataFrame, ...]
     terms: tuple[TermOfLog, ...]
     responses: tuple[RunResponse, ...]
+    refusals: Mapping[str, str]
 
     @property
     def pool_priors_learnt_from_logs(self) -> LearntPriors | None:
@@ -99,11 +102,14 @@ def replay_campaign_logs(
     budgets: list[pl.DataFrame] = []
     terms: list[TermOfLog] = []
     responses: list[RunResponse] = []
+    refusals: dict[str, str] = {}
     for number, name in enumerate(campaign.logs, start=1):
         on_log(name)
+        runs = [each for each in campaign.runs if each.log == name]
+        known = state_single_load(machine, runs) if procedure.known_loads_kept else machine
         with open_log(find_path(name), time=find_time_axis_of_machine(machine)) as log:
             try:
-                replayed = run(log, machine)
+                replayed = run(log, known)
             except DataError as error:
                 raise DataError(f"{find_path(name)}: {error}") from None
             topics = log.topics()
@@ -113,18 +119,45 @@ def replay_campaign_logs(
             recording = f"{RUNS}/{number:02}-{stem[-60:]}.rrd"
             (recordings_folder / RUNS).mkdir(exist_ok=True)
             write_recording(replayed, recordings_folder / recording)
-        runs = [each for each in campaign.runs if each.log == name]
         frames.append(
             make_readings_of_campaign_runs(replayed, runs, campaign.method.estimator, procedure)
         )
         responses += make_run_responses_to_learnt_means(replayed, runs, campaign.method.estimator)
         logs.append(make_evidence_log_record(name, replayed, topics, recording))
+        if not logs[-1].can_weigh:
+            refusals[name] = describe_refusal(replayed)
         budgets.append(replayed.frames["budget"])
         terms += (
             select_learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
         )
     return CampaignReplay(
-        pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses)
+        pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses), refusals
+    )
+
+
+def describe_refusal(replayed_run: Run) -> str:
+    """Say why a log cannot weigh, and what mends it: causes that invalidate, and failed checks."""
+    reasons: list[str] = []
+    for row in replayed_run.frames["findings"].filter(severity="withhold").to_dicts():
+        mends = f". Set {row['setting']} = {row['value']}" if row["setting"] else ""
+        reasons.append(f"{row['cause'].replace('_', ' ')}: {row['evidence']}{mends}")
+    for check in make_answer(replayed_run).verdict.withholding_checks("mass"):
+        if check.check == INVALIDATING_CAUSES:
+            continue
+        value = "unknown" if check.value is None else f"{check.value:.3g}"
+        mends = f". It needs {check.remedy}" if check.remedy else ""
+        reasons.append(f"{check.check} {value} (limit {check.limit_text}): {check.meaning}{mends}")
+    return "; ".join(reasons)
+
+
+def state_single_load(machine: Machine, runs: Sequence[CampaignRun]) -> Machine:
+    """The machine, told that a log has one load if its runs say so of the whole log."""
+    whole = all(each.from_s is None and each.to_s is None for each in runs)
+    if not whole or len({each.load_id for each in runs}) != 1:
+        return machine
+    loads = machine.settings.loads.model_copy(update={"single_load": True})
+    return machine.model_copy(
+        update={"settings": machine.settings.model_copy(update={"loads": loads})}
     )
 
 

@@ -59,7 +59,12 @@ def replay_and_compare_logs(
     campaign = document.campaign
     try:
         if document.learnt is not None and document.kind == "calibration":
-            before = replay_campaign_logs(campaign, document.machine, lambda log: paths[log])
+            before = replay_campaign_logs(
+                campaign,
+                document.machine,
+                lambda log: paths[log],
+                procedure=document.procedure_rules,
+            )
             _compare_learnt_terms(checked_bundle, document.learnt.logs, before.terms)
         replayed = replay_campaign_logs(
             campaign,

@@ -19,7 +19,10 @@ from recordings.calibration.bundle_folder import (
 )
 from recordings.calibration.calibration_recording import make_run_of_calibration
 from recordings.calibration.calibration_report import render_report_html
-from recordings.calibration.calibration_text import describe_undetectable_faults
+from recordings.calibration.calibration_text import (
+    describe_exchanged_runs,
+    describe_undetectable_faults,
+)
 from recordings.calibration.check_outcomes import (
     BundleFinding,
     BundleOutcome,
@@ -160,6 +163,7 @@ def verify_bundle(
         )
     done += files.done
     if document is not None:
+        bundle.notes += describe_exchanged_runs(document)
         add_expiry_finding(bundle, document, verification_day)
     return Verification(
         folder,

@@ -110,6 +110,7 @@ def command(
 def _print_calibration_evidence(
     screen: "Console", calibration_outcome: "CalibrationOutcome"
 ) -> None:
+    from analysis.calibration.campaign.campaign_readings import CANNOT_WEIGH
     from recordings.calibration.calibration_report import (
         format_kilograms_or_dash,
         list_report_names_and_values,
@@ -132,8 +133,15 @@ def _print_calibration_evidence(
             *(format_kilograms_or_dash(row[name]) for name in numbers),
         )
     print_table_uncut(screen, table)
-    for row in calibration_outcome.rejected_readings.iter_rows(named=True):
-        print_line(screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}")
+    refusals = calibration_outcome.refusals
+    alike = calibration_outcome.rejected_readings.group_by(
+        "run_id", "log", "reason", maintain_order=True
+    )
+    for (run_id, log, reason), rows in alike:
+        why = f"{CANNOT_WEIGH}: {refusals[log]}" if reason.startswith(CANNOT_WEIGH) else reason
+        one = rows.height == 1
+        which = f"reading {rows['reading'][0]}" if one else f"{rows.height} readings"
+        print_line(screen, f"left out: {run_id}, {which}: {why}")
     screen.print()
     for name, value in list_report_names_and_values(calibration_outcome.document):
         if name != "made":
@@ -155,7 +163,9 @@ def _print_calibration_evidence(
             "[bold red]!![/] ",
         )
     else:
-        print_line(screen, f"signed as {signer.name or 'no name'}, key {signer.key_id[:12]}…")
+        key = f"key {signer.key_id[:12]}…"
+        unnamed = f"signed, {key}; campaign.signer names who signs"
+        print_line(screen, f"signed as {signer.name}, {key}" if signer.name else unnamed)
     if calibration_outcome.document.chain.previous is None:
         print_line(
             screen, "first evidence of this machine; --previous chains it to earlier evidence"

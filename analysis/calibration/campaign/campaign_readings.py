@@ -34,6 +34,8 @@ READINGS: Final[dict[str, type[pl.DataType]]] = {
     "used": pl.Boolean,
     "reason": pl.String,
 }
+#: Reason of the readings of a log that cannot weigh, before the names of its failed checks.
+CANNOT_WEIGH: Final = "this log cannot weigh"
 _NOTHING: Final = "no manoeuvre of this stretch was informative enough"
 _IS_ZERO: Final = "without load: the zero that payloads are counted from"
 _NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
@@ -139,7 +141,7 @@ def make_joint_fit_readings(replayed_run: Run, procedure: Procedure) -> list[dic
     found: list[dict[str, Any]] = []
     for row in replayed_run.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
-        withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
+        withheld = f"{CANNOT_WEIGH}: {load['withheld_for']}" if load["withheld"] else ""
         common_kg = subtract_common_uncertainty_kg(load["u_common_kg"], own_kg.get(row["load_id"]))
         found.append(
             _make_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld)
@@ -184,7 +186,7 @@ def make_method_readings(replayed_run: Run, method: str) -> list[dict[str, Any]]
         pl.col("method") == method
     )["mass_kg"]
     verdict = [row for row in replayed_run.frames["loads"].to_dicts() if row["withheld"]]
-    withheld = f"this log cannot weigh: {verdict[0]['withheld_for']}" if verdict else ""
+    withheld = f"{CANNOT_WEIGH}: {verdict[0]['withheld_for']}" if verdict else ""
     stated = replayed_run.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
     found: list[dict[str, Any]] = []
     for row, mass_kg in zip(segments.to_dicts(), masses, strict=True):

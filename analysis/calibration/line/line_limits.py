@@ -45,6 +45,10 @@ class LineLimits:
     outlier_probability: float = 0.05
     #: Fewest readings of a run that show an outlier.
     outlier_min_readings: int = 3
+    #: Probability, over all pairs, below which two runs are named as exchanged.
+    exchange_probability: float = 0.01
+    #: Probability above which the size of what two runs differ by is that of their loads.
+    exchange_size_probability: float = 0.01
 
     # point_errors
     #: Spread of estimates, as a fraction of their size, below which it is rounding, not

@@ -1,11 +1,19 @@
-"""Readings and runs that a test finds unlikely. They are named, and stay in the fit."""
+"""Readings and runs that a test finds unlikely. They are named, and stay in the fit.
 
+Two runs with each other's load, as of two files that swapped their names, leave the line to either
+side by the difference of their loads. One run left out at a time does not show them: the other one
+still bends the line.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.linalg import solve_triangular
+from scipy.special import fdtrc, stdtr
 
-from analysis.calibration.line.calibration import Outlier
+from analysis.calibration.line.calibration import Calibration, Outlier, Point
 from analysis.calibration.line.calibration_points import Campaign
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import FittedLine
@@ -82,3 +90,94 @@ def find_outlying_readings_and_runs(campaign: Campaign, line: FittedLine) -> tup
             about = f"run '{runs[int(place)]}'"
             found.append(Outlier("studentised residual", about, float(residual), p))
     return tuple(one for one in found if one.p_1 < LIMITS.outlier_probability)
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangedRuns:
+    """Two runs that fit the line with each other's load.
+
+    Attributes:
+        runs: their ids.
+        scatter_ratio_1: scatter about the line as stated over that with the loads exchanged.
+        p_1: bound of the probability that any two runs of a campaign look so by chance.
+    """
+
+    runs: tuple[str, str]
+    scatter_ratio_1: float
+    p_1: float
+
+    def __str__(self) -> str:
+        first, second = self.runs
+        return (
+            f"runs '{first}' and '{second}' may be exchanged: with each other's load, the runs "
+            f"scatter {self.scatter_ratio_1:.1f} times less about the line (p = {self.p_1:.1g}). "
+            "The numbers are those of the loads as stated; compare the logs of both runs with the "
+            "notes of the day"
+        )
+
+
+def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
+    """Find the two runs that most likely have each other's load; None if none stand out.
+
+    The difference of two runs is a column with a size of its own, as of an outlier. It must show
+    (t test, Bonferroni over the pairs), have the size of the loads' difference, and explain the
+    runs better than leaving out any one of them.
+    """
+    points = [point for point in calibration.points if point.mean_kg is not None]
+    freedom = len(points) - 2
+    if freedom < 2:
+        return None
+    whiten = _whitening_matrix(calibration, points)
+    x_kg = np.array([point.reference_kg for point in points])
+    y = whiten @ np.array([point.mean_kg for point in points])
+    project = _residual_projector(whiten, x_kg)
+    residual = project @ y
+    squares = float(residual @ residual)
+    unit = project @ whiten
+    left_out = squares - _squares_of_columns(unit, residual)
+    pairs = [(i, j) for i, j in combinations(range(len(points)), 2) if x_kg[i] != x_kg[j]]
+    best: ExchangedRuns | None = None
+    least = float(left_out.min())
+    for i, j in pairs:
+        swapped_kg = x_kg.copy()
+        swapped_kg[[i, j]] = x_kg[[j, i]]
+        rest = _residual_projector(whiten, swapped_kg) @ y
+        exchanged = float(rest @ rest)
+        if exchanged >= least:
+            continue
+        contrast = unit[:, i] - unit[:, j]
+        freely = squares - float(_squares_of_columns(contrast[:, None], residual)[0])
+        variance = max(freely, np.finfo(float).tiny) / (freedom - 1)
+        t = np.sqrt((squares - freely) / variance)
+        p = len(pairs) * float(stdtr(freedom - 1, -t))
+        size_p = float(fdtrc(1, freedom - 1, max(exchanged - freely, 0.0) / variance))
+        if p < LIMITS.exchange_probability and size_p > LIMITS.exchange_size_probability:
+            ratio = float(np.sqrt(squares / max(exchanged, np.finfo(float).tiny)))
+            best, least = ExchangedRuns((points[i].run_id, points[j].run_id), ratio, p), exchanged
+    return best
+
+
+def _whitening_matrix(calibration: Calibration, points: list[Point]) -> Floats:
+    """(points, points) matrix that gives all points unit variance, up to a common factor."""
+    day = np.array([point.day for point in points])
+    readings = np.array([point.readings for point in points])
+    run_kg, day_kg = calibration.run_kg or 0.0, calibration.day_kg or 0.0
+    own = run_kg**2 + (calibration.repeatability_kg or 0.0) ** 2 / readings
+    covariance = np.diag(own) + day_kg**2 * (day[:, None] == day[None, :])
+    if not own.min() > 0.0:
+        return np.eye(len(points))
+    root = np.linalg.cholesky(covariance)
+    return solve_triangular(root, np.eye(len(points)), lower=True)
+
+
+def _residual_projector(whiten: Floats, x_kg: Floats) -> Floats:
+    """(points, points) projection of whitened points on what a line leaves of them."""
+    q = np.linalg.qr(whiten @ np.column_stack([np.ones_like(x_kg), x_kg - x_kg.mean()]))[0]
+    return np.eye(x_kg.size) - q @ q.T
+
+
+def _squares_of_columns(columns: Floats, residual: Floats) -> Floats:
+    """(columns,) sum of squares that each column alone takes off a residual."""
+    size = np.einsum("ij,ij->j", columns, columns)
+    size = np.where(size > 1e-9 * size.max(), size, np.inf)
+    return (residual @ columns) ** 2 / size

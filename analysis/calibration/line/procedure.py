@@ -6,7 +6,7 @@ Evidence states the number, so that a later version recomputes it as it was made
 from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple
 
-ProcedureNumber = Literal[1, 2]
+ProcedureNumber = Literal[1, 2, 3]
 
 
 class Procedure(NamedTuple):
@@ -17,16 +17,20 @@ class Procedure(NamedTuple):
             in the common error of the readings; otherwise the line absorbs it.
         terms_tested_singly: whether each nuisance is tested for variation between logs at 5 %;
             otherwise all of them together are.
+        known_loads_kept: whether a log of one known load is weighed as one load; otherwise loads
+            are sought in it as in any other.
     """
 
     factors_in_common: bool
     terms_tested_singly: bool
+    known_loads_kept: bool
 
 
 PROCEDURES: Final[Mapping[ProcedureNumber, Procedure]] = {
-    1: Procedure(factors_in_common=True, terms_tested_singly=True),
-    2: Procedure(factors_in_common=False, terms_tested_singly=False),
+    1: Procedure(factors_in_common=True, terms_tested_singly=True, known_loads_kept=False),
+    2: Procedure(factors_in_common=False, terms_tested_singly=False, known_loads_kept=False),
+    3: Procedure(factors_in_common=False, terms_tested_singly=False, known_loads_kept=True),
 }
 #: Procedure of new evidence; evidence that states none has the first.
-PRESENT_NUMBER: Final[ProcedureNumber] = 2
+PRESENT_NUMBER: Final[ProcedureNumber] = 3
 PRESENT_PROCEDURE: Final = PROCEDURES[PRESENT_NUMBER]

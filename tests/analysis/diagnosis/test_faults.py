@@ -124,6 +124,19 @@ def test_a_check_finds_the_fault_that_it_is_about(name):
     assert log.load["withheld"] or found.consequence != "withhold"
 
 
+def test_where_the_force_is_ahead_the_remedy_is_the_delay_of_the_acceleration():
+    late = weighed({"sensors": {"imu_delay_s": 0.15}}).check("force_delay_s")
+    assert late.passed is False
+    assert late.remedy.startswith(
+        "channels.specific_force_x_m_s2.delay_s: the acceleration is late"
+    )
+    assert (
+        situation("force late 150 ms")
+        .check("force_delay_s")
+        .remedy.startswith("channels.force_x_N.delay_s")
+    )
+
+
 def test_a_term_beyond_its_prior_is_named():
     transfer = {"machine": {"force_share": 0.5}, "defects": {"force_share_s2_m": 0.08}}
     log = weighed(merged(RICH, transfer))

@@ -4,9 +4,14 @@ import polars as pl
 import pytest
 
 from analysis.findings import CAUSES
+from analysis.simulation import Scenario, simulate_campaign
 from benchmarks.findings_rows import AXES, design, needed, replayed
+from benchmarks.weighed import DERIVED, machine
+from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.pipeline import run
 from tests.analysis.findings.conftest import BY_NAME, Named
 from tests.analysis.findings.kept import OR, PLAIN, UPDATE, log_name, read_kept
+from tests.analysis.weighing.weighed import RICH, RUNS, merged
 from tests.trials.drawn_designs import join_designs
 from tests.trials.fault_injection import FAULTS, Fault
 from tests.twins import mark_slow_after
@@ -215,6 +220,15 @@ def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Name
         assert float(value) == pytest.approx(0.04, abs=0.005)
     assert "late against speed and accelerometer" in row["evidence"]
     assert row["mass_change_u_kg"] > 0.0
+
+
+def test_without_an_accelerometer_an_early_force_may_be_a_late_speed() -> None:
+    late = merged(RUNS, RICH, {"sensors": {"speed_delay_s": 0.06}})
+    (log,) = simulate_campaign(Scenario.model_validate(late))
+    replay = run([MemoryLog(log)], with_channels_of_simulation(machine(DERIVED), log))
+    row = replay.frames["findings"].row(0, named=True)
+    assert row["cause"] == "delay"
+    assert "ms early against speed, or that is late" in row["evidence"]
 
 
 def test_a_swing_stands_before_what_it_makes_of_noise_and_mass(named: Named) -> None:

@@ -42,11 +42,10 @@ def heavier_forwards(by_1: Sequence[float]) -> Callable[[Topics], dict[str, pl.D
 
 
 @cache
-def to_and_fro(*by_1: float, stated: float | None = None, ticket: bool = False) -> Weighed:
+def to_and_fro(by_1: float, *stated: str, ticket: bool = False) -> Weighed:
     """A machine that drives to and fro, without a ticket unless it has one."""
-    gain = () if stated is None else (f"machine.force_gain_in_reverse={stated}",)
     body = {"empty_mass_u_kg": 10.0, "force_gain_u": 0.001} if ticket else {"empty_mass_kg": None}
-    return weighed(TO_AND_FRO, *gain, body=body, changed=heavier_forwards(by_1))
+    return weighed(TO_AND_FRO, *stated, body=body, changed=heavier_forwards((by_1,)))
 
 
 def findings(log: Weighed) -> dict[str, str]:
@@ -65,6 +64,19 @@ def test_a_constant_load_whose_force_has_another_gain_in_reverse_counts_no_cycle
     assert not log.replayed.frames["cycles"]["counted"].any()
 
 
+@pytest.mark.parametrize("starts", mark_slow_after(1, [8, 5]))
+def test_a_gain_that_friction_leaves_uncertain_may_still_be_all_the_loads(starts: int) -> None:
+    """Starts at full throttle tell a gain by direction from friction by a hundredth only."""
+    alike = merged(TO_AND_FRO, {"campaign": {"runs": starts}, "starts": {"throttle_least": 1.0}})
+    log = weighed(alike, body={"empty_mass_kg": None}, changed=heavier_forwards((0.05,)))
+    found = log.weighing.by_direction
+    assert log.weighing.fit.mass_count == starts
+    assert found is not None
+    assert abs(found.gain_1 - 1.0 / 1.05) < 3.0 * found.std_1
+    assert found.std_1 > 0.008
+    assert log.replayed.frames["loads"]["withheld"].all()
+
+
 def test_the_gain_that_is_said_is_that_of_the_log() -> None:
     found = to_and_fro(0.05).weighing.by_direction
     assert found is not None
@@ -72,20 +84,28 @@ def test_the_gain_that_is_said_is_that_of_the_log() -> None:
 
 
 def test_a_gain_that_is_stated_is_taken_off_the_force() -> None:
-    log = to_and_fro(0.05, stated=1.0 / 1.05)
+    log = to_and_fro(0.05, f"machine.force_gain_in_reverse={1.0 / 1.05}")
     assert log.weighing.fit.mass_count == 1
     assert log.load["mass_kg"] == pytest.approx(1.05 * log.true_kg, abs=3.0 * log.load["u_kg"])
     assert "gain_by_direction" not in findings(log)
 
 
 def test_who_states_that_both_directions_are_alike_has_loads() -> None:
-    log = to_and_fro(0.05, stated=1.0)
+    log = to_and_fro(0.05, "machine.force_gain_in_reverse=1.0")
     assert log.weighing.by_direction is None
     assert log.weighing.fit.mass_count > 1
 
 
 def test_a_gain_that_leaves_one_load_is_in_its_uncertainty() -> None:
     log = to_and_fro(-0.05)
+    assert log.weighing.fit.mass_count == 1
+    assert log.causes["gain_by_direction"] == pytest.approx(0.05 * log.true_kg / 3.0**0.5, rel=0.2)
+    assert abs(log.error_u) < 2.0
+    assert log.verdict.can_weigh
+
+
+def test_who_states_a_single_load_has_one_with_the_gain_in_its_uncertainty() -> None:
+    log = to_and_fro(0.05, "settings.loads.single_load=true")
     assert log.weighing.fit.mass_count == 1
     assert log.causes["gain_by_direction"] == pytest.approx(0.05 * log.true_kg / 3.0**0.5, rel=0.2)
     assert abs(log.error_u) < 2.0

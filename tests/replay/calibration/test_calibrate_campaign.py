@@ -2,6 +2,7 @@
 
 import datetime as dt
 import json
+import re
 import shutil
 import time
 from pathlib import Path
@@ -20,7 +21,7 @@ from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import key_files
 from tests.replay.kept_replays import replays_anew
 from tests.replay.sledge import Payscope, join_to_one_line, sledge
-from tests.replay.sledge_campaign import campaign_folder
+from tests.replay.sledge_campaign import MASS, campaign_folder
 
 pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
 
@@ -111,6 +112,30 @@ def test_unsigned_evidence_says_so_on_every_surface(
         payscope("calibrate", folder / "campaign.toml", "-o", tmp_path / "evidence"),
         "exists already",
     )
+
+
+@pytest.mark.slow
+def test_two_exchanged_files_are_named_by_calibrate_and_by_verify(
+    tmp_path: Path, payscope: Payscope
+) -> None:
+    blocks = "".join(MASS.format(number=number) for number in (4, 5))
+    campaign = campaign_folder(tmp_path, extra=blocks, loads=(0, 1, 2, 3, 4, 5))
+    first, second, third = (tmp_path / name for name in ("load-1.csv", "load-3.csv", "x.csv"))
+    first.rename(third)
+    second.rename(first)
+    third.rename(second)
+    named = "note: runs 'run-1' and 'run-3' may be exchanged"
+    assert named in payscope("calibrate", campaign, "-o", tmp_path / "evidence").out
+    assert named in payscope("verify", tmp_path / "evidence").out
+
+
+def test_a_signature_without_a_name_says_where_the_name_is_stated(
+    folder: Path, keys: tuple[Path, Path], tmp_path: Path, payscope: Payscope
+) -> None:
+    unnamed = shutil.copytree(folder, tmp_path / "unnamed") / "campaign.toml"
+    unnamed.write_text(unnamed.read_text().replace('signer = "T. Signer"\n', ""))
+    said = payscope("calibrate", unnamed, "-o", tmp_path / "evidence", "--key", keys[0])
+    assert re.search(r"signed, key [0-9a-f]{12}…; campaign.signer names who signs", said.out)
 
 
 def test_the_environment_may_hold_the_key(
