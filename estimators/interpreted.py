@@ -136,7 +136,7 @@ class Loop:
         ):
             begin = thread_time()
             try:
-                return self._run_interpreted(arguments)
+                return self._run_in_python(arguments)
             finally:
                 _InterpreterBudget.seconds -= thread_time() - begin
         if (
@@ -146,7 +146,7 @@ class Loop:
         ):
             begin = thread_time()
             try:
-                return self._run_interpreted(arguments)
+                return self._run_in_python(arguments)
             finally:
                 self._cold_seconds -= thread_time() - begin
         return self.compiled(*arguments)
@@ -155,7 +155,7 @@ class Loop:
     def _is_interpreting_allowed_while_uncached(self) -> bool:
         return self._cold_seconds > 0 and not self.is_cached
 
-    def _run_interpreted(self, arguments: tuple[Any, ...]) -> Any:
+    def _run_in_python(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero
         with np.errstate(all="ignore"):
             return convert_numpy_scalars(self.interpreted(*arguments))

@@ -19,9 +19,10 @@ from estimators.joint.gain_matrix import Gain, raise_meats_to_white_noise_floor
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.map_fit import CommonResidual, MapFit
 from estimators.joint.prior_solution import (
+    ProjectedColumns,
     SolutionParts,
     compute_uncertain_fraction_of_noise,
-    iterate_prior_solution,
+    solve_with_priors_iteratively,
 )
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (
@@ -279,8 +280,8 @@ def solve_with_priors(
     taken = A if grouping.taken is None and len(sums.rows) < LIMITS.few_groups else grouping.taken
     loss = compute_autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
     try:
-        solved = iterate_prior_solution(
-            A, f, group, sums, scale, shape, (precision, believed), (taken, loss)
+        solved = solve_with_priors_iteratively(
+            A, f, group, sums, scale, shape, (precision, believed), ProjectedColumns(taken, loss)
         )
     except np.linalg.LinAlgError:
         return nothing

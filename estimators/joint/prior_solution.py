@@ -219,7 +219,14 @@ class SolutionParts(NamedTuple):
     turned: WeightedNormalEquations
 
 
-def iterate_prior_solution(
+class ProjectedColumns(NamedTuple):
+    """Columns (n, q) projected out of each group, and their `compute_autocovariance_loss`."""
+
+    columns: Floats | None
+    autocovariance_loss: Floats
+
+
+def solve_with_priors_iteratively(
     A: Floats,
     f: Floats,
     group: Ints,
@@ -227,7 +234,7 @@ def iterate_prior_solution(
     scale: Floats,
     intercept_shape: InterceptShape,
     priors: tuple[Floats, Floats],
-    common_columns_and_loss: tuple[Floats | None, Floats],
+    projected: ProjectedColumns,
 ) -> SolutionParts:
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, with S the covariance of b - G θ.
 
@@ -242,14 +249,13 @@ def iterate_prior_solution(
         scale: (p,) divisors of the columns; `theta` and priors are of the scaled ones.
         intercept_shape: relation of a group's parameters to all parameters.
         priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
-        common_columns_and_loss: (n, q) columns projected out of each group, and their
-            `compute_autocovariance_loss`.
+        projected: columns projected out of each group.
 
     Raises:
         LinAlgError: the samples do not determine it.
     """
     n = int((group >= 0).sum())
-    (precision, believed), (taken, loss) = priors, common_columns_and_loss
+    precision, believed = priors
     index = np.full(f.size, -1, np.int64)
     for i, part in enumerate(sums.rows):
         index[part] = i
@@ -288,7 +294,7 @@ def iterate_prior_solution(
         residual = compute_grouped_residuals(
             A, f, index, theta / wide_scale, level_of_unit, intercept_shape.levels.level_count
         )
-        correlation, _ = estimate_pooled_autocorrelation(residual, group, taken, loss)
+        correlation, _ = estimate_pooled_autocorrelation(residual, group, *projected)
         with np.errstate(over="ignore"):  # of what rounding alone determines
             white = float(residual @ residual) / (n - theta.size)
         solved = SolutionParts(theta, gain, residual, correlation, white, share, kept, turned)

@@ -159,25 +159,25 @@ def list_absent_settings_changed_since(
     """
     found: dict[str, Any] = {}
     for name, default in absent_settings.items():
-        first = _find_earliest_default_of_section(name, default, released_versions)
+        first = _find_first_released_default(name, default, released_versions)
         if first != default:
             found[name] = first
     return found
 
 
-def _find_earliest_default_of_section(
-    name: str, default: Any, released_versions: Mapping[str, Mapping[str, Any]]
+def _find_first_released_default(
+    setting_name: str, present_default: Any, released_versions: Mapping[str, Mapping[str, Any]]
 ) -> Any:
     """First default of a setting, or of a section of settings."""
-    known, first = find_earliest_default_of_setting(name, released_versions)
+    known, first = find_earliest_default_of_setting(setting_name, released_versions)
     if known:
         return first
-    if isinstance(default, dict):
+    if isinstance(present_default, dict):
         return {
-            key: _find_earliest_default_of_section(f"{name}.{key}", value, released_versions)
-            for key, value in default.items()
+            key: _find_first_released_default(f"{setting_name}.{key}", value, released_versions)
+            for key, value in present_default.items()
         }
-    return default
+    return present_default
 
 
 def with_dotted_values_replaced(

@@ -293,20 +293,20 @@ def make_placeholder_run(settings: Settings) -> Run:
     """Run of a few rows without numbers, from which the views take their columns."""
     period_ns = round(1e9 / settings.align.rate_hz)
     frames = {
-        "excitation": _make_empty_rows(EXCITATION, period_ns).with_columns(
+        "excitation": _make_rows_of_nan(EXCITATION, period_ns).with_columns(
             phase=pl.lit("standstill")
         ),
-        "gate": _make_empty_rows(GATE, period_ns).with_columns(reason_x=pl.lit("accepted")),
+        "gate": _make_rows_of_nan(GATE, period_ns).with_columns(reason_x=pl.lit("accepted")),
     }
     for name in settings.trace.methods:
         alone = METHODS[name].feed is FeedKind.SEGMENTS
         columns = [each.removesuffix("_squared") for each in ESTIMATES]
-        frames[f"estimates/{name}"] = _make_empty_rows(columns, _APART_NS if alone else period_ns)
+        frames[f"estimates/{name}"] = _make_rows_of_nan(columns, _APART_NS if alone else period_ns)
     return Run(frames, Provenance(settings=settings))
 
 
-def _make_empty_rows(columns: "tuple[str, ...] | list[str]", row_distance_ns: int) -> pl.DataFrame:
-    times = {"t_ns": [row * row_distance_ns for row in range(_ROWS)]}
+def _make_rows_of_nan(columns: "tuple[str, ...] | list[str]", row_period_ns: int) -> pl.DataFrame:
+    times = {"t_ns": [row * row_period_ns for row in range(_ROWS)]}
     return pl.DataFrame({**times, **{name: [float("nan")] * _ROWS for name in columns}})
 
 

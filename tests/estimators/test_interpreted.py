@@ -42,7 +42,7 @@ def bits(value: Any) -> Iterator[Any]:
 def both_ways(loop: Loop, *arguments: Any) -> Any:
     """Call it both ways; what it returns and what it wrote must agree."""
     own = tuple(map(copied, arguments))
-    by_python = loop._run_interpreted(own)
+    by_python = loop._run_in_python(own)
     compiled = loop.compiled(*arguments)
     assert list(bits(by_python)) == list(bits(compiled)), loop.__name__
     assert list(bits(own)) == list(bits(arguments)), loop.__name__

@@ -124,7 +124,7 @@ def _scanning(grammar: RecordGrammar, records: bytes) -> Callable[[], None]:
                 for end in (data.size, rng.randrange(data.size + 1)):
                     rows.add_rows_of_span(0, end)
                     grammar.find(data, 0, end, data.size + rng.choice([0, 7, 10**6]))
-                found = rows.rows_so_far[:, rows.rows_so_far[0] >= 0]
+                found = rows.indexed_rows[:, rows.indexed_rows[0] >= 0]
                 _batch(data, found[2].tolist(), found[3].tolist())
 
     return scan

@@ -119,7 +119,7 @@ class GrowingBlockFile(ABC):
         _, whole = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = SlabIndex(grammar, data, 0)
         index.add_rows_of_span(0, whole)
-        rows = index.rows_so_far
+        rows = index.indexed_rows
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             self._register_record(-1 - key, data[offset : offset + length].tobytes())
         return _CompleteRecords(

@@ -37,7 +37,7 @@ class LooseRecords:
             rows = SlabIndex(grammar, data, 0)
             rows.add_rows_of_span(0, stop)
             self._store.add_scanned_block(
-                Block(offset, offset, stop, "", stop), data, rows.rows_so_far
+                Block(offset, offset, stop, "", stop), data, rows.indexed_rows
             )
         return offset + stop
 

@@ -85,7 +85,7 @@ class SlabIndex:
         self._count = 0
 
     @property
-    def rows_so_far(self) -> NDArray[np.int64]:
+    def indexed_rows(self) -> NDArray[np.int64]:
         """All rows so far; see `Slab.rows`."""
         return np.ascontiguousarray(self._rows[:, : self._count])
 
@@ -203,7 +203,7 @@ def unpack_blocks_into_scanned_slab(
     except MemoryError:
         nothing = np.empty(0, np.uint8)
         lost = tuple((block, "not enough memory") for block in blocks)
-        return Slab(nothing, SlabIndex(grammar, nothing, 0).rows_so_far, (), lost)
+        return Slab(nothing, SlabIndex(grammar, nothing, 0).indexed_rows, (), lost)
     at = 0
     for block in blocks:
         try:
@@ -216,7 +216,7 @@ def unpack_blocks_into_scanned_slab(
         else:
             parts.append((block, first, end, unread))
             at += size
-    return Slab(buffer, rows.rows_so_far, tuple(parts), tuple(damaged))
+    return Slab(buffer, rows.indexed_rows, tuple(parts), tuple(damaged))
 
 
 def select_messages_of_connections(

@@ -68,11 +68,11 @@ class TopicStream:
                 self._frames.append(decoded.frame)
         self._begun.clear()
 
-    def drain_rows_in_final_order(self, floor_ns: int) -> pl.DataFrame:
+    def take_rows_before(self, later_log_time_ns: int) -> pl.DataFrame:
         """Remove and return the decoded rows whose order is final; call `finish_decoding` before.
 
         Args:
-            floor_ns: lower bound of the log times of later messages.
+            later_log_time_ns: lower bound of the log times of later messages.
         """
         if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
             self._submit_small_batches_as_one(run_work_immediately)
@@ -81,7 +81,7 @@ class TopicStream:
         frame = merge_sorted_frames(self._frames)
         if not frame.height:
             return frame
-        ready = count_rows_until(frame, min([floor_ns, *waiting]))
+        ready = count_rows_until(frame, min([later_log_time_ns, *waiting]))
         if ready == frame.height:
             self._frames = [self._empty]
             return frame
@@ -154,7 +154,7 @@ def iter_decoded_rows_of_streams(
             for stream in distinct:
                 stream.finish_decoding()
             for stream in distinct:
-                ready = stream.drain_rows_in_final_order(floor_ns)
+                ready = stream.take_rows_before(floor_ns)
                 if ready.height:
                     yield stream, ready
     for stream in distinct:

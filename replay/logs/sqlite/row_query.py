@@ -86,7 +86,7 @@ def iter_row_batches(
             ):
                 whole = (
                     rows
-                    if can_row_ids_be_distinct(after_row_id, rows)
+                    if can_each_row_have_its_own_id(after_row_id, rows)
                     else list(_iter_rows_while_ids_increase(after_row_id, rows))
                 )
                 if whole:
@@ -172,7 +172,7 @@ def _read_batch_until_error(
         after_row_id = row[0]
 
 
-def can_row_ids_be_distinct(after_row_id: int, rows: list[Row]) -> bool:
+def can_each_row_have_its_own_id(after_row_id: int, rows: list[Row]) -> bool:
     """Whether there are enough ids for all rows to differ.
 
     A damaged tree may lead to the same page repeatedly.

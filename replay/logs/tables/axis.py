@@ -205,7 +205,7 @@ def find_time_columns_and_their_fields(
         place = names.index(time_axis.column)
         if unit is None:
             unit = find_time_unit(columns[place])
-        return [(_make_table_times(columns, cells, place, unit, table), names)]
+        return [(_locate_time_columns(columns, cells, place, unit, table), names)]
     if calendar := find_calendar_columns(columns):
         fraction = find_second_fraction_column(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
@@ -223,7 +223,7 @@ def find_time_columns_and_their_fields(
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
-    one = _make_table_times(columns, cells, first, unit or find_time_unit(columns[first]), table)
+    one = _locate_time_columns(columns, cells, first, unit or find_time_unit(columns[first]), table)
     if len(times) == 1 or one.date:
         return [(one, names)]
     # pairs side by side: each column belongs to the time before it
@@ -237,10 +237,10 @@ def find_time_columns_and_their_fields(
     ]
 
 
-def _make_table_times(
+def _locate_time_columns(
     columns: Sequence[ColumnName],
     cells: Callable[[int], list[str]],
-    column_index: int,
+    time_column_index: int,
     time_unit: str | None,
     table: TableHints | None,
 ) -> TableTimes:
@@ -249,9 +249,9 @@ def _make_table_times(
     if fraction is not None and fraction not in [column.name for column in columns]:
         raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
     return TableTimes(
-        columns[column_index].name,
-        find_date_column(columns, cells, column_index),
-        fraction or find_second_fraction_column(columns, cells, column_index),
+        columns[time_column_index].name,
+        find_date_column(columns, cells, time_column_index),
+        fraction or find_second_fraction_column(columns, cells, time_column_index),
         unit=time_unit,
         day_first=table.day_first if table else None,
     )

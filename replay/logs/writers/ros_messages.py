@@ -71,7 +71,7 @@ def make_recorded_topics(
 
 
 def make_message_columns(
-    topic_name: str, frame: pl.DataFrame, scenario: Scenario, first_index: int = 0
+    topic_name: str, frame: pl.DataFrame, scenario: Scenario, first_sequence_number: int = 0
 ) -> dict[str, Column]:
     """Columns of a topic's messages.
 
@@ -79,12 +79,12 @@ def make_message_columns(
         topic_name: key of the topic in `TOPICS`.
         frame: rows of the topic.
         scenario: simulated scenario.
-        first_index: number of the first row, for the sequence counter in ROS 1 headers.
+        first_sequence_number: of the first row, in ROS 1 headers.
     """
     topic = TOPICS[topic_name]
     stamp_ns = frame["header_stamp_ns"].to_numpy()
     header: dict[str, Column] = {
-        "seq": np.arange(first_index, first_index + frame.height),
+        "seq": np.arange(first_sequence_number, first_sequence_number + frame.height),
         "stamp": {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9},
         "frame_id": topic.frame_id,
     }

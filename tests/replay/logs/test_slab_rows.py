@@ -46,7 +46,7 @@ def test_rows_are_the_same_whatever_number_was_expected(expected: int) -> None:
         rows.add_rows_of_span(begin, end) for begin, end in zip([0, *ends], ends, strict=False)
     ]
     assert spans == [(0, 2, 0), (2, 3, 0), (3, 3, 0), (3, 6, 0)]
-    assert rows.rows_so_far[KEY].tolist() == [1, 2, 1, 3, 1, 2]
-    assert rows.rows_so_far[TIME].tolist() == [10, 20, 30, 40, 50, 60]
+    assert rows.indexed_rows[KEY].tolist() == [1, 2, 1, 3, 1, 2]
+    assert rows.indexed_rows[TIME].tolist() == [10, 20, 30, 40, 50, 60]
     # numba compiles anew for an array whose columns are apart
-    assert rows.rows_so_far.flags.c_contiguous
+    assert rows.indexed_rows.flags.c_contiguous

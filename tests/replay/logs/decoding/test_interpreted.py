@@ -124,7 +124,7 @@ def test_records_in_chunks_whole_and_damaged(
         rows = SlabIndex(grammar, data, 4)
         part = rows.add_rows_of_span(0, data.size)
         block = Block(0, 0, data.size, "", data.size)
-        slab = Slab(data, rows.rows_so_far, ((block, *part),), ())
+        slab = Slab(data, rows.indexed_rows, ((block, *part),), ())
         batches = select_messages_of_connections(data, slab.rows, wanted, 3, 2**62)
         return [
             part,
