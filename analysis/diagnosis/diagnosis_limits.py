@@ -23,7 +23,8 @@ class DiagnosisLimits:
     #: Shortest motion in s of which the correlation has a sign.
     correlation_min_moving_s: float = 1.0
 
-    #: Time in s that a torque takes to fall once the drive is shut: three time constants of 0.15 s.
+    #: Time in s that a torque takes to fall once the drive is shut: 2.5 time constants of the
+    #: slowest drive of `benchmarks/turning.py`.
     falling_torque_s: float = 0.5
 
     # excluded_stretches
@@ -58,8 +59,11 @@ class DiagnosisLimits:
     #: pile.
     stand_edge_threshold_ratio: float = 2.0
     #: Quantile of the steps from reading to reading under way that one to a stand may be: at 1 Hz a
-    #: machine is as fast as that one reading before it stands.
+    #: machine is as fast as that one reading before it stands. Braking is that hard in a fiftieth
+    #: of the readings of a bus with 25 stops.
     stand_edge_step_quantile: float = 0.98
+    #: Readings beside a 0 that do not count as under way, with the 0 itself.
+    stand_edge_readings: int = 3
     #: Fewest readings of a run: of a slow channel two equal readings are none.
     run_min_readings: int = 5
     #: Largest step beside a run, over the smallest there, that is one step of the resolution.

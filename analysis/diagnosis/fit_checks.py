@@ -107,7 +107,9 @@ def _describe_remedy_of_early_force(inputs: CheckInputs, _motion: AxisMotion) ->
     limit_s = inputs.machine.settings.verdict.lag_max_s
     if inputs.weighing is None or inputs.weighing.fit.force_lag_s >= -limit_s:
         return ""
-    late = "speed_x_m_s" if inputs.machine.differentiates_speed else "specific_force_x_m_s2"
+    late = "specific_force_x_m_s2"
+    if inputs.machine.settings.forces.acceleration == "kinematic":
+        late = "speed_x_m_s" if inputs.machine.differentiates_speed else "acc_x_m_s2"
     return (
         f"channels.{late}.delay_s: the acceleration is late against the force, or "
         "channels.force_x_N.delay_s (or of both torques): the force is early"

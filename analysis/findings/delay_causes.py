@@ -281,8 +281,8 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     if not inputs.has_accelerometer:
         # two channels do not tell which of them is wrong
         said = (
-            f"the force is {said}, or that is {'early' if late_s > 0.0 else 'late'}: this log "
-            "has no accelerometer to tell"
+            f"the {_SHOWN[channel]} is {said}, or that is "
+            f"{'early' if late_s > 0.0 else 'late'}: this log has no accelerometer to tell"
         )
     elif rivals:
         said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"

@@ -78,8 +78,7 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 m_s2 m/s**2 m*s^-2 ms-2 м/с2 м/с^2",
     "ft/s**2": "ft/s2 ft/s^2 ft/s/s ft/sec2 ft/sec^2 ft_s2 fps2",
     "mm/s**2": "mm/s2 mm/s^2 mm_s2",
-    "cm/s**2": "cm/s2 cm/s^2 cm_s2 Gal",
-    "millistandard_gravity": "mg",
+    "cm/s**2": "cm/s2 cm/s^2 cm_s2",
     "standard_gravity": "g G g_n gee g's gs",
     "rad/s": "rad/s rad_s rad/sec",
     "deg/s": "deg/s deg_s dps °/s degree/s degrees/s deg/sec °/sec",
@@ -141,7 +140,7 @@ _UNITS_OF_FOLDED: Final = Counter(each for each, _ in _FOLDED)
 _LOWER: Final[Mapping[str, str]] = {
     each: unit for each, unit in _FOLDED if _UNITS_OF_FOLDED[each] == 1
 }
-_MILLI_OR_MEGA: Final = frozenset({"mN*m", "mA", "mV", "MPa", "millistandard_gravity"})
+_MILLI_OR_MEGA: Final = frozenset({"mN*m", "mA", "mV", "MPa"})
 _SIGNS: Final = str.maketrans(
     {"·": "*", "⋅": "*", "×": "*", "²": "^2", "μ": "µ", "º": "°", "⁻": "-", "¹": "1"}
 )

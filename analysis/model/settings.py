@@ -179,6 +179,8 @@ class LoadSettings(BaseModel):
         first, last = self.empty_from_s, self.empty_to_s
         if (first is None) != (last is None):
             raise ValueError("empty_from_s and empty_to_s must be given together")
+        if self.single_load and first is not None:
+            raise ValueError("single_load says of the whole log what empty_from_s says of a part")
         if first is not None and last is not None and not first < last:
             raise ValueError(f"empty_from_s is {first:g}, not before empty_to_s {last:g}")
         return self

@@ -17,6 +17,7 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build_frame
 from analysis.model.settings import Settings
+from analysis.model.uncertainty_sources import IMU_POSITION
 from analysis.model.verdict import Check, Verdict
 from analysis.planar.planar_budget import (
     combine_standard_uncertainty,
@@ -25,17 +26,13 @@ from analysis.planar.planar_budget import (
     make_planar_budget_rows,
 )
 from analysis.planar.planar_limits import LIMITS
-from analysis.planar.planar_motion import (
-    has_lateral_accelerometer,
-    make_planar_drive,
-    read_half_track_m,
-)
+from analysis.planar.planar_motion import has_lateral_accelerometer, make_planar_drive
 from analysis.planar.planar_regressor import Regressor, select_terms_of_drive
 from analysis.planar.planar_samples import (
     PlanarSamples,
     collect_planar_samples,
     compute_planar_column_noise,
-    mark_turns_that_begin,
+    mark_turn_transitions,
 )
 from analysis.planar.planar_terms import TERMS
 from analysis.stages.estimation import fit_quality
@@ -52,6 +49,8 @@ _COLUMNS: Final = {
     **{name: name.replace("_kg_m", "_std_kg_m") for name in MOMENTS},
 }
 _COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
+#: The check of the point that spins turn about.
+_SPIN_CENTRE: Final = "spin_centre_m"
 _UNKNOWN: Final = ("scale_unknown", "com_scale_unknown")
 #: Which rows, and which of the six columns, straight motion, spins and all motion are fitted by.
 _FORCE, _TORQUE, _BOTH = slice(0, 1), slice(1, 2), slice(0, 2)
@@ -195,7 +194,7 @@ def does_parameter_occur_on_one_axis(parameter_name: str, axis: Axis) -> bool:
 def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], PlanarFit] | None:
     """Fit over all motion; None without enough turning or without yaw torque."""
     plane, settings = log.plane, log.machine.settings
-    used = plane.usable & plane.moving & ~mark_turns_that_begin(plane, settings)
+    used = plane.usable & plane.moving & ~mark_turn_transitions(plane, settings)
     if not plane.has_torque or (used & plane.turning).sum() < settings.gate.window_samples:
         return None
     of = np.where(used, 0, -1)
@@ -222,10 +221,13 @@ def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
     """Whether joint motion is wrong where the check fails, too.
 
     It needs no windows. A machine that spins about another point than the origin has first moments,
-    which are fitted; a point far away is an accelerometer that is elsewhere than stated.
+    which are fitted; an accelerometer that is elsewhere than stated shows the same, so that its
+    place must be stated with an uncertainty, and be near.
     """
-    if check.check == "spin_centre_m" and has_lateral_accelerometer(machine):
-        return (check.value or 0.0) > LIMITS.spin_centre_max_1 * read_half_track_m(machine)
+    if check.check == _SPIN_CENTRE:
+        far_m = LIMITS.spin_centre_max_1 * (machine.machine.track_width_m or 0.0) / 2.0
+        vouched = has_lateral_accelerometer(machine) and IMU_POSITION.u(machine) is not None
+        return not vouched or (check.value or 0.0) > far_m
     return check.check != "accepted_stretches"
 
 

@@ -124,11 +124,12 @@ def mark_samples_between_braking_and_stand(
     return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
-def mark_turns_that_begin(samples: PlanarSamples, settings: Settings) -> Bools:
-    """Samples of a turn that begins, ends or changes its direction, (n,).
+def mark_turn_transitions(samples: PlanarSamples, settings: Settings) -> Bools:
+    """Samples where a turn begins, ends or changes its direction, (n,).
 
     Their means over `smooth.samples` hold friction of both directions, or of tyres that stand and
-    hold any torque.
+    hold any torque: beside a turn as far as a mean reaches, in it until half a mean is past the
+    reversal.
     """
     from scipy.ndimage import maximum_filter1d  # slow to import
 

@@ -233,6 +233,7 @@ TERMS: Final = (
         "rolling resistance of left and right wheels that turn opposite ways",
         "spins in place as well as turns under way",
         "z",
+        has_torque_of_sides,
     ),
     Term(
         "turning_quadratic",
@@ -270,14 +271,13 @@ TERMS: Final = (
         mixture=_mix_columns_by_lateral_force_arm,
     ),
     Term(
-        # a machine that turns about r ahead of the origin adds r times its first moment
         "spin_centre",
         lambda _: (None, None),
         lambda d, _: LIMITS.spin_centre_moment_std_1 * d.half_track_m**2,
-        "a point that the machine turns about, which is not the origin",
+        "first moment times the distance of the point that the machine turns about",
         "an accelerometer, whose sideways force shows it",
         "z",
-        lambda machine: not has_lateral_accelerometer(machine),
+        lambda machine: has_torque_of_sides(machine) and not has_lateral_accelerometer(machine),
         mixture=lambda drive: ({}, {_INERTIA: drive.mass_kg}),
     ),
     Term(

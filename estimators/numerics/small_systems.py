@@ -311,6 +311,30 @@ def compute_scaled_condition(G: Floats) -> float:
     )
 
 
+def make_noise_bound_in_each_direction(noise: Floats, gram: Floats, max_fraction: float) -> Floats:
+    """Matrix K (p, p) with K N Kᵀ at most a fraction of G in every direction.
+
+    Directions below the fraction keep their noise. The identity where all are, or where G is not
+    positive definite.
+
+    Args:
+        noise: (p, p) N, positive semidefinite.
+        gram: (p, p) G.
+        max_fraction: the largest fraction.
+    """
+    same = np.eye(len(gram))
+    if compute_largest_noise_fraction(noise, gram) <= max_fraction:
+        return same
+    try:
+        root = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return same
+    half = np.linalg.solve(root, noise)
+    fractions, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
+    shrink = np.sqrt(max_fraction / np.maximum(fractions, max_fraction))
+    return np.linalg.solve(root.T, ((root @ directions) * shrink @ directions.T).T).T
+
+
 def compute_largest_noise_fraction(noise: Floats, gram: Floats) -> float:
     """Largest fraction of noise in any direction of the columns."""
     if not noise.any():

@@ -23,8 +23,8 @@ from estimators.numerics.autocorrelation import (
     estimate_pooled_autocorrelation,
 )
 from estimators.numerics.small_systems import (
-    compute_largest_noise_fraction,
     invert_positive_definite,
+    make_noise_bound_in_each_direction,
     solve_least_squares_by_svd,
 )
 from estimators.planar.base_estimate import BaseEstimate, Prior
@@ -239,11 +239,13 @@ class _WeightedSystem:
         doubt = np.zeros((r, r))
         if noise.any():
             added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
-            fraction = compute_largest_noise_fraction(added.sum(axis=0), whole)
             # of what only the priors tell apart, the noise may be more than the motion
-            kept = min(1.0, LIMITS.max_noise_fraction / fraction)
-            noise, added = kept * noise, kept * added
-            sources, loading = noise.ravel(), np.concatenate(list(self.loading), axis=1)
+            kept = make_noise_bound_in_each_direction(
+                added.sum(axis=0), whole, LIMITS.max_noise_fraction
+            )
+            added = kept @ added @ kept.T
+            sources = noise.ravel()
+            loading = kept @ np.concatenate(list(self.loading), axis=1)
             drawn = [
                 compute_attenuation_by_noise_source(whole, each, sources, loading)
                 for each in by_axis
@@ -372,6 +374,8 @@ def compute_sandwich_covariance(
     )
     # a tapered correlation, or a column that is nearly all noise, makes a variance negative
     shape = next((each for each in (cover, plain) if np.linalg.eigvalsh(each)[0] > 0.0), bread)
+    if shape is bread:
+        std = np.maximum(std, np.sqrt(np.diagonal(bread)))
     own = np.diagonal(shape)
     stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))
     told = fitted_parameters.responses.T @ fitted_parameters.responses if q else 0.0

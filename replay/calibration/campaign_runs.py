@@ -145,7 +145,7 @@ def describe_refusal(replayed_run: Run) -> str:
         if check.check == INVALIDATING_CAUSES:
             continue
         value = "unknown" if check.value is None else f"{check.value:.3g}"
-        mends = f". It needs {check.remedy}" if check.remedy else ""
+        mends = f". Remedy: {check.remedy}" if check.remedy else ""
         reasons.append(f"{check.check} {value} (limit {check.limit_text}): {check.meaning}{mends}")
     return "; ".join(reasons)
 
@@ -153,7 +153,8 @@ def describe_refusal(replayed_run: Run) -> str:
 def state_single_load(machine: Machine, runs: Sequence[CampaignRun]) -> Machine:
     """The machine, told that a log has one load if its runs say so of the whole log."""
     whole = all(each.from_s is None and each.to_s is None for each in runs)
-    if not whole or len({each.load_id for each in runs}) != 1:
+    is_empty_stated = machine.settings.loads.empty_from_s is not None
+    if not whole or is_empty_stated or len({each.load_id for each in runs}) != 1:
         return machine
     loads = machine.settings.loads.model_copy(update={"single_load": True})
     return machine.model_copy(

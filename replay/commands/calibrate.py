@@ -138,7 +138,9 @@ def _print_calibration_evidence(
         "run_id", "log", "reason", maintain_order=True
     )
     for (run_id, log, reason), rows in alike:
-        why = f"{CANNOT_WEIGH}: {refusals[log]}" if reason.startswith(CANNOT_WEIGH) else reason
+        # a log that can weigh may have one load that cannot
+        whole = reason.startswith(CANNOT_WEIGH) and log in refusals
+        why = f"{CANNOT_WEIGH}: {refusals[log]}" if whole else reason
         one = rows.height == 1
         which = f"reading {rows['reading'][0]}" if one else f"{rows.height} readings"
         print_line(screen, f"left out: {run_id}, {which}: {why}")

@@ -145,12 +145,12 @@ def sensors(drive, seed=1, noise=1.0, parameters=LOADER, origin_x_m=0.0, imu=Non
     )
 
 
-def machine(without=(), imu=None, **settings):
+def machine(without=(), imu=None, body=(), **settings):
     """A machine with every channel, its yaw acceleration derived from the gyroscope."""
     channels = {name: {"field": name} for name in NOISE if name not in without}
     if "yaw_acc_rad_s2" not in without:
         channels["yaw_acc_rad_s2"] = {"derive": "d/dt yaw_rate_rad_s"}
-    body = {"name": "loader", "empty_mass_kg": 3614.0}
+    body = {"name": "loader", "empty_mass_kg": 3614.0, **dict(body)}
     if imu is not None:
         body["imu"] = imu.model_dump()
     return Machine.model_validate(

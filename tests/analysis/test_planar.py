@@ -120,6 +120,7 @@ def test_nominal_95_percent_intervals_cover_over_logs_of_different_noise(logs, l
         assert abs(error) < 0.02 * LOADER[1]
         inside["inertia, pooled"].append(abs(error) < 1.96 * total["inertia_z_std_kg_m2"])
         for row in stages["planar"].to_dicts():
+            # one arc hardly tells it: too few are told for a share
             if row["com_x_m"] is None or row["kind"] == "arc":
                 continue
             error = row["com_x_m"] - COM_X_M
@@ -228,9 +229,17 @@ def test_a_log_that_does_not_turn_has_no_row():
     assert straight.columns == [column.name for column in FRAMES["planar"].columns]
 
 
+#: The place of the IMU is measured.
+SURVEYED = {"track_width_m": 1.5, "imu": {"position_u_m": 0.005}}
+
+
+def drive_with_spin_centre(ahead_m):
+    return sensors(starts() + spins() + arcs(), origin_x_m=-ahead_m)
+
+
 def test_all_motion_is_told_about_an_origin_that_spins_do_not_turn_about():
     """The first moments are part of its fit, unlike of spins alone."""
-    off = replayed(sensors(starts() + spins() + arcs(), origin_x_m=-0.15), machine(**POOLED))
+    off = replayed(drive_with_spin_centre(0.15), machine(body=SURVEYED, **POOLED))
     check = off["verdict"].row(by_predicate=pl.col("check") == "spin_centre_m", named=True)
     assert check["passed"] is False
     assert off["masses"]["inertia_z_kg_m2"].to_list() == [None]
@@ -239,8 +248,12 @@ def test_all_motion_is_told_about_an_origin_that_spins_do_not_turn_about():
     assert agrees(row, "inertia_z_kg_m2", "inertia_z_std_kg_m2", LOADER[1])
 
 
-def test_a_spin_about_a_point_beside_the_wheels_is_an_accelerometer_elsewhere_than_stated():
-    off = replayed(sensors(starts() + spins() + arcs(), origin_x_m=-0.6), machine(**POOLED))
+@pytest.mark.parametrize(
+    ("ahead_m", "body"), [(0.15, {}), (0.15, {"track_width_m": 1.5}), (0.6, SURVEYED)]
+)
+def test_an_imu_that_may_be_elsewhere_than_stated_withholds_all_motion(ahead_m, body):
+    """It shows what a machine does that turns about another point than the origin."""
+    off = replayed(drive_with_spin_centre(ahead_m), machine(body=body, **POOLED))
     (row,) = only(off, "joint")
     assert row["withheld"]
     assert row["com_x_m"] is None

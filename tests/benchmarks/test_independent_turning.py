@@ -40,7 +40,10 @@ def test_what_is_said_of_a_faulty_log_is_within_three_standard_uncertainties(
 def test_what_spins_tell_an_arc_is_a_covariance_where_priors_alone_tell_terms_apart():
     """Its yaw rate's noise was more than what told quadratic from viscous friction."""
     rows = turned("slope, wheels alone", 641009).rows
-    assert [row["reason"] for row in rows if row["kind"] == "arcs"]
+    assert {"arcs", "joint"} <= {row["kind"] for row in rows}
+    told = [row for row in rows if row["inertia_z_kg_m2"] is not None]
+    assert told
+    assert all(row["inertia_z_std_kg_m2"] > 0.0 for row in told)
 
 
 def test_a_machine_file_that_states_nothing_is_told_what_is_not_in_the_uncertainty():

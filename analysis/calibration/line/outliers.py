@@ -6,7 +6,6 @@ still bends the line.
 """
 
 from dataclasses import dataclass
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -123,7 +122,7 @@ def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
     (t test, Bonferroni over the pairs), have the size of the loads' difference, and explain the
     runs better than leaving out any one of them.
     """
-    points = [point for point in calibration.points if point.mean_kg is not None]
+    points = [each for each in calibration.points if each.mean_kg is not None and each.readings]
     freedom = len(points) - 2
     if freedom < 2:
         return None
@@ -134,27 +133,37 @@ def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
     residual = project @ y
     squares = float(residual @ residual)
     unit = project @ whiten
-    left_out = squares - _squares_of_columns(unit, residual)
-    pairs = [(i, j) for i, j in combinations(range(len(points)), 2) if x_kg[i] != x_kg[j]]
-    best: ExchangedRuns | None = None
-    least = float(left_out.min())
-    for i, j in pairs:
+    least = float((squares - _squares_of_columns(unit, residual)).min())
+    # of all pairs at once, the squares that their difference takes off
+    first, second = np.triu_indices(len(points), 1)
+    unlike = x_kg[first] != x_kg[second]
+    first, second = first[unlike], second[unlike]
+    along, gram = residual @ unit, unit.T @ unit
+    size = gram[first, first] + gram[second, second] - 2.0 * gram[first, second]
+    taken = (along[first] - along[second]) ** 2 / np.where(size > 1e-9, size, np.inf)
+    # of readings that rounding alone scatters nothing is told
+    floor = np.finfo(float).eps * float(y @ y)
+    variance = np.maximum(squares - taken, floor) / (freedom - 1)
+    p = first.size * stdtr(freedom - 1, -np.sqrt(taken / variance))
+    best: tuple[float, int] | None = None
+    for n in np.flatnonzero(p < LIMITS.exchange_probability):
         swapped_kg = x_kg.copy()
-        swapped_kg[[i, j]] = x_kg[[j, i]]
+        swapped_kg[[first[n], second[n]]] = x_kg[[second[n], first[n]]]
         rest = _residual_projector(whiten, swapped_kg) @ y
         exchanged = float(rest @ rest)
-        if exchanged >= least:
-            continue
-        contrast = unit[:, i] - unit[:, j]
-        freely = squares - float(_squares_of_columns(contrast[:, None], residual)[0])
-        variance = max(freely, np.finfo(float).tiny) / (freedom - 1)
-        t = np.sqrt((squares - freely) / variance)
-        p = len(pairs) * float(stdtr(freedom - 1, -t))
-        size_p = float(fdtrc(1, freedom - 1, max(exchanged - freely, 0.0) / variance))
-        if p < LIMITS.exchange_probability and size_p > LIMITS.exchange_size_probability:
-            ratio = float(np.sqrt(squares / max(exchanged, np.finfo(float).tiny)))
-            best, least = ExchangedRuns((points[i].run_id, points[j].run_id), ratio, p), exchanged
-    return best
+        if exchanged < least:
+            best, least = (exchanged, int(n)), exchanged
+    if best is None:
+        return None
+    exchanged, n = best
+    beyond = max(exchanged - float(squares - taken[n]), 0.0) / float(variance[n])
+    if float(fdtrc(1, freedom - 1, beyond)) <= LIMITS.exchange_size_probability:
+        return None
+    return ExchangedRuns(
+        (points[first[n]].run_id, points[second[n]].run_id),
+        float(np.sqrt(squares / max(exchanged, floor))),
+        float(p[n]),
+    )
 
 
 def _whitening_matrix(calibration: Calibration, points: list[Point]) -> Floats:

@@ -101,4 +101,13 @@ def test_a_speed_of_1_hz_that_falls_to_0_under_way_does_not_stand() -> None:
     speed = np.concatenate([np.zeros(20), drive_m_s, np.zeros(20), drive_m_s, np.zeros(20)])
     speed[26:33] = 0.0
     stands = find_zero_speed_spans(np.arange(speed.size) * 10**9, speed)
-    assert all(round((end - begin) / 1e9) == 19 for begin, end in stands)
+    assert [round((end - begin) / 1e9) for begin, end in stands] == [19, 19, 19]
+
+
+def test_an_averaged_speed_of_1_hz_that_drops_out_often_does_not_stand() -> None:
+    """At each dropout it falls by half: of all steps, too many to be braking."""
+    generator = np.random.default_rng(5)
+    speed = 8.0 + 0.1 * generator.normal(size=900)
+    for first in range(20, 880, 22):
+        speed[first : first + 5] = [4.0, 0.0, 0.0, 0.0, 4.0]
+    assert not find_zero_speed_spans(np.arange(speed.size) * 10**9, speed)
