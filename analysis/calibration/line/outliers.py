@@ -140,7 +140,8 @@ def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
     first, second = first[unlike], second[unlike]
     along, gram = residual @ unit, unit.T @ unit
     size = gram[first, first] + gram[second, second] - 2.0 * gram[first, second]
-    taken = (along[first] - along[second]) ** 2 / np.where(size > 1e-9, size, np.inf)
+    is_column = size > 1e-9 * size.max(initial=0.0)
+    taken = (along[first] - along[second]) ** 2 / np.where(is_column, size, np.inf)
     # of readings that rounding alone scatters nothing is told
     floor = np.finfo(float).eps * float(y @ y)
     variance = np.maximum(squares - taken, floor) / (freedom - 1)
