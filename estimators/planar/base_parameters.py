@@ -374,8 +374,6 @@ def compute_sandwich_covariance(
     )
     # a tapered correlation, or a column that is nearly all noise, makes a variance negative
     shape = next((each for each in (cover, plain) if np.linalg.eigvalsh(each)[0] > 0.0), bread)
-    if shape is bread:
-        std = np.maximum(std, np.sqrt(np.diagonal(bread)))
     own = np.diagonal(shape)
     stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))
     told = fitted_parameters.responses.T @ fitted_parameters.responses if q else 0.0
