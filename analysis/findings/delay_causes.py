@@ -282,7 +282,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
         # two channels do not tell which of them is wrong
         said = (
             f"the {_SHOWN[channel]} is {said}, or that is "
-            f"{'early' if late_s > 0.0 else 'late'}: this log has no accelerometer to tell"
+            f"{'early' if late_s > 0.0 else 'late'}: two channels do not tell which"
         )
     elif rivals:
         said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"

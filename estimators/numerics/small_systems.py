@@ -332,7 +332,8 @@ def make_noise_bound_in_each_direction(noise: Floats, gram: Floats, max_fraction
     half = np.linalg.solve(root, noise)
     fractions, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
     shrink = np.sqrt(max_fraction / np.maximum(fractions, max_fraction))
-    return np.linalg.solve(root.T, ((root @ directions) * shrink @ directions.T).T).T
+    bound = np.linalg.solve(root.T, ((root @ directions) * shrink @ directions.T).T).T
+    return np.asarray(bound, np.float64)
 
 
 def compute_largest_noise_fraction(noise: Floats, gram: Floats) -> float:

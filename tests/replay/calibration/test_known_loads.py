@@ -53,4 +53,4 @@ def test_a_refusal_by_a_check_says_its_number_its_limit_and_its_remedy() -> None
     said = describe_refusal(weighed({"sensors": {"force_delay_s": 0.15}}).replayed)
     assert said.startswith("force_delay_s 0.1")
     assert "(limit ≤ 0.1)" in said
-    assert said.endswith("It needs channels.force_x_N.delay_s (or of both torques)")
+    assert said.endswith("Remedy: channels.force_x_N.delay_s (or of both torques)")
