@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.diagnosis.diagnosis_limits import LIMITS
-from analysis.model.windows import find_flagged_runs, flag_windows_with_flagged_rows
+from analysis.model.windows import find_flagged_runs, flag_rows_near_flagged_rows
 from analysis.stages.signals.filters import median_period_ns
 from analysis.stages.signals.speed_threshold import SPEEDS, estimate_zero_speed_threshold_m_s
 from analysis.stages.signals.timestamps import (
@@ -239,8 +239,7 @@ def find_zero_speed_spans(unix_ns: Ints, speed: Floats) -> Spans:
         np.abs(speed[np.minimum(last + 1, speed.size - 1)]),
     )
     # beside a 0, an averaged speed falls by half of what a sensor lost
-    moves = ~flag_windows_with_flagged_rows(speed == 0.0, LIMITS.stand_edge_readings)
-    moves &= ~flag_windows_with_flagged_rows(speed[::-1] == 0.0, LIMITS.stand_edge_readings)[::-1]
+    moves = ~flag_rows_near_flagged_rows(speed == 0.0, LIMITS.stand_edge_readings)
     steps = np.abs(np.diff(speed))[moves[1:] & moves[:-1]]
     small = max(
         LIMITS.stand_edge_range_fraction * float(np.quantile(np.abs(speed), 0.98)),

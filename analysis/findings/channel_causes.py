@@ -21,7 +21,7 @@ from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.refit import refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.model.windows import flag_windows_with_flagged_rows
+from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.signals.filters import median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
@@ -137,11 +137,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         if inputs.log_only_fit is None:
             return None
         near = np.abs(inputs.log_only_fit.motion.force) > limit_N
-        return refit_without_samples(
-            inputs,
-            flag_windows_with_flagged_rows(near, 5)
-            | flag_windows_with_flagged_rows(near[::-1], 5)[::-1],
-        )
+        return refit_without_samples(inputs, flag_rows_near_flagged_rows(near, 5))
 
     return [
         Symptom(
@@ -279,10 +275,7 @@ def mark_samples_near_stamps(inputs: FindingInputs, stamps_unix_ns: Ints) -> Boo
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, stamps_unix_ns), 0, t.size - 1)] = True
-    return (
-        flag_windows_with_flagged_rows(at, LIMITS.spike_margin_samples)
-        | flag_windows_with_flagged_rows(at[::-1], LIMITS.spike_margin_samples)[::-1]
-    )
+    return flag_rows_near_flagged_rows(at, LIMITS.spike_margin_samples)
 
 
 def mark_samples_near_spikes(inputs: FindingInputs) -> Bools:

@@ -15,7 +15,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
-from analysis.model.windows import flag_windows_with_flagged_rows
+from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.copied_rows import Copy
 from analysis.weighing.joint_result import JointFit
@@ -104,10 +104,7 @@ class FindingInputs:
             round(s * self.machine.settings.align.rate_hz)
             for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
-        return ~(
-            flag_windows_with_flagged_rows(near, after)
-            | flag_windows_with_flagged_rows(near[::-1], before)[::-1]
-        )
+        return ~flag_rows_near_flagged_rows(near, after, before)
 
     @property
     def unfiltered_readings(self) -> Mapping[str, Series]:

@@ -12,6 +12,19 @@ def flag_windows_with_flagged_rows(is_flagged: Bools, window: int) -> Bools:
     return count[1:] > count[start]
 
 
+def flag_rows_near_flagged_rows(is_flagged: Bools, after: int, before: int | None = None) -> Bools:
+    """Rows near a flagged one, (rows,).
+
+    Args:
+        is_flagged: (rows,).
+        after: number of rows that begin at each flagged one.
+        before: number of rows that end at it; as many if not given.
+    """
+    before = after if before is None else before
+    later = flag_windows_with_flagged_rows(is_flagged, after)
+    return later | flag_windows_with_flagged_rows(is_flagged[::-1], before)[::-1]
+
+
 def mark_samples_in_accepted_windows(accepted: Bools, window: int) -> Bools:
     """Whether each row lies inside at least one accepted window, (rows,)."""
     # the windows that hold row k end at k … k + window - 1

@@ -49,8 +49,6 @@ _COLUMNS: Final = {
     **{name: name.replace("_kg_m", "_std_kg_m") for name in MOMENTS},
 }
 _COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
-#: The check of the point that spins turn about.
-_SPIN_CENTRE: Final = "spin_centre_m"
 _UNKNOWN: Final = ("scale_unknown", "com_scale_unknown")
 #: Which rows, and which of the six columns, straight motion, spins and all motion are fitted by.
 _FORCE, _TORQUE, _BOTH = slice(0, 1), slice(1, 2), slice(0, 2)
@@ -224,7 +222,7 @@ def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
     which are fitted; an accelerometer that is elsewhere than stated shows the same, so that its
     place must be stated with an uncertainty, and be near.
     """
-    if check.check == _SPIN_CENTRE:
+    if check.check == "spin_centre_m":
         far_m = LIMITS.spin_centre_max_1 * (machine.machine.track_width_m or 0.0) / 2.0
         vouched = has_lateral_accelerometer(machine) and IMU_POSITION.u(machine) is not None
         return not vouched or (check.value or 0.0) > far_m

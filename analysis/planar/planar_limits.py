@@ -14,7 +14,6 @@ class PlanarLimits:
     # centre_of_mass
     #: Fits of a motion: the terms' columns are made of the mass and moments of the round before.
     motion_fit_rounds: int = 2
-
     #: Farthest point that a machine may spin about, from the origin over half the track width. On
     #: the independent machines of `benchmarks/turning.py` the farthest was 0.3.
     spin_centre_max_1: float = 0.4

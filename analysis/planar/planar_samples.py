@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from analysis.model.axes import Z, list_axes_allowed_by_channels
 from analysis.model.schema import column_values
 from analysis.model.settings import Settings
+from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.gating.gate import mark_possible_braking
 from analysis.stages.motion.phases import TURNS, sign_of_speed_change, sign_of_yaw_rate_change
 from analysis.stages.noise.column_noise import compute_column_stds_after_moving_mean
@@ -131,11 +132,9 @@ def mark_turn_transitions(samples: PlanarSamples, settings: Settings) -> Bools:
     hold any torque: beside a turn as far as a mean reaches, in it until half a mean is past the
     reversal.
     """
-    from scipy.ndimage import maximum_filter1d  # slow to import
-
     span = settings.smooth.samples
     turning, motion = samples.turning, samples.motion
-    near = maximum_filter1d(turning.astype(np.int8), 2 * span + 1).astype(np.bool_)
+    near = flag_rows_near_flagged_rows(turning, span + 1)
     gained = np.abs(motion.yaw_acceleration) * span / settings.align.rate_hz
     return np.where(turning, np.abs(motion.yaw_rate) < gained / 2.0, near)
 

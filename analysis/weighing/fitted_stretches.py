@@ -10,7 +10,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
-from analysis.model.windows import flag_windows_with_flagged_rows
+from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_pooling
 from analysis.stages.gating.segments import number_manoeuvres
 from analysis.stages.motion.phases import mark_speed_falls_beyond_noise, mark_stopping_samples
@@ -168,10 +168,7 @@ def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
     used = group >= 0
     forwards = average_three_speed_samples(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
-    near = (
-        flag_windows_with_flagged_rows(turns, has_reversal)
-        | flag_windows_with_flagged_rows(turns[::-1], has_reversal + 1)[::-1]
-    )
+    near = flag_rows_near_flagged_rows(turns, has_reversal, has_reversal + 1)
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
 

@@ -68,8 +68,8 @@ class DirectionGain:
     def is_significant(self) -> bool:
         """Whether the gain differs from 1, and by no more than a sensor's may.
 
-        Where masses differ by direction, it need not show once more: friction and slip of the
-        wheels leave it uncertain.
+        Where masses differ by direction, it need not be significant itself: friction and slip of
+        the wheels leave it uncertain.
         """
         apart_1 = abs(self.gain_1 - 1.0)
         shows = self.significance_1 > 1.0 or (

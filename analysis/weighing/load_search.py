@@ -47,9 +47,8 @@ def fit_with_searched_load_states(
     kind = label_load_change_evidence(first_fit.motion)
     settled = alternate_state_search_and_fit(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
-    if first_fit.motion.has_single_load:
-        return settled
-    if not misfits or first_fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
+    few = first_fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres
+    if first_fit.motion.has_single_load or not misfits or few:
         return settled
     inputs = add_ground_force_variance(first_fit, inputs)
     # over short means the residual is noise and transients, which no loads explain

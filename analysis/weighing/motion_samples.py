@@ -15,7 +15,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import column_values
-from analysis.model.windows import flag_windows_with_flagged_rows
+from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import (
@@ -152,10 +152,7 @@ class MotionSamples:
         Time shifts of force or speed up to `reach_s` are not affected.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
-        near = (
-            flag_windows_with_flagged_rows(self.is_fittable, size)
-            | flag_windows_with_flagged_rows(self.is_fittable[::-1], size)[::-1]
-        )
+        near = flag_rows_near_flagged_rows(self.is_fittable, size)
         return self._select_samples(np.flatnonzero(near))
 
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
@@ -316,10 +313,7 @@ def collect_motion_samples(
     ratio = read_gear_ratio(aligned)
     silent = ~known | mark_rows_without_data(aligned)
     silent |= mark_gear_changes(aligned, ratio, settings.align.rate_hz)
-    near_gap = (
-        flag_windows_with_flagged_rows(silent, clear)
-        | flag_windows_with_flagged_rows(silent[::-1], clear)[::-1]
-    )
+    near_gap = flag_rows_near_flagged_rows(silent, clear)
     group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = exclude_stretches_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _read_known_grid_column(aligned, "specific_force_x_m_s2", known)

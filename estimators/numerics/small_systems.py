@@ -322,15 +322,13 @@ def make_noise_bound_in_each_direction(noise: Floats, gram: Floats, max_fraction
         gram: (p, p) G.
         max_fraction: the largest fraction.
     """
-    same = np.eye(len(gram))
-    if compute_largest_noise_fraction(noise, gram) <= max_fraction:
-        return same
     try:
-        root = np.linalg.cholesky(gram)
+        root, whitened = _whiten_noise(noise, gram)
     except np.linalg.LinAlgError:
-        return same
-    half = np.linalg.solve(root, noise)
-    fractions, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
+        return np.eye(len(gram))
+    fractions, directions = np.linalg.eigh(whitened)
+    if fractions[-1] <= max_fraction:
+        return np.eye(len(gram))
     shrink = np.sqrt(max_fraction / np.maximum(fractions, max_fraction))
     bound = np.linalg.solve(root.T, ((root @ directions) * shrink @ directions.T).T).T
     return np.asarray(bound, np.float64)
@@ -341,8 +339,18 @@ def compute_largest_noise_fraction(noise: Floats, gram: Floats) -> float:
     if not noise.any():
         return 0.0
     try:
-        root = np.linalg.cholesky(gram)
+        _, whitened = _whiten_noise(noise, gram)
     except np.linalg.LinAlgError:
         return np.inf
+    return float(np.linalg.eigvalsh(whitened)[-1])
+
+
+def _whiten_noise(noise: Floats, gram: Floats) -> tuple[Floats, Floats]:
+    """Root L of G = L Lᵀ, and L⁻¹ N L⁻ᵀ.
+
+    Raises:
+        LinAlgError: G is not positive definite.
+    """
+    root = np.asarray(np.linalg.cholesky(gram), np.float64)
     half = np.linalg.solve(root, noise)
-    return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])
+    return root, np.asarray(np.linalg.solve(root, half.T), np.float64)

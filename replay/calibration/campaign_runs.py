@@ -156,10 +156,8 @@ def state_single_load(machine: Machine, runs: Sequence[CampaignRun]) -> Machine:
     is_empty_stated = machine.settings.loads.empty_from_s is not None
     if not whole or is_empty_stated or len({each.load_id for each in runs}) != 1:
         return machine
-    loads = machine.settings.loads.model_copy(update={"single_load": True})
-    return machine.model_copy(
-        update={"settings": machine.settings.model_copy(update={"loads": loads})}
-    )
+    settings = machine.settings.with_changes({"loads.single_load": True})
+    return machine.model_copy(update={"settings": settings})
 
 
 @cache

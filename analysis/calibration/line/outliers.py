@@ -133,30 +133,28 @@ def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
     residual = project @ y
     squares = float(residual @ residual)
     unit = project @ whiten
-    least = float((squares - _squares_of_columns(unit, residual)).min())
+    along, gram = residual @ unit, unit.T @ unit
+    least = squares - float(_squares_of_columns(along, np.diagonal(gram)).max())
     # of all pairs at once, the squares that their difference takes off
     first, second = np.triu_indices(len(points), 1)
     unlike = x_kg[first] != x_kg[second]
     first, second = first[unlike], second[unlike]
-    along, gram = residual @ unit, unit.T @ unit
     size = gram[first, first] + gram[second, second] - 2.0 * gram[first, second]
-    is_column = size > 1e-9 * size.max(initial=0.0)
-    taken = (along[first] - along[second]) ** 2 / np.where(is_column, size, np.inf)
+    taken = _squares_of_columns(along[first] - along[second], size)
     # of readings that rounding alone scatters nothing is told
     floor = np.finfo(float).eps * float(y @ y)
     variance = np.maximum(squares - taken, floor) / (freedom - 1)
     p = first.size * stdtr(freedom - 1, -np.sqrt(taken / variance))
-    best: tuple[float, int] | None = None
-    for n in np.flatnonzero(p < LIMITS.exchange_probability):
+    best: int | None = None
+    for n in np.flatnonzero(p < LIMITS.exchange_probability).tolist():
         swapped_kg = x_kg.copy()
         swapped_kg[[first[n], second[n]]] = x_kg[[second[n], first[n]]]
         rest = _residual_projector(whiten, swapped_kg) @ y
-        exchanged = float(rest @ rest)
-        if exchanged < least:
-            best, least = (exchanged, int(n)), exchanged
+        if float(rest @ rest) < least:
+            best, least = n, float(rest @ rest)
     if best is None:
         return None
-    exchanged, n = best
+    n, exchanged = best, least
     beyond = max(exchanged - float(squares - taken[n]), 0.0) / float(variance[n])
     if float(fdtrc(1, freedom - 1, beyond)) <= LIMITS.exchange_size_probability:
         return None
@@ -186,8 +184,11 @@ def _residual_projector(whiten: Floats, x_kg: Floats) -> Floats:
     return np.eye(x_kg.size) - q @ q.T
 
 
-def _squares_of_columns(columns: Floats, residual: Floats) -> Floats:
-    """(columns,) sum of squares that each column alone takes off a residual."""
-    size = np.einsum("ij,ij->j", columns, columns)
-    size = np.where(size > 1e-9 * size.max(), size, np.inf)
-    return (residual @ columns) ** 2 / size
+def _squares_of_columns(along: Floats, size: Floats) -> Floats:
+    """(columns,) sum of squares that each column alone takes off a residual.
+
+    Args:
+        along: (columns,) its scalar products with the residual.
+        size: (columns,) its sum of squares.
+    """
+    return along**2 / np.where(size > 1e-9 * size.max(initial=0.0), size, np.inf)
