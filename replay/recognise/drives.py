@@ -342,7 +342,7 @@ def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recogni
     wheels = [
         c
         for c in columns
-        if c.quantity == "speed"
+        if c.quantity in ("speed", "angular speed")
         and c.unit in _TURNS
         and c.name_meaning.part != "motor"
         and (c.name_meaning.side or c.name_meaning.part == "wheel")

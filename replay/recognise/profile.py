@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import Log
+from replay.recognise.columns import find_elements_of_lists
 from replay.recognise.joints import list_joint_fields_with_values
 from replay.recognise.recognise_limits import LIMITS
 
@@ -75,9 +76,13 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
     for row in log.topics().iter_rows(named=True):
         if row["problem"] or not row["messages"] or (topics and row["topic"] not in topics):
             continue
-        fields = [f for f in row["fields"] or [] if "[]" not in f and f not in _NO_READINGS]
+        names: list[str] = [f for f in row["fields"] or [] if f not in _NO_READINGS]
+        fields = [name for name in names if "[]" not in name]
         if row["type"].rpartition("/")[2] == "JointState":
             fields += list_joint_fields_with_values(log, row["topic"], row["start_ns"])
+        else:
+            elements = find_elements_of_lists(log, row["topic"], names, row["start_ns"])
+            fields += [each for element in elements.values() for each in element]
         units = log.units(row["topic"])
         at_once = max(LIMITS.values_per_pass // row["messages"], LIMITS.fields_per_pass)
         for begin in range(0, len(fields), at_once):

@@ -11,6 +11,11 @@ class RecogniseLimits:
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """
 
+    # columns
+    #: Elements of a list whose elements are columns, at most: four wheels, three axes; a matrix has
+    #: nine, a scan hundreds.
+    list_max_elements: int = 4
+
     # correlations
     #: Rows that correlations are taken over at most,
     correlation_max_rows: int = 200_000

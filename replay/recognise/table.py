@@ -5,17 +5,18 @@ determines the quantity; its correlation with other columns is added. What the a
 column states becomes a question: gear ratio, radius, side, unit, sign.
 """
 
-import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import cache
 from typing import Final
 
-from analysis.model.physical_units import split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import find_unit_in_name
-from replay.logs import TABLE, Log
+from replay.logs import Log
+from replay.recognise.columns import (
+    TURN_UNITS,
+    choose_quantity_permitted_by_unit,
+    list_columns_of_log,
+)
 from replay.recognise.correlations import (
     ColumnReader,
     add_correlations_with_slope_as_remarks,
@@ -25,52 +26,11 @@ from replay.recognise.correlations import (
 )
 from replay.recognise.drives import add_question_on_gear_ratios, propose_force_and_speed_of_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import (
-    ColumnMeaning,
-    interpret_column_name,
-    is_side_prefix_confirmed,
-    put_side_first,
-)
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
 
 _KNOWN: Final = frozenset(column.name for column in CHANNEL_COLUMNS)
-#: What a column is whose unit is of this dimension, whatever its name.
-_QUANTITY_OF: Final = {
-    "N": "force", "N*m": "torque", "W": "power", "A": "current", "Pa": "pressure",
-    "m/s": "speed", "m/s**2": "acceleration",
-}  # fmt: skip
-#: Torque and energy have one dimension, so have turns and frequencies: the name tells.
-_TURNS: Final = ("rpm", "rad/s", "Hz", "deg/s")
-#: Columns that are called by their unit. (A column "min", "deg" or "hr" is something else.)
-_CALLED_BY_UNIT: Final = {
-    "rpm": "rpm", "drehzahl": "rpm", "kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W",
-    "amps": "A", "nm": "N*m",
-}  # fmt: skip
-#: Units of signals that SAE J1939-71 and ISO 11783-7 define, by name in small letters: a decoded
-#: CAN log seldom states them.
-_UNIT_OF_SIGNAL: Final = {
-    "wheelbasedvehiclespeed": "km/h", "navigationbasedvehiclespeed": "km/h",
-    "tachographvehiclespeed": "km/h", "frontaxlespeed": "km/h",
-    "wheelbasedmachinespeed": "m/s", "groundbasedmachinespeed": "m/s",
-    "enginespeed": "rpm", "engspeed": "rpm",
-    "transmissionoutputshaftspeed": "rpm", "transoutputshaftspeed": "rpm",
-    "actualenginepercenttorque": "percent", "actualengpercenttorque": "percent",
-}  # fmt: skip
-#: Packages whose messages have one meaning: their types give channels, or none.
-_STANDARD_PACKAGES: Final = frozenset((
-    "std_msgs", "foxglove", "sensor_msgs", "nav_msgs", "geometry_msgs", "tf2_msgs", "tf",
-    "diagnostic_msgs",
-    "rosgraph_msgs", "rcl_interfaces", "visualization_msgs", "actionlib_msgs", "bond",
-    "dynamic_reconfigure", "builtin_interfaces", "statistics_msgs", "theora_image_transport",
-))  # fmt: skip
-#: Messages of a single number.
-_NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
-#: Fields of a message that are no readings: its stamp, and lists.
-_STAMPS_AND_LISTS: Final = re.compile(
-    r"(?:^|\.)(?:header|stamp|seq|n?secs?|nanosec|timestamp)\b|\[\]"
-)
 
 
 def recognise_channels_of_table(log: Log) -> Recognition:
@@ -96,7 +56,7 @@ def recognise_fields_of_messages(log: Log, recognition: Recognition) -> Recognit
 
 
 def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recognition:
-    columns = _list_columns_of_log(log)
+    columns = list_columns_of_log(log)
     reader = ColumnReader(log, columns)
     known = Counter(column.field for column in columns if column.field in _KNOWN)
     for column in columns:
@@ -134,6 +94,7 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
     propose_columns_without_unit(columns, recognition)
     propose_force_and_speed_of_drives(columns, recognition)
     add_question_on_gear_ratios(columns, recognition)
+    _add_question_if_place_gives_side(recognition)
     return add_correlations_with_slope_as_remarks(reader, columns, recognition)
 
 
@@ -183,105 +144,16 @@ def _add_question_if_other_wheels_drive(
         )
 
 
-def _list_columns_of_log(log: Log) -> list[LogColumn]:
-    found: list[LogColumn] = []
-    for row in log.topics().iter_rows(named=True):
-        units = log.units(row["topic"])
-        topic = None if row["topic"] == TABLE else row["topic"]
-        is_empty = not row["messages"] or row["problem"]
-        if topic and (is_empty or not _can_message_have_own_field_names(row["type"])):
-            continue
-        names = frozenset(row["fields"])
-        for field in row["fields"]:
-            if topic and _STAMPS_AND_LISTS.search(field):
-                continue
-            name = _extract_name_of_field(topic, field)
-            unit = (
-                units.get(field)
-                or _find_unit_of_standard_name(name)
-                or ((topic or name != field) and split_unit_from_name(name)[1])
-                or None
-            )
-            said = _add_topic_meaning_to_field(
-                interpret_column_name(strip_unit_from_name(name)), topic
-            )
-            if said.side and not is_side_prefix_confirmed(field, names):
-                said = replace(said, side=None)
-            if said.is_no_reading or said.is_elsewhere:
-                said = replace(said, quantity=None)
-                found.append(LogColumn(topic, field, unit, said, None))
-                continue
-            # "Motor Amps": the unit is the only word that names the quantity
-            said = said if said.quantity or unit is None else interpret_column_name(name)
-            found.append(
-                LogColumn(
-                    topic, field, unit, said, choose_quantity_permitted_by_unit(said.quantity, unit)
-                )
-            )
-    return found
-
-
-def _can_message_have_own_field_names(message_type: str) -> bool:
-    """Whether the fields of a message may be named by who recorded them."""
-    package, *kinds = re.split(r"[/.]", message_type)
-    kind = kinds[-1] if kinds else ""
-    return package not in _STANDARD_PACKAGES or (package == "std_msgs" and kind in _NUMBERS)
-
-
-def _extract_name_of_field(topic: str | None, field: str) -> str:
-    """Last part of a field's name, with its side in front; that of its topic if it has no other."""
-    if topic is None or field == "data":
-        return put_side_first(field if topic is None else topic.rstrip("/").rpartition("/")[2])
-    *_, record, last = ["", *field.split(".")]
-    # of `torque_Nm.left` the record says what it is
-    whole = put_side_first(f"{record}.{last}")
-    return last if whole.startswith(f"{record}.") else whole
-
-
-def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:
-    """Meaning of a field with what its topic says and its own name leaves open."""
-    for segment in reversed((topic or "").strip("/").split("/")[-2:]):
-        around = interpret_column_name(segment)
-        column_meaning = replace(
-            column_meaning,
-            side=column_meaning.side or around.side,
-            axis=column_meaning.axis or around.axis,
-            part=column_meaning.part or around.part,
-            is_no_reading=column_meaning.is_no_reading or around.is_no_reading,
-            is_elsewhere=column_meaning.is_elsewhere or around.is_elsewhere,
-        )
-    return column_meaning
-
-
-def _find_unit_of_standard_name(name: str) -> str | None:
-    """Unit of a column that is called by it, or that a standard defines."""
-    signal = "".join(letter for letter in name.lower() if letter.isalnum())
-    return _CALLED_BY_UNIT.get(name.lower()) or _UNIT_OF_SIGNAL.get(signal)
-
-
-def strip_unit_from_name(name: str) -> str:
-    """Words of a name without its unit."""
-    cut = name
-    for opening in "[(":
-        cut = cut.partition(opening)[0] or cut
-    return split_unit_from_name(cut)[0]
-
-
-def choose_quantity_permitted_by_unit(quantity_of_name: str | None, unit: str | None) -> str | None:
-    """Quantity that a name states, if its unit permits it."""
-    if unit is None or unit in _TURNS or quantity_of_name is None:
-        return quantity_of_name
-    return find_quantity_of_unit(unit) or quantity_of_name
-
-
-@cache
-def find_quantity_of_unit(unit: str) -> str | None:
-    """Quantity that a unit alone determines."""
-    dimension = unit_registry().parse_units(unit).dimensionality
-    for each, quantity in _QUANTITY_OF.items():
-        if unit_registry().parse_units(each).dimensionality == dimension:
-            return quantity
-    return None
+def _add_question_if_place_gives_side(recognition: Recognition) -> None:
+    """Ask whether the first element of a list of two is the left one."""
+    firsts = [
+        f"'{each.source_text}'"
+        for each in recognition.channels
+        if "_left_" in each.column and each.field and each.field.endswith("[0]")
+    ]
+    if firsts:
+        are = "is the left one" if len(firsts) == 1 else "are the left ones"
+        recognition.add_question_of_subject("side", f"whether {' and '.join(firsts)} {are}")
 
 
 def _match_speed_channel(column: LogColumn) -> str | None:
@@ -361,7 +233,7 @@ def propose_columns_by_unit(columns: Sequence[LogColumn], recognition: Recogniti
     units = Counter(choose_quantity_permitted_by_unit("", column.unit) for column in own)
     for column in own:
         said = column.name_meaning
-        if said.quantity is not None or column.unit in _TURNS or said.is_no_reading:
+        if said.quantity is not None or column.unit in TURN_UNITS or said.is_no_reading:
             continue
         quantity = choose_quantity_permitted_by_unit("", column.unit)
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")

@@ -25,6 +25,7 @@ _QUANTITIES: Final = (
     ("pressure", ("pressure", "druck", "press", "presion", "pression")),
     ("acceleration", ("acc", "accel", "acceleration", "beschleunigung", "longacc")),
     ("yaw rate", ("yawrate", "gyroz", "gierrate", "omegaz")),
+    ("angular speed", ("omega", "angularspeed", "winkelgeschwindigkeit")),
     ("speed", ("speed", "velocity", "vel", "spd", "geschwindigkeit", "geschw", "velocidad",
                "vitesse", "drehzahl", "rpm", "kph", "kmh", "mph", "скорость", "hız", "velocidade",
                "velocità", "prędkość", "snelheid", "hastighet", "nopeus", "rychlost", "швидкість",
@@ -55,7 +56,7 @@ _NO_READING: Final = frozenset((
     "goal", "setpoint", "setpt", "soll", "sollwert", "target", "demand", "demanded", "desired",
     "wanted", "command", "commanded", "cmd", "request", "requested", "reference", "ref",
     "consigne", "limit", "limits", "min", "max", "minimum", "maximum", "peak", "threshold",
-    "error", "std", "deviation", "grenze", "grenzwert",
+    "error", "std", "deviation", "covariance", "grenze", "grenzwert",
 ))  # fmt: skip
 #: Beginnings of words for what is not the machine's motion nor what moves it: wind, brakes, tools.
 _ELSEWHERE: Final = re.compile(

@@ -16,18 +16,22 @@ A = np.gradient(V, T)
 
 
 def write_json_log(path: Path, topics: dict[str, dict[str, np.ndarray]]) -> None:
-    """An MCAP file of JSON messages at the times T."""
+    """An MCAP file of JSON messages at the times T; a field of rows is a list in each message."""
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
         for topic, fields in topics.items():
-            properties = {name: {"type": "number"} for name in fields}
+            number_type = {"type": "number"}
+            properties = {
+                name: number_type if x.ndim == 1 else {"type": "array", "items": number_type}
+                for name, x in fields.items()
+            }
             schema = json.dumps({"type": "object", "properties": properties}).encode()
             number = writer.register_channel(
                 topic, "json", writer.register_schema(topic.strip("/"), "jsonschema", schema)
             )
             for k, t in enumerate(T):
-                data = json.dumps({name: float(x[k]) for name, x in fields.items()}).encode()
+                data = json.dumps({name: x[k].tolist() for name, x in fields.items()}).encode()
                 writer.add_message(number, int(1e9 + 1e9 * t), data, int(1e9 + 1e9 * t))
         writer.finish()
 
@@ -104,3 +108,33 @@ def test_three_accelerations_a_topic_each_are_one_sensor(tmp_path: Path) -> None
     assert {f"specific_force_{axis}_m_s2": f"/acc_{axis}" for axis in axes}.items() <= found.items()
     assert (found["force_x_N"], found["speed_x_m_s"]) == ("/pull_kN", "/speed_kmh")
     assert lacking == []
+
+
+def test_elements_of_short_lists_are_columns(tmp_path: Path) -> None:
+    fields = {
+        "torque_Nm": np.column_stack([A, A]),
+        "omega_rad_s": np.column_stack([V, V]),
+        "accel_g": np.column_stack([A / 9.80665, 0.0 * A, 1.0 + 0.0 * A]),
+        "scan_m": np.column_stack([A] * 40),
+        "speed_covariance": np.column_stack([A] * 4),
+    }
+    write_json_log(tmp_path / "lists.mcap", {"/loader": fields})
+    text, lacking = drafted(tmp_path / "lists.mcap")
+    filled = {
+        name: each["field"]
+        for name, each in tomllib.loads(text)["channels"].items()
+        if "field" in each
+    }
+    assert filled == {
+        "torque_left_N_m": "torque_Nm[0]",
+        "torque_right_N_m": "torque_Nm[1]",
+        "specific_force_x_m_s2": "accel_g[0]",
+        "specific_force_y_m_s2": "accel_g[1]",
+        "specific_force_z_m_s2": "accel_g[2]",
+    }
+    assert '# field = "omega_rad_s[1]"' in text
+    assert "scan_m[0]" not in text
+    # which place of two is the left one is a convention of who wrote the log
+    assert any(
+        each.startswith("whether '/loader torque_Nm[0]'") and "left" in each for each in lacking
+    )

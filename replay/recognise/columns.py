@@ -1,0 +1,217 @@
+"""Columns of a log: fields and elements of short lists, with units and meanings of their names."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any, Final, NamedTuple
+
+from analysis.model.physical_units import split_unit_from_name, unit_registry
+from replay.logs import TABLE, Log
+from replay.recognise.joints import read_first_message
+from replay.recognise.proposals import LogColumn
+from replay.recognise.recognise_limits import LIMITS
+from replay.recognise.words import (
+    ColumnMeaning,
+    interpret_column_name,
+    is_side_prefix_confirmed,
+    put_side_first,
+)
+
+#: What a column is whose unit is of this dimension, whatever its name.
+_QUANTITY_OF: Final = {
+    "N": "force", "N*m": "torque", "W": "power", "A": "current", "Pa": "pressure",
+    "m/s": "speed", "m/s**2": "acceleration",
+}  # fmt: skip
+#: Torque and energy have one dimension, so have turns and frequencies: the name tells.
+TURN_UNITS: Final = ("rpm", "rad/s", "Hz", "deg/s")
+#: Columns that are called by their unit. (A column "min", "deg" or "hr" is something else.)
+_CALLED_BY_UNIT: Final = {
+    "rpm": "rpm", "drehzahl": "rpm", "kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W",
+    "amps": "A", "nm": "N*m",
+}  # fmt: skip
+#: Units of signals that SAE J1939-71 and ISO 11783-7 define, by name in small letters: a decoded
+#: CAN log seldom states them.
+_UNIT_OF_SIGNAL: Final = {
+    "wheelbasedvehiclespeed": "km/h", "navigationbasedvehiclespeed": "km/h",
+    "tachographvehiclespeed": "km/h", "frontaxlespeed": "km/h",
+    "wheelbasedmachinespeed": "m/s", "groundbasedmachinespeed": "m/s",
+    "enginespeed": "rpm", "engspeed": "rpm",
+    "transmissionoutputshaftspeed": "rpm", "transoutputshaftspeed": "rpm",
+    "actualenginepercenttorque": "percent", "actualengpercenttorque": "percent",
+}  # fmt: skip
+#: Packages whose messages have one meaning: their types give channels, or none.
+_STANDARD_PACKAGES: Final = frozenset((
+    "std_msgs", "foxglove", "sensor_msgs", "nav_msgs", "geometry_msgs", "tf2_msgs", "tf",
+    "diagnostic_msgs",
+    "rosgraph_msgs", "rcl_interfaces", "visualization_msgs", "actionlib_msgs", "bond",
+    "dynamic_reconfigure", "builtin_interfaces", "statistics_msgs", "theora_image_transport",
+))  # fmt: skip
+#: Messages of a single number.
+_NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
+#: Fields of a message that are no readings: its stamp, and lists of records.
+_STAMPS_AND_RECORDS: Final = re.compile(
+    r"(?:^|\.)(?:header|stamp|seq|n?secs?|nanosec|timestamp)\b|\[\]."
+)
+#: What the places of a list mean, by its length: a vector's axes, and the sides, which are asked.
+_AXES_BY_LENGTH: Final = {3: ("x", "y", "z")}
+_SIDES_BY_LENGTH: Final = {2: ("left", "right")}
+
+
+def find_elements_of_lists(
+    log: Log, topic: str, fields: Sequence[str], start_ns: int
+) -> dict[str, tuple[str, ...]]:
+    """Elements of each list of numbers in the first message of a topic, such as `accel_g[0]`.
+
+    Lists that are empty there, that are long, as of a scanner, and lists of records have none.
+
+    Args:
+        log: an opened log.
+        topic: topic of the message.
+        fields: fields of the topic; those of lists end in `[]`.
+        start_ns: time of its first message.
+    """
+    most = LIMITS.list_max_elements
+    lists = [field for field in fields if field.endswith("[]") and field.count("[]") == 1]
+    places = [f"{field[:-1]}{k}]" for field in lists for k in range(most + 1)]
+    values = read_first_message(log, topic, places, start_ns)
+    found: dict[str, tuple[str, ...]] = {}
+    for place, field in enumerate(lists if values else []):
+        part = values[place * (most + 1) : (place + 1) * (most + 1)]
+        filled = sum(isinstance(value, int | float) for value in part)
+        if 0 < filled <= most:
+            found[field] = tuple(f"{field[:-1]}{k}]" for k in range(filled))
+    return found
+
+
+class _NamedField(NamedTuple):
+    """Field, the list that names it if it is an element, and what its place in the list means."""
+
+    field: str
+    list_name: str | None = None
+    side: str | None = None
+    axis: str | None = None
+
+
+def _list_fields_of_messages(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedField]:
+    """Fields of a topic that may be readings; short lists by their elements."""
+    names: list[str] = topic_row["fields"]
+    names = [name for name in names if not _STAMPS_AND_RECORDS.search(name)]
+    elements = find_elements_of_lists(log, topic_row["topic"], names, topic_row["start_ns"])
+    fields: list[_NamedField] = []
+    for name in names:
+        if not name.endswith("[]"):
+            fields.append(_NamedField(name))
+            continue
+        found = elements.get(name, ())
+        sides, axes = _SIDES_BY_LENGTH.get(len(found)), _AXES_BY_LENGTH.get(len(found))
+        for place, element in enumerate(found):
+            side, axis = (each[place] if each else None for each in (sides, axes))
+            fields.append(_NamedField(element, name.removesuffix("[]"), side, axis))
+    return fields
+
+
+def list_columns_of_log(log: Log) -> list[LogColumn]:
+    """Columns of a log with their units and the meanings of their names.
+
+    Args:
+        log: an opened log; of messages, those whose fields their author has named.
+    """
+    found: list[LogColumn] = []
+    for row in log.topics().iter_rows(named=True):
+        units = log.units(row["topic"])
+        topic = None if row["topic"] == TABLE else row["topic"]
+        is_empty = not row["messages"] or row["problem"]
+        if topic and (is_empty or not _can_message_have_own_field_names(row["type"])):
+            continue
+        names = frozenset(row["fields"])
+        fields = _list_fields_of_messages(log, row) if topic else map(_NamedField, row["fields"])
+        for field, named_by, side, axis in fields:
+            name = _extract_name_of_field(topic, named_by or field)
+            unit = (
+                units.get(field)
+                or _find_unit_of_standard_name(name)
+                or ((topic or name != field) and split_unit_from_name(name)[1])
+                or None
+            )
+            said = _add_topic_meaning_to_field(
+                interpret_column_name(strip_unit_from_name(name)), topic
+            )
+            if said.side and not is_side_prefix_confirmed(field, names):
+                said = replace(said, side=None)
+            said = replace(said, side=said.side or side, axis=said.axis or axis)
+            if said.is_no_reading or said.is_elsewhere:
+                said = replace(said, quantity=None)
+                found.append(LogColumn(topic, field, unit, said, None))
+                continue
+            # "Motor Amps": the unit is the only word that names the quantity
+            said = said if said.quantity or unit is None else interpret_column_name(name)
+            found.append(
+                LogColumn(
+                    topic, field, unit, said, choose_quantity_permitted_by_unit(said.quantity, unit)
+                )
+            )
+    return found
+
+
+def _can_message_have_own_field_names(message_type: str) -> bool:
+    """Whether the fields of a message may be named by who recorded them."""
+    package, *kinds = re.split(r"[/.]", message_type)
+    kind = kinds[-1] if kinds else ""
+    return package not in _STANDARD_PACKAGES or (package == "std_msgs" and kind in _NUMBERS)
+
+
+def _extract_name_of_field(topic: str | None, field: str) -> str:
+    """Last part of a field's name, with its side in front; that of its topic if it has no other."""
+    if topic is None or field == "data":
+        return put_side_first(field if topic is None else topic.rstrip("/").rpartition("/")[2])
+    *_, record, last = ["", *field.split(".")]
+    # of `torque_Nm.left` the record says what it is
+    whole = put_side_first(f"{record}.{last}")
+    return last if whole.startswith(f"{record}.") else whole
+
+
+def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:
+    """Meaning of a field with what its topic says and its own name leaves open."""
+    for segment in reversed((topic or "").strip("/").split("/")[-2:]):
+        around = interpret_column_name(segment)
+        column_meaning = replace(
+            column_meaning,
+            side=column_meaning.side or around.side,
+            axis=column_meaning.axis or around.axis,
+            part=column_meaning.part or around.part,
+            is_no_reading=column_meaning.is_no_reading or around.is_no_reading,
+            is_elsewhere=column_meaning.is_elsewhere or around.is_elsewhere,
+        )
+    return column_meaning
+
+
+def _find_unit_of_standard_name(name: str) -> str | None:
+    """Unit of a column that is called by it, or that a standard defines."""
+    signal = "".join(letter for letter in name.lower() if letter.isalnum())
+    return _CALLED_BY_UNIT.get(name.lower()) or _UNIT_OF_SIGNAL.get(signal)
+
+
+def strip_unit_from_name(name: str) -> str:
+    """Words of a name without its unit."""
+    cut = name
+    for opening in "[(":
+        cut = cut.partition(opening)[0] or cut
+    return split_unit_from_name(cut)[0]
+
+
+def choose_quantity_permitted_by_unit(quantity_of_name: str | None, unit: str | None) -> str | None:
+    """Quantity that a name states, if its unit permits it."""
+    if unit is None or unit in TURN_UNITS or quantity_of_name is None:
+        return quantity_of_name
+    return find_quantity_of_unit(unit) or quantity_of_name
+
+
+@cache
+def find_quantity_of_unit(unit: str) -> str | None:
+    """Quantity that a unit alone determines."""
+    dimension = unit_registry().parse_units(unit).dimensionality
+    for each, quantity in _QUANTITY_OF.items():
+        if unit_registry().parse_units(each).dimensionality == dimension:
+            return quantity
+    return None
