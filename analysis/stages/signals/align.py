@@ -166,6 +166,7 @@ def list_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine)
     """Notes on what `align` does to these channels."""
     raw = {n: rates.make_channel_series(n, frame, machine) for n, frame in channels.items()}
     said = [str(each) for each in rates.list_rate_limited_regressors(raw, machine)]
+    said += _list_hole_notes(raw)
     if machine.settings.filter.causal:
         late_s = (
             choose_grid_latency_ns(_average_fast_channels_to_slowest(raw, machine), machine) / 1e9
@@ -240,6 +241,32 @@ class KnownInstants:
         return instants, usual - newest > each.longest_ns
 
 
+def find_holes_ns(
+    required_channels: Mapping[str, ChannelSeries], longest_s: float
+) -> list[tuple[int, int]]:
+    """Begin and end in ns of the holes of each channel that are longer than these seconds."""
+    return sorted(
+        # in integers: a float holds unix time to a quarter of a microsecond only
+        (int(each.t_ns[i]) + round(each.longest_ns), int(each.t_ns[i + 1]))
+        for each in required_channels.values()
+        for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + longest_s * 1e9)
+    )
+
+
+def _list_hole_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
+    """A note on the longest hole, if it is no mere pause; none if the channels share no span."""
+    required = select_required_series(series)
+    holes = find_holes_ns(required, LIMITS.reported_hole_s)
+    if not holes:
+        return []
+    opened, closed = max(holes, key=lambda hole: hole[1] - hole[0])
+    from_s = (opened - max(int(each.t_ns[0]) for each in required.values())) / 1e9
+    return [
+        f"no readings for {(closed - opened) / 3.6e12:.3g} h from {from_s:,.0f} s on: the load, "
+        "the ground and the sensors may have changed there"
+    ]
+
+
 def make_grid_without_holes(
     required_channels: Mapping[str, ChannelSeries],
     start_ns: int,
@@ -251,14 +278,8 @@ def make_grid_without_holes(
 
     `first` is the number of the first point.
     """
-    holes = [
-        # in integers: a float holds unix time to a quarter of a microsecond only
-        (int(each.t_ns[i]) + round(each.longest_ns), int(each.t_ns[i + 1]))
-        for each in required_channels.values()
-        for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + LIMITS.longest_hole_s * 1e9)
-    ]
     pieces: list[tuple[int, int]] = []
-    for opened, closed in sorted(holes):
+    for opened, closed in find_holes_ns(required_channels, LIMITS.longest_hole_s):
         # a row behind the last sample, and the last one before the next
         left = int((opened - start_ns) // step_ns) + 1
         right = int((closed - start_ns) // step_ns) - 1

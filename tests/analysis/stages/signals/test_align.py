@@ -234,6 +234,17 @@ def test_a_clock_that_jumps_ahead_does_not_make_a_billion_rows(channels_of, mach
     assert not aligned["gap"][-190:].any()
 
 
+@pytest.mark.parametrize(("hole_s", "said"), [(1800, None), (86_400, "24 h from 2 s on")])
+def test_a_hole_longer_than_a_break_is_noted(channels_of, machine, hole_s, said):
+    t = ticks(10, 400) + np.where(np.arange(400) >= 200, hole_s * 1000 * MS, 0)
+    notes = list_alignment_notes(three(channels_of, t), machine())
+    assert [note for note in notes if "no readings" in note] == (
+        [f"no readings for {said}: the load, the ground and the sensors may have changed there"]
+        if said
+        else []
+    )
+
+
 def test_holes_of_several_channels_that_overlap_are_one_hole(channels_of, machine):
     t = ticks(1000, 1000)
     channels = three(
