@@ -80,7 +80,7 @@ def is_path_named_like_log(path: Path) -> bool:
 #: as well.
 TABLES: Final = (
     *(".csv", ".parquet", ".tsv", ".txt", ".dat", ".log", ".asc", ".arrow", ".feather", ".xlsx"),
-    *(".prn", ".lvm", ".vbo", ".pos", ".tab", ".msl", ".gz"),
+    *(".prn", ".lvm", ".vbo", ".pos", ".tab", ".msl", ".jsonl", ".ndjson", ".gz"),
 )
 _TEXTS: Final = tuple(s for s in TABLES if s not in (".parquet", ".arrow", ".feather", ".xlsx"))
 #: What opens a file, by its suffix.

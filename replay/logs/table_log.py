@@ -29,7 +29,10 @@ from replay.logs.tables import (
 if TYPE_CHECKING:
     from replay.logs.tables.parquet_columns import ParquetColumns
 
-_FORMATS: Final = {"parquet": "Parquet table", "xlsx": "Excel table", "csv": "CSV table"}
+_FORMATS: Final = {
+    "parquet": "Parquet table", "xlsx": "Excel table", "csv": "CSV table",
+    "jsonl": "table of JSON lines", "ndjson": "table of JSON lines",
+}  # fmt: skip
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _TRUTHS: Final = ["true", "false"]
 _WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
@@ -98,11 +101,14 @@ class TableLog(Log):
         return found | ({axis.time: axis.unit} if axis.time and axis.unit else {})
 
     def _open_columns_of_table(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
-        if self._suffix in ("parquet", "arrow", "feather"):
+        if self._suffix in ("parquet", "arrow", "feather", "jsonl", "ndjson"):
             # pyarrow is slow to import
-            from replay.logs.tables.parquet_columns import open_parquet_or_arrow
+            from replay.logs.tables.parquet_columns import open_typed_columns
 
-            return open_parquet_or_arrow(self.path)
+            columns = open_typed_columns(self.path, self._suffix)
+            for loss in columns.losses:
+                self._losses.add_loss(self.path, loss, TABLE)
+            return columns
         path = self.path
         if self._suffix == "xlsx":
             from replay.logs.tables.excel import write_sheet_as_csv

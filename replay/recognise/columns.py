@@ -93,22 +93,38 @@ class _NamedField(NamedTuple):
     axis: str | None = None
 
 
-def _list_fields_of_messages(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedField]:
+def _list_named_fields(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedField]:
     """Fields of a topic that may be readings; short lists by their elements."""
     names: list[str] = topic_row["fields"]
-    names = [name for name in names if not _STAMPS_AND_RECORDS.search(name)]
-    elements = find_elements_of_lists(log, topic_row["topic"], names, topic_row["start_ns"])
-    fields: list[_NamedField] = []
-    for name in names:
-        if not name.endswith("[]"):
-            fields.append(_NamedField(name))
-            continue
-        found = elements.get(name, ())
+    if topic_row["topic"] == TABLE:
+        elements = _group_elements_by_list(names)
+        names = [name for name in names if not any(name in each for each in elements.values())]
+    else:
+        names = [name for name in names if not _STAMPS_AND_RECORDS.search(name)]
+        elements = find_elements_of_lists(log, topic_row["topic"], names, topic_row["start_ns"])
+        names = [name for name in names if not name.endswith("[]")]
+    fields = [*map(_NamedField, names)]
+    for list_name, found in elements.items():
         sides, axes = _SIDES_BY_LENGTH.get(len(found)), _AXES_BY_LENGTH.get(len(found))
         for place, element in enumerate(found):
             side, axis = (each[place] if each else None for each in (sides, axes))
-            fields.append(_NamedField(element, name.removesuffix("[]"), side, axis))
+            fields.append(_NamedField(element, list_name.removesuffix("[]"), side, axis))
     return fields
+
+
+def _group_elements_by_list(column_names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Columns that a program has made of lists, as `accel[0]` to `accel[2]`, by the list's name."""
+    known = frozenset(column_names)
+    found: dict[str, tuple[str, ...]] = {}
+    for name in column_names:
+        list_name = name.removesuffix("[0]")
+        if list_name == name:
+            continue
+        elements = (f"{list_name}[{k}]" for k in range(LIMITS.list_max_elements + 1))
+        present = tuple(each for each in elements if each in known)
+        if len(present) <= LIMITS.list_max_elements:
+            found[list_name] = present
+    return found
 
 
 def list_columns_of_log(log: Log) -> list[LogColumn]:
@@ -125,8 +141,7 @@ def list_columns_of_log(log: Log) -> list[LogColumn]:
         if topic and (is_empty or not _can_message_have_own_field_names(row["type"])):
             continue
         names = frozenset(row["fields"])
-        fields = _list_fields_of_messages(log, row) if topic else map(_NamedField, row["fields"])
-        for field, named_by, side, axis in fields:
+        for field, named_by, side, axis in _list_named_fields(log, row):
             name = _extract_name_of_field(topic, named_by or field)
             unit = (
                 units.get(field)

@@ -1,5 +1,10 @@
-"""Columns of Parquet and Arrow files, read by Arrow since polars may crash on damage."""
+"""Columns of Parquet, Arrow and JSON-lines files, the first two read by Arrow.
 
+Polars may crash on damage.
+"""
+
+import gzip
+import io
 import json
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,8 +16,10 @@ import pyarrow as pa
 from pyarrow.parquet import ParquetFile
 
 from analysis.model.physical_units import find_pint_name
+from estimators.errors import format_count
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.tables.header import ColumnName, split_unit_from_column_name
+from replay.logs.tables.table_limits import LIMITS
 
 _MAPS: Final = ("units", "unit", "column_units")
 _OF_A_COLUMN: Final = (
@@ -30,9 +37,20 @@ _ATTRIBUTES: Final = ("PANDAS_ATTRS", "attrs", "pandas")
 _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
 
 
-def open_parquet_or_arrow(path: Path) -> "ParquetColumns":
-    """Open the columns of a Parquet file, or of an Arrow (Feather) file."""
-    return ParquetColumns(path) if path.suffix.lower() == ".parquet" else ArrowColumns(path)
+#: Suffixes of files with a JSON object per line.
+JSON_LINES: Final = ("jsonl", "ndjson")
+
+
+def open_typed_columns(path: Path, suffix: str) -> "ParquetColumns":
+    """Open the columns of a file whose cells have types.
+
+    Args:
+        path: the file.
+        suffix: its format: "parquet", "arrow", "feather" or one of `JSON_LINES`.
+    """
+    if suffix in JSON_LINES:
+        return JsonLinesColumns(path)
+    return ParquetColumns(path) if suffix == "parquet" else ArrowColumns(path)
 
 
 class ParquetColumns:
@@ -46,6 +64,7 @@ class ParquetColumns:
         """
         self._path = path
         self.notes: tuple[str, ...] = ()
+        self.losses: tuple[str, ...] = ()
         schema = self._read_arrow_schema()
         self.metadata = _decode_metadata_texts(schema.metadata or {})
         flat = [field for field in schema if not pa.types.is_nested(field.type)]
@@ -55,15 +74,20 @@ class ParquetColumns:
             for field in flat
         ]
         self.names = [column.name for column in self.columns]
+        self._text_names = {field.name for field in flat if is_text_type(field.type)}
 
     def _read_arrow_schema(self) -> Any:
         with _convert_arrow_errors(), ParquetFile(self._path) as file:
             self._footer = file.metadata
             return file.schema_arrow
 
-    def read_first_text_cells(self, column_index: int) -> list[str]:  # noqa: ARG002 as of a text
-        """Empty, since columns of a Parquet file have types."""
-        return []
+    def read_first_text_cells(self, column_index: int, count: int = 50) -> list[str]:
+        """Some first cells of a column of text that are not empty; of others none."""
+        name = self.names[column_index]
+        if name not in self._text_names:
+            return []
+        cells = self._read_column_as_series(name).cast(pl.String)
+        return cells.filter(cells.str.len_bytes() > 0).head(count).to_list()
 
     @property
     def rows(self) -> int:
@@ -117,6 +141,89 @@ class ArrowColumns(ParquetColumns):
             one = pa.ipc.open_file(source, options=options)
             batches = [one.get_batch(k) for k in range(self._batches)]
             return pa.Table.from_batches(batches, schema=one.schema)[name]
+
+
+def is_text_type(arrow_type: Any) -> bool:
+    """Whether an Arrow type is text, in a dictionary too."""
+    if pa.types.is_dictionary(arrow_type):
+        arrow_type = arrow_type.value_type
+    is_view = pa.types.is_string_view(arrow_type)
+    return is_view or pa.types.is_string(arrow_type) or pa.types.is_large_string(arrow_type)
+
+
+class JsonLinesColumns(ParquetColumns):
+    """Columns of a file with a JSON object per line, kept in memory.
+
+    Objects inside become columns such as `wheel.torque`; the elements of short lists `accel[0]`.
+    """
+
+    def _read_arrow_schema(self) -> Any:
+        opened = gzip.open if self._path.suffix.lower() == ".gz" else open
+        try:
+            with opened(self._path, "rb") as file:
+                text = file.read(LIMITS.json_max_bytes + 1)
+        except BROKEN_BYTES as error:
+            raise BrokenBytesError(error) from error
+        if len(text) > LIMITS.json_max_bytes:
+            size = f"{LIMITS.json_max_bytes >> 30} GiB"
+            raise BrokenBytesError(f"it is larger than {size}; save it as Parquet")
+        try:
+            frame = pl.read_ndjson(io.BytesIO(text), infer_schema_length=None)
+        except pl.exceptions.PolarsError:
+            frame = self._parse_each_line(text)
+        try:
+            self._table = _flatten_columns(frame).to_arrow()
+        except pl.exceptions.DuplicateError as error:
+            raise BrokenBytesError(f"two values of a line have one name: {error}") from error
+        return self._table.schema
+
+    def _parse_each_line(self, text: bytes) -> pl.DataFrame:
+        """Rows of the lines that are JSON objects, NaN and Infinity as Python writes them too."""
+        rows: list[dict[str, Any]] = []
+        faults: list[int] = []
+        for number, line in enumerate(text.split(b"\n"), start=1):
+            row = parse_json_or_none(line.decode("utf-8", "replace").strip())
+            if isinstance(row, dict):
+                rows.append(row)
+            elif line.strip():
+                faults.append(number)
+        if not rows:
+            raise BrokenBytesError("no line is a JSON object")
+        if faults:
+            self.losses = (
+                f"{format_count(len(faults), 'line')} that are no JSON objects were dropped; the "
+                f"first is line {faults[0]:,}",
+            )
+        return pl.from_dicts(rows, infer_schema_length=None, strict=False)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return int(self._table.num_rows)
+
+    def _read_arrow_column(self, name: str) -> Any:
+        return self._table[name]
+
+
+def _flatten_columns(frame: pl.DataFrame) -> pl.DataFrame:
+    """Objects and short lists as columns of their own."""
+    columns: list[pl.Series] = []
+    waiting = frame.get_columns()[::-1]
+    while waiting:
+        column = waiting.pop()
+        if isinstance(column.dtype, pl.Struct):
+            inner = column.struct.unnest().get_columns()
+            waiting += [each.alias(f"{column.name}.{each.name}") for each in inner[::-1]]
+            continue
+        count = column.list.len().max() if isinstance(column.dtype, pl.List) else None
+        if isinstance(count, int) and count <= LIMITS.list_max_elements:
+            waiting += [
+                column.list.get(k, null_on_oob=True).alias(f"{column.name}[{k}]")
+                for k in reversed(range(count))
+            ]
+            continue
+        columns.append(column)
+    return pl.DataFrame(columns)
 
 
 def _decode_metadata_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:

@@ -72,6 +72,12 @@ class TableLimits:
     #: and as a fraction of what they count, which is added.
     clock_drift_fraction: float = 0.1
 
+    # parquet_columns
+    #: Bytes of a file of JSON lines, which is parsed in memory as a whole.
+    json_max_bytes: int = 2 << 30
+    #: Elements of a list in JSON whose elements are columns, at most: four wheels, three axes.
+    list_max_elements: int = 4
+
     # text
     #: Bytes of a file that are searched for its dialect, and more for lines that are longer;
     head_bytes: int = 1 << 19

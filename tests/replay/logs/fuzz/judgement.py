@@ -139,7 +139,7 @@ def faults_of(found: Reading, whole: Reading, case: Case) -> Iterator[str]:
 def _is_counted(case: Case) -> bool:
     """Nothing counts the lines of a text, nor the rows of a database unless its end is missing."""
     suffix = case.source.path.suffix
-    return suffix != ".csv" and (suffix != ".db3" or case.damage is cut)
+    return suffix not in (".csv", ".jsonl") and (suffix != ".db3" or case.damage is cut)
 
 
 def _faults_of_cut(found: Reading, whole: Reading, case: Case) -> Iterator[str]:

@@ -249,6 +249,8 @@ def _table(folder: Path, suffix: str) -> Source:
     path = folder / f"shift.{suffix}"
     if suffix == "csv":
         frame.write_csv(path)
+    elif suffix == "jsonl":
+        frame.write_ndjson(path)
     else:
         frame.write_parquet(path, row_group_size=30)
     return Source(path)
@@ -281,6 +283,7 @@ SOURCES: Final[dict[str, Callable[[Path], Source]]] = {
         _directory, storage=StoragePlugin.MCAP, mode=CompressionMode.MESSAGE
     ),
     "csv": partial(_table, suffix="csv"),
+    "jsonl": partial(_table, suffix="jsonl"),
     "parquet": partial(_table, suffix="parquet"),
 }
 

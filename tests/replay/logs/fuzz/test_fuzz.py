@@ -84,7 +84,7 @@ def commands(case: Case, number: int, machine: Path) -> Iterator[tuple[object, .
 def machine(tmp_path: Path, container: str) -> Path:
     path = tmp_path / "loader.toml"
     fields = {"force": 'field = "force_N"', "speed": 'field = "speed_m_s"'}
-    if container not in ("csv", "parquet"):
+    if container not in ("csv", "jsonl", "parquet"):
         fields = {
             "force": 'topic = "/wheels"\nfield = "effort[left]"',
             "speed": 'topic = "/state"\nfield = "speed"',
