@@ -2,7 +2,7 @@
 
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -93,9 +93,12 @@ def _compare_replayed_log(
         replayed_log.can_weigh,
         replayed_log.failed_checks,
     ):
-        checked_bundle.add_finding(
-            BundleOutcome.IRREPRODUCIBLE, item, "its replay gives a different verdict"
+        what = (
+            "its replay gives a different verdict: "
+            f"{_describe_verdict(replayed_log.can_weigh, replayed_log.failed_checks)} in the "
+            f"replay, {_describe_verdict(evidence_log.can_weigh, failed_checks)} in the evidence"
         )
+        checked_bundle.add_finding(BundleOutcome.IRREPRODUCIBLE, item, what)
     if any(name.startswith("machine.") for name in document.settings_at_default):
         checked_bundle.notes.append(
             f"{evidence_log.log}: settings and frames are compared by value only, not by "
@@ -121,6 +124,12 @@ def _compare_replayed_log(
         stored, found = _format_compared_value(there), _format_compared_value(here)
         said = f"{what}: {stored} in the evidence, {found} in the replay"
         checked_bundle.add_finding(outcome, f"{item}: {name}", said)
+
+
+def _describe_verdict(can_weigh: bool, failed_checks: Sequence[str]) -> str:
+    """Whether a log can weigh, with the checks that failed."""
+    failed = f" with {', '.join(failed_checks)} failed" if failed_checks else ""
+    return f"{'can weigh' if can_weigh else 'cannot weigh'}{failed}"
 
 
 def are_values_equal_but_for_rounding(stored_value: object, replayed_value: object) -> bool:
