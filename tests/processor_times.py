@@ -1,4 +1,4 @@
-"""Which files and tests took most of the processor: `make test-times`.
+"""Which files and tests took most of the processor: `make test-times`. pytest's cache has all.
 
 Seconds of the processor, of a test with its fixtures and the processes that it waited for; what a
 busy machine makes of them is less than what it makes of the clock. A fixture counts with the first
@@ -50,3 +50,6 @@ class ProcessorTimes:
             for name, seconds in counted.most_common(MOST):
                 terminalreporter.line(f"{seconds:7.1f}  {name}")
             terminalreporter.line(f"{counted.total():7.1f}  all")
+        cache = terminalreporter.config.cache
+        if cache is not None:
+            cache.set("payscope/processor_s", dict(self._by_test.most_common()))

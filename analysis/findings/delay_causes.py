@@ -19,7 +19,12 @@ from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, rank_causes_by_likelihood
 from analysis.findings.refit import refit_corrected
-from analysis.findings.signal_lag import SignalLag, estimate_lag_and_std_s, estimate_lag_of_signal
+from analysis.findings.signal_lag import (
+    SignalLag,
+    estimate_lag_and_std_s,
+    estimate_lag_of_signal,
+    find_parabola_peak,
+)
 from analysis.findings.unsigned_channels import find_unsigned_speed
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_windows_with_flagged_rows
@@ -77,11 +82,11 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
     drives = np.abs(force) > LIMITS.driving_force_fraction * float(np.quantile(np.abs(force), 0.98))
     if "imu" not in channels:
         seen = _estimate_force_lag_while_driving(force, speed, channels["v"], drives, step_s)
-        return (
-            LongDelay("force", seen.lag_s, seen[1:], "speed")
-            if _does_long_shift_restore_correlation(seen)
-            else None
-        )
+        if not _does_long_shift_restore_correlation(seen):
+            return None
+        # two channels do not tell which one is wrong; sensors are late more often than early
+        late, rival = ("force", "speed") if seen.lag_s > 0.0 else ("speed", "force")
+        return LongDelay(late, abs(seen.lag_s), seen[1:], rival)
     imu = channels["imu"]
     seen = estimate_lag_of_signal(speed, imu, step_s)
     if _does_long_shift_restore_correlation(seen):
@@ -108,13 +113,18 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
 
 
 def _does_long_shift_restore_correlation(lag: SignalLag) -> bool:
-    """Whether a shift turns a poor correlation into a good one."""
+    """Whether a shift turns a poor correlation into a good one, or leaves little of the rest."""
     late_s, after, before = lag
     # the other way as they are: a sign
+    is_correlation_restored = abs(before) < LIMITS.delayed_correlation_ratio * after
+    # a slow motion correlates all the same, and the likelihood search does not reach that far
+    is_rest_explained = (1.0 - after**2) < LIMITS.delayed_rest_ratio * (1.0 - before**2)
+    if not is_correlation_restored and abs(late_s) <= LIMITS.longest_likelihood_delay_s:
+        return False
     return (
         abs(late_s) > LIMITS.shortest_long_delay_s
         and after > LIMITS.same_motion_correlation
-        and abs(before) < LIMITS.delayed_correlation_ratio * after
+        and (is_correlation_restored or is_rest_explained)
     )
 
 
@@ -151,7 +161,9 @@ def _estimate_force_lag_while_driving(
         for k in range(-longest, longest + 1)
     ]
     at = int(np.argmax(seen))
-    return SignalLag((at - longest) * step_s, seen[at], seen[longest])
+    inside_search = 0 < at < len(seen) - 1
+    part = find_parabola_peak(np.array(seen[at - 1 : at + 2])) if inside_search else 0.0
+    return SignalLag((at - longest + part) * step_s, seen[at], seen[longest])
 
 
 def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
@@ -269,8 +281,12 @@ def is_filter_delay_likelier(pick: PickedCause) -> bool:
 
 
 def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
-    channel = pick.name.partition(":")[2]
-    late_s, std_s = pick.value, pick.std
+    fitted_channel = pick.name.partition(":")[2]
+    fitted_s, std_s = pick.value, pick.std
+    # two channels do not tell which one is wrong; sensors are late more often than early
+    is_ambiguous = not inputs.has_accelerometer and bool(inputs.speed_channels)
+    is_speed_late = is_ambiguous and fitted_channel == "force" and fitted_s < 0.0
+    channel, late_s = ("speed", -fitted_s) if is_speed_late else (fitted_channel, fitted_s)
     names = _list_channels_of_delay(inputs, channel)
     setting, value = inputs.propose_delay_settings(names, late_s)
     beside = _list_other_motion_channels(inputs, channel)
@@ -279,11 +295,8 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     against = " and ".join(_SHOWN[each] for each in beside)
     said = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms {words} against {against}"
     if not inputs.has_accelerometer:
-        # two channels do not tell which of them is wrong
-        said = (
-            f"the {_SHOWN[channel]} is {said}, or that is "
-            f"{'early' if late_s > 0.0 else 'late'}: two channels do not tell which"
-        )
+        other = "early" if late_s > 0.0 else "late"
+        said += f", or the {against} is {other}: two channels do not tell which"
     elif rivals:
         said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
     smooth = channel == "imu" and late_s > 0
@@ -304,7 +317,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
         if smooth
         else lambda: refit_corrected(
             inputs,
-            lambda motion: correct_channel_delay(motion, channel, late_s),
+            lambda motion: correct_channel_delay(motion, fitted_channel, fitted_s),
             min(std_s / abs(late_s), 1.0),
         ),
         alternatives=(*others, *(("imu_low_passed",) if filtered else ())),
@@ -322,7 +335,9 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
     )
     against = " and ".join(_SHOWN[each] for each in rest)
     others = (
-        f"; equally likely, the {_SHOWN[long_delay.rival]} is wrong" if long_delay.rival else ""
+        f", or the {_SHOWN[long_delay.rival]} is early: two channels do not tell which"
+        if long_delay.rival
+        else ""
     )
     return Symptom(
         LIMITS.long_delay_rank,
@@ -330,8 +345,8 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
         f"{long_delay.correlation[0]:.2f} with this shift, without it "
         f"{long_delay.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),
-        setting=setting if names and not long_delay.rival else None,
-        value=value if names and not long_delay.rival else None,
+        setting=setting if names else None,
+        value=value if names else None,
         # what is late may have been filtered
         alternatives=("imu_low_passed",)
         if long_delay.channel == "imu" and long_delay.late_s > 0.0

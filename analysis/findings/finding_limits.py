@@ -154,6 +154,9 @@ class FindingLimits:
     same_motion_correlation: float = 0.8
     #: and the fraction of it that they stay below with the delay.
     delayed_correlation_ratio: float = 0.9
+    #: or fraction of the unexplained variance that removing a delay leaves, where the motion is so
+    #: slow that they correlate all the same.
+    delayed_rest_ratio: float = 0.25
     #: Fraction of the largest force that drives: brakes are not in it.
     driving_force_fraction: float = 0.3
     #: Time in s before, in which it stands or drives the other way.

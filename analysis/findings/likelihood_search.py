@@ -36,6 +36,8 @@ _LEAST: Final = {
     "braking": 0.002,
     "gain_drift": 0.03,
 }
+#: Columns of Coulomb friction.
+_FRICTION: Final = ("const", "direction")
 #: Delays that the wheels do not tell apart.
 _BESIDE: Final = {"delay:speed": "delay:imu", "delay:imu": "delay:speed"}
 
@@ -78,6 +80,7 @@ def _pick_causes_stepwise(inputs: FindingInputs) -> dict[str, PickedCause]:
             return {}
     taken: list[str] = []
     out: dict[str, PickedCause] = {}
+    uncorrected = motion
     late = _test_delay_beyond_linearisation(inputs, motion)
     if late is not None:
         motion, found = correct_delay_iteratively(inputs, motion, taken, late)
@@ -117,7 +120,35 @@ def _pick_causes_stepwise(inputs: FindingInputs) -> dict[str, PickedCause]:
         out.update(
             {n: p for n, p in score_remaining_causes(equations, taken).items() if n not in out}
         )
-    return out
+    return out | _refit_delays_and_friction(
+        inputs, uncorrected, {name: out[name] for name in taken}
+    )
+
+
+def _refit_delays_and_friction(
+    inputs: FindingInputs, uncorrected: MotionSamples, picks: Mapping[str, PickedCause]
+) -> dict[str, PickedCause]:
+    """Fit picked delays and Coulomb friction again, each with all other picks beside it.
+
+    Whichever was picked first was fitted without the other, and both are steps where the motion
+    turns.
+    """
+    delays = [name for name in picks if name.startswith("delay")]
+    frictions = [name for name in picks if name in _FRICTION]
+    if not delays or not frictions:
+        return {}
+    refitted: dict[str, PickedCause] = {}
+    motion = uncorrected
+    for name in delays:
+        others = [other for other in picks if other != name]
+        motion, delay = correct_delay_iteratively(inputs, motion, others, picks[name])
+        refitted[name] = delay
+    equations = build_whitened_equations(inputs, motion)
+    for name in frictions:
+        again = score_remaining_causes(equations, [other for other in picks if other != name])
+        if name in again:
+            refitted[name] = replace(picks[name], value=again[name].value, std=again[name].std)
+    return refitted
 
 
 def likelihood_gain_tolerance(best_pick: PickedCause, cause_name: str) -> float:

@@ -222,13 +222,13 @@ def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Name
     assert row["mass_change_u_kg"] > 0.0
 
 
-def test_without_an_accelerometer_an_early_force_may_be_a_late_speed() -> None:
+def test_without_an_accelerometer_a_late_speed_may_be_an_early_force() -> None:
     late = merged(RUNS, RICH, {"sensors": {"speed_delay_s": 0.06}})
     (log,) = simulate_campaign(Scenario.model_validate(late))
     replay = run([MemoryLog(log)], with_channels_of_simulation(machine(DERIVED), log))
     row = replay.frames["findings"].row(0, named=True)
     assert row["cause"] == "delay"
-    assert "ms early against speed, or that is late" in row["evidence"]
+    assert "ms late against force, or the force is early" in row["evidence"]
 
 
 def test_a_swing_stands_before_what_it_makes_of_noise_and_mass(named: Named) -> None:
