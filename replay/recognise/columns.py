@@ -98,7 +98,8 @@ def _list_named_fields(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedFie
     names: list[str] = topic_row["fields"]
     if topic_row["topic"] == TABLE:
         elements = _group_elements_by_list(names)
-        names = [name for name in names if not any(name in each for each in elements.values())]
+        grouped = {element for found in elements.values() for element in found}
+        names = [name for name in names if name not in grouped]
     else:
         names = [name for name in names if not _STAMPS_AND_RECORDS.search(name)]
         elements = find_elements_of_lists(log, topic_row["topic"], names, topic_row["start_ns"])
