@@ -39,6 +39,8 @@ _REMARK: Final = re.compile(r"(?s)(?P<name>.+?)\s*\([^()]*\)\s*")
 _ZONE: Final = re.compile(
     r"[\s,(\[]*\b(?:GMT|UTC)\s*(?P<sign>[+-])(?P<h>\d{1,2})(?::?(?P<min>\d{2}))?[\])]?"
 )
+#: An element of a list: "accel_g[0]".
+_ELEMENT: Final = re.compile(r"(?P<list>.+)\[\d+\]")
 #: A cell of a row that says one thing of each column: "Unit: m/s", "Type: double".
 _ATTRIBUTE: Final = re.compile(r"(?P<key>[A-Za-z][A-Za-z ]*):\s*(?P<value>.*)")
 _NUMBER: Final = re.compile(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)?")
@@ -111,7 +113,7 @@ class NameAndUnit(NamedTuple):
 def split_unit_from_column_name(name: str) -> NameAndUnit:
     """Name without its unit, and the unit; None if no known unit is stated.
 
-    `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`.
+    `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`, `accel_g[0]`.
     """
     name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
@@ -128,6 +130,9 @@ def split_unit_from_column_name(name: str) -> NameAndUnit:
         unit = find_pint_name(remarked["unit"])
         if unit:
             return NameAndUnit(remarked["name"].strip(), unit)
+    # of an element, the name of its list states the unit
+    if (match := _ELEMENT.fullmatch(name)) and (unit := split_unit_from_name(match["list"])[1]):
+        return NameAndUnit(name, unit)
     return NameAndUnit(*split_unit_from_name(name))
 
 

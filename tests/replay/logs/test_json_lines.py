@@ -42,6 +42,9 @@ def test_objects_and_short_lists_are_columns(tmp_path: Path, name: str) -> None:
             ["time_s", "wheel.torque_Nm[0]", "wheel.torque_Nm[1]", "wheel.ok", "count"]
         ]
         assert log.losses() == ()
+        assert log.units(TABLE) == {
+            "time_s": "s", "wheel.torque_Nm[0]": "N*m", "wheel.torque_Nm[1]": "N*m"
+        }  # fmt: skip
     frame = read_fields(path, "wheel.torque_Nm[1]", "wheel.ok", "count")
     assert frame["log_time_ns"].to_list() == [20_000_000 * k for k in range(100)]
     assert frame["wheel.torque_Nm[1]"].to_list() == [2.0 * k for k in range(100)]
