@@ -233,6 +233,7 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
         lag_s, std_s = abs(seen[0]), seen[1]
         late, other = (second, first) if seen[0] > 0.0 else (first, second)
         setting, value = inputs.propose_delay_settings((late,), lag_s)
+        is_long = lag_s > LIMITS.longest_likelihood_delay_s
         found.append(
             Symptom(
                 lag_s / max(LIMITS.source_delay_s, LIMITS.source_delay_std * std_s),
@@ -241,7 +242,7 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
                 channel=late,
                 setting=setting,
                 value=value,
-                explains=EXPLAINED_BY_SOURCE,
+                explains=EXPLAINED_BY_LONG if is_long else EXPLAINED_BY_SOURCE,
             )
         )
     return found
