@@ -347,7 +347,7 @@ CHECKS: Final = (
 )
 
 
-def withhold_by_findings(
+def add_check_of_invalidating_findings(
     verdict: pl.DataFrame, findings: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """Add the check that fails if a finding invalidates the mass.

@@ -137,12 +137,12 @@ class _Parser:
         return left
 
     def _parse_product(self, depth: int) -> Expression:
-        left = self._parse_signed(depth)
+        left = self._parse_signed_operand(depth)
         while sign := self._take_token_if_one_of("*", "/"):
-            left = Call(sign, (left, self._parse_signed(depth)))
+            left = Call(sign, (left, self._parse_signed_operand(depth)))
         return left
 
-    def _parse_signed(self, depth: int) -> Expression:
+    def _parse_signed_operand(self, depth: int) -> Expression:
         negative = False
         while sign := self._take_token_if_one_of("-", "+"):
             negative ^= sign == "-"

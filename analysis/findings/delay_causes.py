@@ -287,7 +287,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     is_ambiguous = not inputs.has_accelerometer and bool(inputs.speed_channels)
     is_speed_late = is_ambiguous and fitted_channel == "force" and fitted_s < 0.0
     channel, late_s = ("speed", -fitted_s) if is_speed_late else (fitted_channel, fitted_s)
-    names = _list_channels_of_delay(inputs, channel)
+    names = _list_log_channels_of_motion_channel(inputs, channel)
     setting, value = inputs.propose_delay_settings(names, late_s)
     beside = _list_other_motion_channels(inputs, channel)
     rivals = [each for each in beside if f"delay:{each}" in pick.rivals]
@@ -325,7 +325,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
 
 
 def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Symptom:
-    names = _list_channels_of_delay(inputs, long_delay.channel)
+    names = _list_log_channels_of_motion_channel(inputs, long_delay.channel)
     setting, value = inputs.propose_delay_settings(names, long_delay.late_s)
     words = "late" if long_delay.late_s > 0.0 else "early"
     rest = (
@@ -364,7 +364,9 @@ def _list_other_motion_channels(inputs: FindingInputs, motion_channel: str) -> l
     ]
 
 
-def _list_channels_of_delay(inputs: FindingInputs, motion_channel: str) -> tuple[str, ...]:
+def _list_log_channels_of_motion_channel(
+    inputs: FindingInputs, motion_channel: str
+) -> tuple[str, ...]:
     """Channels that a delay of force, speed or accelerometer concerns."""
     if motion_channel == "force":
         return inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(

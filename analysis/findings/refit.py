@@ -13,7 +13,7 @@ from analysis.findings.cause import MassChange
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import is_first_of_stretch
+from analysis.weighing.fitted_stretches import mark_stretch_starts
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
@@ -186,7 +186,7 @@ def refit_from_earlier_fit(
 
 def exclude_and_renumber_short_stretches(motion: MotionSamples) -> MotionSamples:
     """Number the stretches again after samples were excluded, and exclude those now too short."""
-    parts = np.where(motion.is_fittable, np.cumsum(is_first_of_stretch(motion.group)) - 1, -1)
+    parts = np.where(motion.is_fittable, np.cumsum(mark_stretch_starts(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
     return replace(motion, group=parts.astype(np.int64)).exclude_samples(short)

@@ -174,7 +174,7 @@ def compute_errors_by_window_length(
         bound_kg, strict_kg, errors = compute_bounds_and_errors_kg(
             drive, sensors, window_s, smooth_samples, window_count, methods, rng
         )
-        printed = printed_numbers.name_table_values_by_method(
+        printed = printed_numbers.pair_table_values_with_methods(
             printed_numbers.TABLE_1_KG.get(window_s)
         )
         for method, error in errors.items():

@@ -21,7 +21,11 @@ from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import FitRows, average_fit_columns, stride_of_fitted_means
+from analysis.weighing.fit_columns import (
+    FitRows,
+    average_fit_columns,
+    choose_stride_of_fitted_means,
+)
 from analysis.weighing.joint_fit import refit_with_changes
 from analysis.weighing.joint_result import JointFit, find_term_index
 from analysis.weighing.load_limits import LIMITS
@@ -352,5 +356,5 @@ def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> floa
     """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
-    overlap = samples / stride_of_fitted_means(samples)
+    overlap = samples / choose_stride_of_fitted_means(samples)
     return overlap * float(gradient @ noise.covariance_of_means(samples) @ gradient)

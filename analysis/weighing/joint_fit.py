@@ -89,7 +89,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)
     first = [
-        part.fit_over_means(
+        part.fit_over_sample_means(
             samples, LIMITS.pilot_rounds, fit_rows=columns.average_to_rows(inputs.noise, samples)
         )
         for samples in lengths
@@ -143,17 +143,17 @@ def compare_wheels_after_pilot_fit(
         return task
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.advance_force(pilot_fit.force_lag_s)
-    acting = replace(in_time, force=pilot_fit.found.ground_force(in_time))
+    acting = replace(in_time, force=pilot_fit.found.estimate_ground_force_newtons(in_time))
     wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
 
 def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
-    moved = task.fit_over_means(mean_samples, LIMITS.lag_rounds)
+    moved = task.fit_over_sample_means(mean_samples, LIMITS.lag_rounds)
     if abs(moved.force_lag_s) < LIMITS.short_lag_s:
         return moved
-    filtered = task.fit_over_means(mean_samples, 2, advance_force=False)
+    filtered = task.fit_over_sample_means(mean_samples, 2, advance_force=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.map_fit.misfit.any():
@@ -240,7 +240,7 @@ def refit_with_changes(
         earlier_fit.motion, noise, priors, terms, earlier_fit.kinematics, earlier_fit.states
     )
     fit_rows = fit_rows and fit_rows.select_terms(terms)
-    fitted = task.fit_over_means(
+    fitted = task.fit_over_sample_means(
         earlier_fit.mean_samples,
         rounds,
         advance_force=earlier_fit.shifted,

@@ -48,7 +48,7 @@ _ARMS: Final = ("boom_rad", "bucket_rad")
 _PIECE: Final = 32_768
 
 
-def select_rows_of_arrays(record: Any, rows: slice | Ints) -> dict[str, Any]:
+def select_rows_of_fields(record: Any, rows: slice | Ints) -> dict[str, Any]:
     """Rows of each array of a dataclass, by the name of its field."""
     values = {each.name: getattr(record, each.name) for each in fields(record)}
     return {name: x[rows] for name, x in values.items() if isinstance(x, np.ndarray)}
@@ -157,7 +157,7 @@ class MotionSamples:
 
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
-        own = select_rows_of_arrays(self, selection)
+        own = select_rows_of_fields(self, selection)
         return replace(self, arms=tuple(each[selection] for each in self.arms), **own)
 
     @cached_property

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, select_rows_of_arrays
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, select_rows_of_fields
 from analysis.weighing.weighing_limits import LIMITS
 
 
@@ -75,7 +75,7 @@ class ColumnInputs:
 
     def select_rows(self, row_indices: Ints) -> "ColumnInputs":
         """Select some of the samples."""
-        return replace(self, **select_rows_of_arrays(self, row_indices))
+        return replace(self, **select_rows_of_fields(self, row_indices))
 
     @cached_property
     def loaded_direction(self) -> Floats:

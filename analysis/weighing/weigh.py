@@ -117,7 +117,7 @@ class Weighing:
         return found if found is not None and found.is_significant else None
 
     @property
-    def own_fit(self) -> JointFit:
+    def fit_without_learnt_priors(self) -> JointFit:
         """The fit from this log alone, without learnt priors."""
         return self.fit if self.alone is None else self.alone
 

@@ -18,7 +18,7 @@ from estimators.numerics.numerics_limits import LIMITS
 _AT_ONCE = 128
 
 
-def _sum_basis_products_by_arrays(Q: Floats, lag_count: int) -> Floats:
+def _sum_basis_products_vectorised(Q: Floats, lag_count: int) -> Floats:
     n, p = Q.shape
     columns = np.zeros((p, n + lag_count))
     columns[:, :n] = Q.T
@@ -28,7 +28,7 @@ def _sum_basis_products_by_arrays(Q: Floats, lag_count: int) -> Floats:
     return cross
 
 
-@compiled_with_array_form(_sum_basis_products_by_arrays)
+@compiled_with_array_form(_sum_basis_products_vectorised)
 def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
     n, p = Q.shape
@@ -55,11 +55,11 @@ def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
     return cross
 
 
-def accumulate_autocovariance_loss_by_arrays(Q: Floats, loss: Floats) -> None:
+def accumulate_autocovariance_loss_vectorised(Q: Floats, loss: Floats) -> None:
     """Add the loss (lags, lags) of a fit with orthonormal basis Q (n, p), without loops over n."""
     n, p = Q.shape
     lags = len(loss)
-    cross = _sum_basis_products_by_arrays(Q, 2 * lags - 1)
+    cross = _sum_basis_products_vectorised(Q, 2 * lags - 1)
     both = (cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)).reshape(p * p, lags)
     alike = cross[np.arange(p), np.arange(p)]
     pushed = np.zeros(lags)
@@ -81,7 +81,7 @@ def accumulate_autocovariance_loss_by_arrays(Q: Floats, loss: Floats) -> None:
         loss[j + 1 :, j] += (0.5 if j == 0 else 1.0) * more[1:]
 
 
-@compiled_with_array_form(accumulate_autocovariance_loss_by_arrays)
+@compiled_with_array_form(accumulate_autocovariance_loss_vectorised)
 def accumulate_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
@@ -162,7 +162,7 @@ def find_group_spans(group: Ints, groups: Ints) -> Ints:
     return spans
 
 
-def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
+def _sum_autocovariance_loss_vectorised(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     loss, pairs = np.zeros((lags, lags)), np.zeros(lags)
     for first, last in spans.tolist():
         mine = group[first : last + 1] == group[first]
@@ -174,7 +174,7 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
     return loss / np.maximum(pairs, 1.0)[:, None]
 
 
-@compiled_with_array_form(_sum_loss_by_arrays)
+@compiled_with_array_form(_sum_autocovariance_loss_vectorised)
 def sum_autocovariance_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     """Loss (lags, lags) summed over the fits in `spans`, per pair of samples at each lag."""
     p = A.shape[1]

@@ -29,7 +29,7 @@ from recordings.calibration.released_defaults import (
     list_settings_absent_in_evidence,
     load_released_defaults,
     remove_dotted_values,
-    with_dotted_values_replaced,
+    replace_dotted_values,
 )
 from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
 
@@ -243,7 +243,7 @@ class EvidenceDocument(BaseModel):
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
-            encode_canonical_json(with_dotted_values_replaced(values, changed))
+            encode_canonical_json(replace_dotted_values(values, changed))
         )
         document._put_in = changed  # noqa: SLF001  its own
         return document

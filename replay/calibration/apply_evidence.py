@@ -30,7 +30,7 @@ from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import Keyring, KnownKey, add_key_to_keyring, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key_file
-from replay.calibration.campaign_file import with_empty_mass_of_campaign
+from replay.calibration.campaign_file import copy_machine_with_campaign_empty_mass
 from replay.calibration.campaign_limits import LIMITS
 from replay.inputs.machine_identity import find_machine_id_common_to_logs
 from replay.logs import Log
@@ -91,7 +91,7 @@ class MachineCalibration:
     def make_weighing_machine(self, machine: Machine) -> Machine:
         """The machine with the calibration's empty mass and priors."""
         document = self.document
-        machine = with_empty_mass_of_campaign(document.campaign, machine)
+        machine = copy_machine_with_campaign_empty_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
         weighing = apply_learnt_priors_to_machine(machine, terms)
         if self.calibration.responses:

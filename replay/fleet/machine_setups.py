@@ -30,7 +30,7 @@ from replay.calibration.apply_evidence import (
 from replay.fleet.last_run import NamedFiles, TaskLimits
 from replay.inputs.channel_inputs import (
     collect_versions_of_packages,
-    machine_without_settings_as_dict,
+    convert_machine_without_settings_to_dict,
 )
 from replay.machines.machine_file import load_machine
 from replay.machines.toml_file import read_toml_file, validate_toml_content
@@ -141,7 +141,7 @@ def _make_setup_with_digest(
         "format": FORMAT,
         "tables": list(TABLES),
         "name": name,
-        "machine": machine_without_settings_as_dict(machine),
+        "machine": convert_machine_without_settings_to_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "calibration": "" if calibration is None else calibration.document.id,
         "versions": collect_versions_of_packages(),

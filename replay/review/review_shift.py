@@ -43,9 +43,9 @@ from replay.calibration.apply_evidence import (
 )
 from replay.inputs.channel_inputs import (
     collect_versions_of_packages,
+    convert_machine_without_settings_to_dict,
     list_channel_fields,
     list_input_files,
-    machine_without_settings_as_dict,
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs_in_parallel
@@ -289,7 +289,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, is_full_recording
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in list_input_files(log)],
-        "machine": machine_without_settings_as_dict(machine),
+        "machine": convert_machine_without_settings_to_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": collect_versions_of_packages(),
         "full": is_full_recording,
@@ -302,7 +302,7 @@ def _convert_review_inputs_to_dict(
 ) -> dict[str, Any]:
     """Everything but the logs that a review depends on."""
     return {
-        **machine_without_settings_as_dict(machine),
+        **convert_machine_without_settings_to_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": collect_versions_of_packages(),
         "target_kg": options.target_kg,

@@ -22,9 +22,9 @@ from analysis.stages.noise.noise_spectra import (
     LAGS,
     choose_overlapping_block_ends,
     choose_relative_noise_band,
+    compute_mean_block_spectrum,
     find_resolution_of_column,
     list_block_frequencies_per_sample,
-    mean_block_spectrum,
 )
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.align import align_channels_on_grid
@@ -225,7 +225,7 @@ def estimate_white_noise_std(t_ns: Ints, readings: Floats, max_gap_ns: float) ->
     whole = np.ones(t_ns.size, np.bool_)
     whole[1:] = np.diff(t_ns) <= max_gap_ns
     fast, top = choose_relative_noise_band(1e9 / filters.median_period_ns(t_ns))
-    power = mean_block_spectrum(readings, choose_overlapping_block_ends(whole), fast)
+    power = compute_mean_block_spectrum(readings, choose_overlapping_block_ends(whole), fast)
     if power is None:
         second = np.diff(readings, 2)[whole[1:-1] & whole[2:]]
         variance = float((second**2).mean()) / _SECOND_DIFFERENCES if second.size else 0.0
