@@ -74,7 +74,7 @@ def force_compilation() -> Generator[None]:
         _InterpreterBudget.seconds, _ColdLoopRule.allowed = before
 
 
-class Loop:
+class CompiledLoop:
     """A loop over arrays in two forms: interpreted and compiled, including all that it calls."""
 
     def __init__(
@@ -160,10 +160,12 @@ class Loop:
         with np.errstate(all="ignore"):
             return convert_numpy_scalars_to_python(self.interpreted(*arguments))
 
-    def _find_called_loops(self) -> "dict[str, Loop | Primitive]":
+    def _find_called_loops(self) -> "dict[str, CompiledLoop | Primitive]":
         names = self._function.__globals__
         used = {name: names.get(name) for name in self._function.__code__.co_names}
-        return {name: each for name, each in used.items() if isinstance(each, Loop | Primitive)}
+        return {
+            name: each for name, each in used.items() if isinstance(each, CompiledLoop | Primitive)
+        }
 
     def _with_replaced_globals(self, replacements_by_name: dict[str, Any]) -> Callable[..., Any]:
         """The function with some of its global names replaced."""
@@ -197,33 +199,36 @@ class Primitive:
 
 def compiled(function: F) -> F:
     """Like `estimators.compiled.compiled`, but interpreted at first."""
-    return cast("F", Loop(function, _COMPILED))
+    return cast("F", CompiledLoop(function, _COMPILED))
 
 
 def compiled_without_refcounts(function: F) -> F:
     """Like `estimators.compiled.compiled_without_refcounts`, but interpreted at first."""
-    return cast("F", Loop(function, _WITHOUT_REFCOUNTS))
+    return cast("F", CompiledLoop(function, _WITHOUT_REFCOUNTS))
 
 
 def compiled_inline(function: F) -> F:
     """Like `estimators.compiled.compiled_inline`, but interpreted at first."""
-    return cast("F", Loop(function, _INLINED))
+    return cast("F", CompiledLoop(function, _INLINED))
 
 
 def compiled_for_many_iterations(count_iterations: Callable[..., int]) -> Callable[[F], F]:
     """Like `compiled`, with a function that computes the number of iterations."""
-    return lambda function: cast("F", Loop(function, _COMPILED, count_iterations))
+    return lambda function: cast("F", CompiledLoop(function, _COMPILED, count_iterations))
 
 
 def compiled_unless_short_log(function: F) -> F:
     """Like `compiled`, but interpreted only for a short log without a cached form."""
-    return cast("F", Loop(function, _COMPILED, find_largest_array_dimension, at_first=False))
+    return cast(
+        "F", CompiledLoop(function, _COMPILED, find_largest_array_dimension, at_first=False)
+    )
 
 
 def compiled_with_array_form(array_form: Callable[..., Any]) -> Callable[[F], F]:
     """Like `compiled_unless_short_log`, with whole-array operations for the interpreter."""
     return lambda function: cast(
-        "F", Loop(function, _COMPILED, find_largest_array_dimension, array_form, at_first=False)
+        "F",
+        CompiledLoop(function, _COMPILED, find_largest_array_dimension, array_form, at_first=False),
     )
 
 

@@ -163,7 +163,7 @@ def compute_energy_sensitivities(
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
         compute_energy_change_by_slope(integrals, model),
-        distribute_mean_residual_work(integrals, energy_J, model),
+        distribute_mean_residual_work_by_part(integrals, energy_J, model),
         drive.speed_u_1 * compute_energy_change_by_speed_error(energy_J),
     ]
 
@@ -274,7 +274,7 @@ def shift_viscous_to_coulomb_friction(
     )
 
 
-def distribute_mean_residual_work(
+def distribute_mean_residual_work_by_part(
     integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel
 ) -> Floats:
     """Mean residual work of the fit without digging, (phases, parts) in J."""

@@ -63,9 +63,9 @@ def fit_calibration_lines(campaign: ReplayedCampaign, torque_chain_name: str) ->
     )
 
 
-IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fit_calibration_lines, chain="ideal"))
+IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fit_calibration_lines, torque_chain_name="ideal"))
 CHAINED_LINES: Final = Extract(
-    CHAINED_CAMPAIGNS, partial(fit_calibration_lines, chain="front_axle")
+    CHAINED_CAMPAIGNS, partial(fit_calibration_lines, torque_chain_name="front_axle")
 )
 
 
@@ -170,19 +170,19 @@ OVER_WINDOWS: Final = Extract(
 
 def make_table_3(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
-    return _make_swept_table(
+    return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
     )
 
 
 def make_table_4(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
-    return _make_swept_table(
+    return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG
     )
 
 
-def _make_swept_table(
+def _make_error_table_by_setting(
     campaigns: Sequence[pl.DataFrame], setting: str, printed_values: Mapping[float, Sequence[float]]
 ) -> SweptTable:
     table = _average_errors_by_setting(

@@ -65,9 +65,9 @@ class FitTask:
     states: LoadStates | None
     uneven_1_s: float = 0.0
 
-    def cut_to_first_stretches(self, stretches: int) -> "FitTask":
+    def cut_to_first_stretches(self, stretch_count: int) -> "FitTask":
         """Cut the task to its first stretches."""
-        motion = self.motion.cut_to_first_stretches(stretches)
+        motion = self.motion.cut_to_first_stretches(stretch_count)
         states = None if self.states is None else self.states.renumber_for_motion(motion)
         return replace(self, motion=motion, states=states)
 

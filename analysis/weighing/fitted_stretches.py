@@ -227,9 +227,9 @@ def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:
     return aligned["left_out"].to_numpy()
 
 
-def make_centred_ramp(samples: int) -> Floats:
+def make_centred_ramp(sample_count: int) -> Floats:
     """Evenly spaced values from -1/2 to 1/2, (samples,)."""
-    return np.arange(samples) / max(samples, 1) - 0.5
+    return np.arange(sample_count) / max(sample_count, 1) - 0.5
 
 
 def advance_signal_by_delay(signal: Floats, group: Ints, delay_rows: float) -> Floats:

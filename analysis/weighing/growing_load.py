@@ -26,7 +26,7 @@ from analysis.weighing.fit_columns import (
     average_fit_columns,
     choose_stride_of_fitted_means,
 )
-from analysis.weighing.joint_fit import refit_with_changes
+from analysis.weighing.joint_fit import refit_with_extra_terms
 from analysis.weighing.joint_result import JointFit, find_term_index
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import (
@@ -120,7 +120,7 @@ def refit_with_load_growing_at_starts(
         priors: of the nuisances.
         fit_rows: rows of the fit and of `FILLING`, if already computed.
     """
-    grown = refit_with_changes(fit, noise, priors, (FILLING,), fit_rows=fit_rows)
+    grown = refit_with_extra_terms(fit, noise, priors, (FILLING,), fit_rows=fit_rows)
     names = [term.name for term in fit.terms]
     resistances = [find_term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.mass_count + 1 + place for place in resistances)]

@@ -212,7 +212,7 @@ def do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, are_means_single_rows:
     )
 
 
-def refit_with_changes(
+def refit_with_extra_terms(
     earlier_fit: JointFit,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -276,7 +276,9 @@ def drop_unlikely_effects(
     """Refit without the effects that the log is unlikely to have."""
     likely = MostProbableEffects.from_fit(fit.map_fit, fit.mass_count, fit.terms, fit.prior_std)
     fit = replace(fit, effects=likely)
-    return refit_with_changes(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
+    return (
+        refit_with_extra_terms(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
+    )
 
 
 def refit_with_hysteresis_if_significant(
@@ -300,7 +302,7 @@ def refit_with_hysteresis_if_significant(
     found = replace(fit.found, play=choose_hysteresis_play(fit.motion, noise, fit.mean_samples))
     played = replace(fit, found=found)
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
-    tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
+    tested = refit_with_extra_terms(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
     half_width_N = float(tested.theta[-1])
     # the standard deviation takes longer than the estimate
     shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percent and (
@@ -308,7 +310,7 @@ def refit_with_hysteresis_if_significant(
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows
-    looped = refit_with_changes(played, noise, priors, (HYSTERESIS,), rounds=2)
+    looped = refit_with_extra_terms(played, noise, priors, (HYSTERESIS,), rounds=2)
     if looped.mass_count != fit.mass_count or not np.isfinite(looped.theta).all():
         return fit, rows
     looped = replace(looped, hysteresis_kg=looped.masses_kg - fit.masses_kg)
@@ -348,7 +350,7 @@ def add_mass_responses_to_motion_errors(
     known, count = fit.found, fit.mass_count
 
     def mass_response(changed: PreviousEstimates, step: float) -> Floats:
-        other = refit_with_changes(replace(fit, found=changed), noise, priors)
+        other = refit_with_extra_terms(replace(fit, found=changed), noise, priors)
         return (other.theta[:count] - fit.theta[:count]) / step
 
     later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)

@@ -13,7 +13,7 @@ from analysis.weighing.joint_fit import (
     JointFitInputs,
     fit_jointly,
     make_refit_rows,
-    refit_with_changes,
+    refit_with_extra_terms,
     select_terms_of_motion,
 )
 from analysis.weighing.joint_result import JointFit
@@ -165,7 +165,9 @@ def _refit_with_scatter_of_own_states(
         units, states.unit, states.membership, usual_scatter=False
     )
     states = replace(scattering, single_probability=likeliest.single_probability)
-    return refit_with_changes(replace(fit, states=states), inputs.noise, inputs.priors, rounds=2)
+    return refit_with_extra_terms(
+        replace(fit, states=states), inputs.noise, inputs.priors, rounds=2
+    )
 
 
 def _estimate_manoeuvre_masses(
@@ -227,18 +229,22 @@ def alternate_state_search_and_fit(
         ):
             return fit_with_final_columns
         if states.state_count == 1 and first_fit.mass_count == 1:
-            return refit_with_changes(
+            return refit_with_extra_terms(
                 replace(first_fit, states=states), inputs.noise, inputs.priors, fit_rows=rows
             )
         if _is_partition_of_fit(first_fit, states.membership):
             # the same loads, whose scatter is known better now
             first_fit = replace(first_fit, states=states)
-            first_fit = refit_with_changes(first_fit, inputs.noise, inputs.priors, fit_rows=rows)
+            first_fit = refit_with_extra_terms(
+                first_fit, inputs.noise, inputs.priors, fit_rows=rows
+            )
             # a round at a time: of a shift the rows before it are hundreds of megabytes
             del rows, best
             known = np.isfinite(first_fit.theta).all()
             return (
-                refit_with_changes(first_fit, inputs.noise, inputs.priors) if known else first_fit
+                refit_with_extra_terms(first_fit, inputs.noise, inputs.priors)
+                if known
+                else first_fit
             )
         inputs = add_ground_force_variance(first_fit, inputs)
         del rows  # of a shift they are hundreds of megabytes

@@ -178,17 +178,17 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     return number[goes][of]
 
 
-def find_speed_ranges_m_s(motion: MotionSamples, unit_of_sample: Ints, unit_count: int) -> Floats:
+def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, count: int) -> Floats:
     """Range of the speeds of each manoeuvre, (units,) in m/s.
 
     Args:
         motion: the samples.
-        unit_of_sample: (stretches,) manoeuvre of each, from 0.
-        unit_count: number of manoeuvres.
+        manoeuvre_of_stretch: (stretches,) manoeuvre of each, from 0.
+        count: number of manoeuvres.
     """
     used = np.flatnonzero(motion.is_fittable)
-    of, speed = unit_of_sample[motion.group[used]], motion.speed[used]
-    least, most = np.full(unit_count, np.inf), np.full(unit_count, -np.inf)
+    of, speed = manoeuvre_of_stretch[motion.group[used]], motion.speed[used]
+    least, most = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(least, of, speed)
     np.maximum.at(most, of, speed)
     return most - least

@@ -139,11 +139,11 @@ class MotionSamples:
     relative_gear_ratio: Floats | None = None
     has_single_load: bool = False
 
-    def cut_to_first_stretches(self, stretches: int) -> "MotionSamples":
+    def cut_to_first_stretches(self, stretch_count: int) -> "MotionSamples":
         """Cut the samples to the first stretches."""
-        if not self.is_fittable.any() or int(self.group.max()) < stretches:
+        if not self.is_fittable.any() or int(self.group.max()) < stretch_count:
             return self
-        end = int(np.argmax(self.group >= stretches))
+        end = int(np.argmax(self.group >= stretch_count))
         return replace(self._select_samples(slice(0, end)), progress=make_centred_ramp(end))
 
     def drop_samples_far_from_fitted(self, reach_s: float) -> "MotionSamples":

@@ -35,7 +35,7 @@ from estimators.numerics import directional_forgetting
 from estimators.numerics.mutual_information import fill_correlation_and_variance
 from estimators.numerics.normal_equations import (
     compute_residual_sums_of_squares,
-    count_columns,
+    count_columns_of_packed_products,
     extract_packed_gram,
     solve_packed_equations,
 )
@@ -379,7 +379,7 @@ class Pool:
         counts = np.array([float(self.samples)])
         theta, p = (
             solve_packed_equations(subtract_expected_noise(products, counts, options)).theta,
-            count_columns(products) - 1,
+            count_columns_of_packed_products(products) - 1,
         )
         rss = compute_residual_sums_of_squares(products, theta)
         return Estimate(

@@ -151,11 +151,11 @@ def make_orthonormal_basis(A: Floats) -> Floats:
     return Q
 
 
-def find_group_spans(group: Ints, groups: Ints) -> Ints:
-    """First and last sample of each of `groups` (ascending), (fits, 2)."""
-    fit = np.minimum(np.searchsorted(groups, group), groups.size - 1)
-    inside = np.flatnonzero(groups[fit] == group)
-    spans = np.empty((groups.size, 2), np.int64)
+def find_first_and_last_of_groups(group: Ints, group_numbers: Ints) -> Ints:
+    """First and last sample of each of `group_numbers` (ascending), (fits, 2)."""
+    fit = np.minimum(np.searchsorted(group_numbers, group), group_numbers.size - 1)
+    inside = np.flatnonzero(group_numbers[fit] == group)
+    spans = np.empty((group_numbers.size, 2), np.int64)
     # of several assignments to one place the last one holds
     spans[fit[inside[::-1]], 0] = inside[::-1]
     spans[fit[inside], 1] = inside
@@ -242,4 +242,4 @@ def compute_fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, LIMITS.sampled_fits)).astype(np.int64)]
-    return sum_autocovariance_loss(A, group, find_group_spans(group, some), lags)
+    return sum_autocovariance_loss(A, group, find_first_and_last_of_groups(group, some), lags)

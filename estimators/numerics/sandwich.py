@@ -14,7 +14,7 @@ from estimators.numerics.autocorrelation import (
     estimate_pooled_autocorrelation,
 )
 from estimators.numerics.in_order import sum_axis_in_order
-from estimators.numerics.normal_equations import count_columns
+from estimators.numerics.normal_equations import count_columns_of_packed_products
 from estimators.numerics.rolling import (
     add_prefix_sums,
     copy_window_columns_to_buffer,
@@ -203,7 +203,7 @@ def compute_all_window_stds(
 
 def invert_packed_gram_matrices(packed_grams: Floats) -> Floats:
     """Inverses (p, p, m) of packed matrices (m, entries)."""
-    p = count_columns(packed_grams.T)
+    p = count_columns_of_packed_products(packed_grams.T)
     return invert_factored_systems(*factor_packed_ldl(np.ascontiguousarray(packed_grams.T), p, p))
 
 

@@ -295,7 +295,7 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
-        made = find_stated_other_version(values)
+        made = find_version_of_other_payscope(values)
         if made:
             raise UnknownFormatError(
                 f"{source}: made by {made}, and payscope "
@@ -313,7 +313,7 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
     return document.with_released_defaults(values)
 
 
-def find_stated_other_version(document_values: Any) -> str:
+def find_version_of_other_payscope(document_values: Any) -> str:
     """Other version that a document states as its own; "" if it is this one, or none."""
     if not isinstance(document_values, dict) or not isinstance(
         document_values.get("software"), dict

@@ -16,7 +16,7 @@ from analysis.calibration.use.apply_calibration import (
 )
 from analysis.calibration.use.learnt_priors import (
     apply_learnt_priors_to_machine,
-    prepare_machine_for_later_log,
+    copy_machine_with_learnt_means_checked,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
@@ -95,7 +95,7 @@ class MachineCalibration:
         terms = {} if document.learnt is None else document.learnt.terms
         weighing = apply_learnt_priors_to_machine(machine, terms)
         if self.calibration.responses:
-            weighing = prepare_machine_for_later_log(weighing)
+            weighing = copy_machine_with_learnt_means_checked(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(encode_canonical_json(weighing.model_dump(mode="json")))
 

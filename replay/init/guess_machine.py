@@ -95,7 +95,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    by_type = [*_choose_best_guesses(topics)]
+    by_type = [*_keep_first_guess_of_each_channel(topics)]
     told = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics, by_type)
     guesses = [*_make_channel_guesses(told), *by_type]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
@@ -251,7 +251,7 @@ def _recognise_fields(log: Log, topics: pl.DataFrame, by_type: list["ChannelGues
     return recognise_fields_of_messages(log, found)
 
 
-def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
+def _keep_first_guess_of_each_channel(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     taken: set[str] = set()
     for guess in _iter_guesses_by_message_type(topics):
         if guess.column not in taken:

@@ -154,7 +154,7 @@ def simulate_noise_covariances_on_grid(
         if name not in UNFILTERED
     }
     longest_ns = max(filters.gap_threshold_ns(t, settings) for t, _ in channels.values())
-    part = repeat_stamps(
+    part = repeat_short_log_stamps(
         select_stamps_of_simulated_rows(channels, settings.rate_hz), settings.rate_hz, longest_ns
     )
     rng = np.random.default_rng(LIMITS.simulation_seed)
@@ -178,7 +178,9 @@ def select_stamps_of_simulated_rows(
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in channels.items()}
 
 
-def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, max_gap_ns: float) -> dict[str, Ints]:
+def repeat_short_log_stamps(
+    stamps: Mapping[str, Ints], rate_hz: float, max_gap_ns: float
+) -> dict[str, Ints]:
     """Repeat the stamps of a short log, separated by gaps, to the full number of rows."""
     last = max(int(t[-1]) for t in stamps.values())
     lasts_ns = last - min(int(t[0]) for t in stamps.values())

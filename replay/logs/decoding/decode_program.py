@@ -1,4 +1,4 @@
-"""A message definition as a program for `walk_messages`: order of fields, and what to note.
+"""A message definition as a program of `locate_fields_in_messages`: fields in order, what to note.
 
 Only requested fields are noted. The whole message is walked, since whether it is complete must not
 depend on the requested fields; consecutive numbers are one step.

@@ -125,7 +125,7 @@ def allocate_message_layout_template(node_count: int) -> LayoutTemplate:
 
 
 @compiled_without_refcounts
-def walk_messages(
+def locate_fields_in_messages(
     messages: EncodedMessages,
     first: int,
     end: int,
@@ -168,7 +168,7 @@ def walk_messages(
         _copy_filled_counts(filled, kept)
         at = step = depth = fault = note_count = 0
         while step < steps.shape[0]:
-            place, count, told, stop, at, fault = read_walk_step(
+            place, count, told, stop, at, fault = read_decode_step(
                 data, begin, at, size, steps, step, encoding
             )
             if fault != 0:
@@ -322,7 +322,7 @@ def find_next_step(
 
 
 @compiled_inline
-def read_walk_step(
+def read_decode_step(
     data: Bytes, begin: int, offset: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
     """Read what a step describes.
