@@ -67,7 +67,7 @@ from analysis.stages.signals.speed_threshold import (
     list_speed_threshold_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import list_outdated_ticket_notes
+from analysis.weighing.empty_mass_datum import list_notes_on_outdated_tickets
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.learnt_means import make_learnt_mean_frames
 from analysis.weighing.load_frames import (
@@ -245,7 +245,7 @@ def run(
                 *order_note(compute_log_offsets_ns(logs, list_channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *list_outdated_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *list_notes_on_outdated_tickets(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),

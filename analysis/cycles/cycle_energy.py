@@ -205,7 +205,9 @@ def split_energy_by_phase_and_part(integrals: PhaseIntegrals, model: ForceModel)
     straight = compute_drive_work(drive, model)
     work = straight + integrals.turning_J
     slope = (
-        drive["mass"] - integrals.kinetic_J + model.acting_constant_force_newtons * drive["offset"]
+        drive["mass"]
+        - integrals.kinetic_J
+        + model.constant_force_without_offset_newtons * drive["offset"]
     )
     digging = compute_drive_work(dig, model) - compute_friction_work(dig, model)
     friction = work - integrals.kinetic_J - slope - digging
@@ -227,7 +229,7 @@ def sum_inertia_and_friction_work(integrals: EnergyIntegrals, model: ForceModel)
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
         integrals["mass"]
-        + model.acting_constant_force_newtons * integrals["offset"]
+        + model.constant_force_without_offset_newtons * integrals["offset"]
         + model.viscous * integrals["viscous"]
         + sum(getattr(model, name) * integrals[name] for name in WARMING)
         + model.direction * integrals["direction"]

@@ -146,7 +146,7 @@ def viscous_friction_t_value(weighing: Weighing) -> float:
     """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
     fit = weighing.fit
     value, std = fit.viscous_friction_and_std
-    share = value * fit.motion.speed_95_percent / fit.motion.force_95_percent
+    share = value * fit.motion.speed_95_percentile_m_s / fit.motion.force_95_percentile_newtons
     return value / std if share < -WEIGHING_LIMITS.falling_friction_1 else max(value / std, 0.0)
 
 

@@ -85,7 +85,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
     motion = subtract_gear_inertia(fit.motion, fit.terms, fit.theta[fit.mass_count + 1 :])
     offset = abs(rest[0]) > max(
         LIMITS.standing_reading_std * rest[1],
-        LIMITS.standing_reading_fraction * motion.force_95_percent,
+        LIMITS.standing_reading_fraction * motion.force_95_percentile_newtons,
     )
     tilt = (
         abs(error[0]) > max(LIMITS.standing_reading_std * error[1], LIMITS.standing_reading_m_s2)

@@ -67,7 +67,7 @@ def build_whitened_force_rows(
         )
     )
     # a force without noise is known to its last digit
-    std = max(std, np.finfo(np.float64).eps * motion.force_95_percent) or 1.0
+    std = max(std, np.finfo(np.float64).eps * motion.force_95_percentile_newtons) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
     rate = _differentiate_force(motion.force, motion.rate_hz)[taken]
@@ -112,7 +112,7 @@ def build_whitened_wheel_rows(
     if reads is None:
         return None
     step_s = 1.0 / motion.rate_hz
-    rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percent
+    rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     of_speed = max(
         float(noise.covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]), rounding_m_s**2
     )

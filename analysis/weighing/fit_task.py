@@ -327,11 +327,14 @@ class FitTask:
         at = find_term_index("slip", self.terms)
         friction = slip_cost.friction_N_s_m
         prior_std[at] = min(
-            prior_std[at], friction * self.priors.wheel_slip / self.motion.force_95_percent
+            prior_std[at],
+            friction * self.priors.wheel_slip / self.motion.force_95_percentile_newtons,
         )
         prior_std[at] = max(
             prior_std[at],
-            LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.speed_95_percent,
+            LIMITS.min_slip_std_fraction
+            * self.priors.wheel_slip
+            / self.motion.speed_95_percentile_m_s,
         )
         self._set_prior_proportional_to_slip(
             at,

@@ -202,7 +202,7 @@ def find_manoeuvres_with_growing_load(
     friction = float(np.hypot(fit.viscous_friction, fit.map_fit.std[fit.mass_count]))
     own = (
         LIMITS.own_friction_fraction * friction,
-        LIMITS.own_constant_fraction * fit.motion.force_95_percent,
+        LIMITS.own_constant_fraction * fit.motion.force_95_percentile_newtons,
     )
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):

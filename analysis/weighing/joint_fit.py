@@ -305,8 +305,9 @@ def refit_with_hysteresis_if_significant(
     tested = refit_with_extra_terms(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
     half_width_N = float(tested.theta[-1])
     # the standard deviation takes longer than the estimate
-    shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percent and (
-        half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.std[-1])
+    shown = (
+        half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percentile_newtons
+        and (half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.std[-1]))
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows

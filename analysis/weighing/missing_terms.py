@@ -80,7 +80,7 @@ def list_candidate_missing_terms(fit: JointFit) -> tuple[Nuisance, ...]:
     if any(term.source == BY_PLACE for term in fit.terms):
         # strokes over one path have the same speed at each place: a spring looks like such a gain
         return ()
-    force_N, speed_m_s = fit.motion.force_95_percent, fit.motion.speed_95_percent
+    force_N, speed_m_s = fit.motion.force_95_percentile_newtons, fit.motion.speed_95_percentile_m_s
     return (
         Nuisance(
             "force_saturation",

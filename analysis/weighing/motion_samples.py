@@ -210,12 +210,12 @@ class MotionSamples:
         return self.group >= 0
 
     @cached_property
-    def force_95_percent(self) -> float:
+    def force_95_percentile_newtons(self) -> float:
         """95 % quantile of the force, in N."""
         return float(np.quantile(np.abs(self.force[self.is_fittable]), 0.95))
 
     @cached_property
-    def speed_95_percent(self) -> float:
+    def speed_95_percentile_m_s(self) -> float:
         """95 % quantile of the speed, in m/s."""
         return float(np.quantile(np.abs(self.speed[self.is_fittable]), 0.95))
 
@@ -228,12 +228,12 @@ class MotionSamples:
     def approximate_mass_kg(self) -> float:
         """Typical large force over typical large acceleration, in kg."""
         reached = float(np.quantile(np.abs(self.acceleration[self.is_fittable]), 0.95))
-        return self.force_95_percent / reached if reached else 0.0
+        return self.force_95_percentile_newtons / reached if reached else 0.0
 
     @property
     def has_enough_motion(self) -> bool:
         """Whether force, speed and acceleration are large enough to scale the priors."""
-        return self.approximate_mass_kg > 0.0 and self.speed_95_percent > 0.0
+        return self.approximate_mass_kg > 0.0 and self.speed_95_percentile_m_s > 0.0
 
     @cached_property
     def manoeuvre_count(self) -> int:

@@ -32,7 +32,7 @@ from estimators.methods.rls import RlsOptions, RlsState
 from estimators.methods.rtls import RtlsOptions
 from estimators.methods.tls import TlsOptions, solve_scaled_tls
 from estimators.numerics import directional_forgetting
-from estimators.numerics.mutual_information import fill_correlation_and_variance
+from estimators.numerics.mutual_information import fill_correlation_and_relative_variance
 from estimators.numerics.normal_equations import (
     compute_residual_sums_of_squares,
     count_columns_of_packed_products,
@@ -139,7 +139,7 @@ def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> 
     """
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
-    fill_correlation_and_variance(state.moments, state.centre, window, rho, spread)
+    fill_correlation_and_relative_variance(state.moments, state.centre, window, rho, spread)
     return WindowStatistics(
         rho, spread, *compute_gate_statistics_from_products(state.products, window, noise)
     )

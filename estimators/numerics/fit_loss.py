@@ -151,7 +151,7 @@ def make_orthonormal_basis(A: Floats) -> Floats:
     return Q
 
 
-def find_first_and_last_of_groups(group: Ints, group_numbers: Ints) -> Ints:
+def find_first_and_last_sample_of_groups(group: Ints, group_numbers: Ints) -> Ints:
     """First and last sample of each of `group_numbers` (ascending), (fits, 2)."""
     fit = np.minimum(np.searchsorted(group_numbers, group), group_numbers.size - 1)
     inside = np.flatnonzero(group_numbers[fit] == group)
@@ -242,4 +242,6 @@ def compute_fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, LIMITS.sampled_fits)).astype(np.int64)]
-    return sum_autocovariance_loss(A, group, find_first_and_last_of_groups(group, some), lags)
+    return sum_autocovariance_loss(
+        A, group, find_first_and_last_sample_of_groups(group, some), lags
+    )

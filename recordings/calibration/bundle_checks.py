@@ -342,7 +342,7 @@ def identify_bundle_signer(
     how = "given" if known_key is not None else "unknown" if known is None else "known"
     bundle.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        bundle.notes.append(_UNKNOWN_KEY.format(by, by.add_key_command))
+        bundle.notes.append(_UNKNOWN_KEY.format(by, by.command_to_add_key))
 
 
 def _check_that_signer_is_stated(

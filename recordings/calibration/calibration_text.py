@@ -191,7 +191,7 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
 def describe_one_day_limits(document: EvidenceDocument) -> list[str]:
     """Sentence on the limits of evidence from one day; none for format 1."""
     fitted = document.calibration
-    if fitted is None or not fitted.responses or not fitted.has_single_day:
+    if fitted is None or not fitted.responses or not fitted.has_runs_of_one_day_only:
         return []
     return [
         "Evidence of one day: its intervals do not include changes from day to day. Runs of "

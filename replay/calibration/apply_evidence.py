@@ -274,7 +274,7 @@ def accept_signature_of_known_key(
     if not owner:
         raise EvidenceError(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
-            f"--key KEY or keep it: {signature.add_key_command}"
+            f"--key KEY or keep it: {signature.command_to_add_key}"
         )
     add_key_to_keyring(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)

@@ -113,7 +113,7 @@ def make_setups_of_machine(
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
                 f"{folder}: is {by.signed_by}; if the signer gave you this key in person, keep it "
-                f"with {by.signed_by.add_key_command}"
+                f"with {by.signed_by.command_to_add_key}"
             )
         try:
             weighing = by.require_calibrated_machine(by.make_weighing_machine(machine), files.file)

@@ -247,7 +247,7 @@ class Calibration:
     responses: tuple[LineResponse, ...] = ()
 
     @property
-    def has_single_day(self) -> bool:
+    def has_runs_of_one_day_only(self) -> bool:
         """Whether no data determine how the machine changes from day to day."""
         return self.day_count_with_unknown_scatter == 1
 

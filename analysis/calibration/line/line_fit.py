@@ -27,7 +27,7 @@ from analysis.calibration.line.line_model import (
     RUN,
     FittedLine,
     Points,
-    choose_estimable_effects,
+    choose_estimable_random_effects,
     fit_line_and_variances,
     make_covariance_structure,
 )
@@ -59,7 +59,7 @@ def compute_lack_of_fit_test(points: Points, known_day_std_kg: float | None) -> 
     """
     design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
     loads, count = design.shape[1], points.y_kg.size
-    names = choose_estimable_effects(
+    names = choose_estimable_random_effects(
         points, loads, is_day_variance_known=known_day_std_kg is not None
     )
     above = loads - 2

@@ -25,7 +25,7 @@ from analysis.stages.motion.forces import (
 )
 from analysis.stages.noise.grid_noise import (
     ColumnResponse,
-    flag_columns_hidden_by_grid,
+    flag_columns_with_noise_hidden_by_grid,
     list_column_responses,
     simulate_noise_covariances_on_grid,
 )
@@ -163,7 +163,7 @@ def replace_noise_hidden_by_grid(
     beyond = [source == "differences" for source in sources]
     unseen = (
         np.array(
-            flag_columns_hidden_by_grid(
+            flag_columns_with_noise_hidden_by_grid(
                 [list_channels_of_column(name, machine) for name in column_names], machine, channels
             )
         )

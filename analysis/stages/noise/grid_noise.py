@@ -82,7 +82,7 @@ class ColumnResponse:
         return self.rate_hz * 1j * np.sin(2.0 * np.pi * relative_frequency)
 
 
-def flag_columns_hidden_by_grid(
+def flag_columns_with_noise_hidden_by_grid(
     columns: list[tuple[str, ...]], machine: Machine, channels: Mapping[str, mounting.Series]
 ) -> list[bool]:
     """Whether the grid hides the noise of each column.
