@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.expressions.parse import write_unit_for_pint
+from analysis.expressions.parse import format_unit_for_pint
 from analysis.findings.altered_motion import correct_channel_delay
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
@@ -253,7 +253,7 @@ def list_force_sources(inputs: FindingInputs) -> tuple[str, ...]:
     whole = ("force_x_N",) if "force_x_N" in machine.channels else FORCES
     sources = frozenset[str]().union(*(find_source_channels(each, machine) for each in whole))
     measured = inputs.select_measured_channels(*sorted(sources))
-    units = {name: write_unit_for_pint(find_unit_in_name(name)) for name in measured}
+    units = {name: format_unit_for_pint(find_unit_in_name(name)) for name in measured}
     by_unit = ([n for n in measured if units[n] == unit] for unit in _FORCE_UNITS)
     return next((tuple(each) for each in by_unit if len(each) > 1), ())
 

@@ -7,7 +7,7 @@ from functools import cache
 from tokenize import TokenError
 from typing import Any, Final
 
-from analysis.expressions.parse import write_unit_for_pint
+from analysis.expressions.parse import format_unit_for_pint
 from analysis.model.model_limits import LIMITS
 from estimators.errors import MachineError
 
@@ -47,7 +47,7 @@ def gain_and_offset_to_si(unit: str, si_unit: str) -> tuple[float, float]:
     Raises:
         MachineError: an unknown unit, or one of another dimension.
     """
-    target = write_unit_for_pint(si_unit)
+    target = format_unit_for_pint(si_unit)
     if unit in (si_unit, target):
         return 1.0, 0.0  # pint takes half a second to load its units
     import pint

@@ -219,7 +219,7 @@ def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, Axi
         state, fed = feed_recursive_methods(state)
         estimates |= fed
     if any(iter_methods_and_options_by_feed(state, FeedKind.SEGMENTS)):
-        state, finished = pool_settled_samples(state, gate.row)
+        state, finished = pool_samples_after_braking_delay(state, gate.row)
         estimates |= finished
     return state, AxisStep(gate_row, estimates)
 
@@ -290,7 +290,7 @@ def queue_moving_samples_for_pooling(state: AxisState, row: int, new_samples: in
     return replace(state, pending=(*state.pending, *pending))
 
 
-def pool_settled_samples(
+def pool_samples_after_braking_delay(
     state: AxisState, row: int
 ) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
     """Pool samples that braking can no longer exclude; an estimate at a manoeuvre's end."""

@@ -142,7 +142,8 @@ def refit_with_load_growing_at_starts(
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
     )
     of_sums = chain(
-        map(fit.coefficients_of_state, range(fit.mass_count)), list_mean_payload_coefficients(fit)
+        map(fit.coefficients_of_state, range(fit.mass_count)),
+        list_coefficients_of_mean_payloads(fit),
     )
     moves_u = [
         abs(float(each @ moved)) / max(fit.weighted_sum_u_kg(each), 1e-9) for each in of_sums
@@ -152,7 +153,7 @@ def refit_with_load_growing_at_starts(
     )
 
 
-def list_mean_payload_coefficients(fit: JointFit) -> list[Floats]:
+def list_coefficients_of_mean_payloads(fit: JointFit) -> list[Floats]:
     """(masses,) weights of the mean payload: heavy manoeuvres less light ones; none of one load."""
     loads, states = fit.found.relative_loads, fit.states
     if loads is None or states is None:

@@ -323,7 +323,7 @@ def _make_comparison_rows(
     spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
     if not spans.size:
         return None
-    X, y, group, ground = detrend_means_by_stretch(
+    X, y, group, ground = average_and_detrend_wheel_columns(
         measured_acceleration, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
     covariance = noise.covariance_of_means(MEAN)
@@ -334,7 +334,7 @@ def _make_comparison_rows(
 
 
 @compiled_unless_short_log
-def detrend_means_by_stretch(
+def average_and_detrend_wheel_columns(
     measured_acceleration: Floats,
     speed: Floats,
     force: Floats,

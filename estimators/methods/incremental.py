@@ -192,7 +192,7 @@ def make_window_estimate(
     rss = compute_residual_sums_of_squares(state.products, theta)
     return Estimate(
         theta[:, 0].copy(),
-        compute_textbook_stds(
+        compute_homoscedastic_stds(
             G[:, 0], p, rss if raised_rss is None else raised_rss, window, mean_samples
         ),
         float(np.sqrt(rss[0] / window)),
@@ -200,7 +200,7 @@ def make_window_estimate(
     )
 
 
-def compute_textbook_stds(
+def compute_homoscedastic_stds(
     G: Floats, p: int, rss: Floats, samples: int, mean_samples: int
 ) -> Floats:
     """Textbook standard deviations (p,), with `mean_samples` residual samples counted as one."""
@@ -384,7 +384,7 @@ class Pool:
         rss = compute_residual_sums_of_squares(products, theta)
         return Estimate(
             theta[:, 0],
-            compute_textbook_stds(
+            compute_homoscedastic_stds(
                 extract_packed_gram(products)[:, 0], p, rss, self.samples, mean_samples
             ),
             float(np.sqrt(rss[0] / self.samples)),

@@ -58,7 +58,7 @@ from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    make_thinned_track,
+    decimate_position_track,
     write_review_files,
 )
 
@@ -207,7 +207,7 @@ def _replay_opened_shift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
-        make_thinned_track(frames["aligned"]),
+        decimate_position_track(frames["aligned"]),
         made,
         make_mixed_machines_warning(made, opened_logs, machine),
     )
@@ -240,7 +240,7 @@ def read_replay_of_earlier_review(
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
-        track = make_thinned_track(read_frame(recording, "aligned"))
+        track = decimate_position_track(read_frame(recording, "aligned"))
     except RecordingError:
         return None
     return ReplayedShift(cycles, shift, earlier_review.t0_unix_ns, track)

@@ -183,7 +183,7 @@ def write_review_files(review_page: ReviewPage, folder: Path) -> None:
     )
 
 
-def make_thinned_track(aligned: pl.DataFrame) -> pl.DataFrame | None:
+def decimate_position_track(aligned: pl.DataFrame) -> pl.DataFrame | None:
     """Thinned positions of the frame `aligned`; None if it has none."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):

@@ -115,7 +115,7 @@ class ExchangedRuns:
         )
 
 
-def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
+def find_runs_with_exchanged_loads(calibration: Calibration) -> ExchangedRuns | None:
     """Find the two runs that most likely have each other's load; None if none stand out.
 
     The difference of two runs is a column with a size of its own, as of an outlier. It must show
