@@ -5,7 +5,7 @@ Names are resolved when first used: readers of logs need few of them, and settin
 
 from typing import TYPE_CHECKING
 
-from estimators.late_names import make_late_getattr
+from estimators.late_names import make_lazy_import_getattr
 
 if TYPE_CHECKING:
     from analysis.model.loss import Loss
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["InputFile", "Loss", "Machine", "Provenance", "Run", "Settings"]
 
-__getattr__ = make_late_getattr(
+__getattr__ = make_lazy_import_getattr(
     "analysis",
     {
         "InputFile": "analysis.model.run_record",

@@ -28,7 +28,7 @@ from benchmarks.page import markdown
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
 from estimators.errors import PayscopeError
 from replay.explain.try_proposals import ProposalReplays, try_proposals_one_by_one
-from replay.inputs.derived_logs import CachedLog, MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import CachedLog, MemoryLog, copy_machine_with_simulated_channels
 from replay.logs import Log
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
@@ -120,7 +120,11 @@ def _draw_log(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     settings = own.settings.with_changes({"trace.methods": ("pooled",)})
     limits = Settings.model_validate({}).verdict
     own = own.model_copy(update={"settings": settings.model_copy(update={"verdict": limits})})
-    return MemoryLog(log), with_channels_of_simulation(own, log), log.scenario.machine.mass_kg
+    return (
+        MemoryLog(log),
+        copy_machine_with_simulated_channels(own, log),
+        log.scenario.machine.mass_kg,
+    )
 
 
 def _mass(said: Answer) -> tuple[float, float] | None:

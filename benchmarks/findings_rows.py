@@ -15,7 +15,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from benchmarks.weighed import machine
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import (
     Sections,
@@ -179,7 +179,7 @@ def replayed(
     logs = simulated(sections, faults)
     also = [override for fault, _ in faults for override in fault.overrides]
     own = own_machine(logs[0].scenario, [*also, *overrides], axes)
-    return run([MemoryLog(log) for log in logs], with_channels_of_simulation(own, logs[0]))
+    return run([MemoryLog(log) for log in logs], copy_machine_with_simulated_channels(own, logs[0]))
 
 
 def found(replay: Run) -> Found:

@@ -28,8 +28,8 @@ from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.calibration.use.apply_calibration import calibrate_loads, collect_later_log_facts
 from analysis.calibration.use.learnt_priors import (
     apply_learnt_priors_to_machine,
+    copy_machine_with_learnt_means_checked,
     pool_learnt_terms_over_logs,
-    prepare_machine_for_later_log,
     select_learnable_terms,
 )
 from analysis.model.machine import Machine
@@ -133,7 +133,7 @@ def machine_as_calibrated(own: Machine, calibrated_machine: Machine) -> Machine:
     """Give a machine the learnt priors of another, and the way in which that uses them."""
     priors = calibrated_machine.settings.priors
     own = apply_learnt_priors_to_machine(own, priors.learnt)
-    return prepare_machine_for_later_log(own) if priors.learnt_means == "told" else own
+    return copy_machine_with_learnt_means_checked(own) if priors.learnt_means == "told" else own
 
 
 def replayed(
@@ -232,7 +232,7 @@ def calibrated(
         line = fit_calibration_line(pl.concat(tables), known, u_kg2, options, responses)
     except ValueError as fault:
         return str(fault)
-    return line, prepare_machine_for_later_log(machine)
+    return line, copy_machine_with_learnt_means_checked(machine)
 
 
 def later(

@@ -23,7 +23,7 @@ from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
 from estimators.joint.group_effects import GroupEffects
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
 
@@ -206,7 +206,7 @@ def whole_states(name: str, number: int) -> tuple[int, bool]:
     own = {"campaign": {"runs": starts}, "sensors": {"seed": 8_000_000 + number}}
     scenario = Scenario.model_validate(join_designs(join_designs(LOADER, own), ONE_LOAD[name]))
     (log,) = simulate_campaign(scenario)
-    replayed = run(MemoryLog(log), with_channels_of_simulation(machine((POOLED,)), log))
+    replayed = run(MemoryLog(log), copy_machine_with_simulated_channels(machine((POOLED,)), log))
     loads = replayed.frames["loads"]
     return loads.height, "states or scatter" in (loads["said"][0] or "")
 

@@ -24,7 +24,7 @@ from analysis.stages.noise.column_noise import collect_axis_noise
 from benchmarks.page import markdown
 from benchmarks.simulated import scenario
 from replay import load_machine, run
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 
 LOADED: Final = 150.0
 METHODS: Final = ("rls", "rtls", "pooled")
@@ -65,7 +65,7 @@ def main(logs: int = 40) -> None:
             plan = scenario(seed, loads_kg=(LOADED,), runs=3)
             (log,) = simulate_campaign(plan)
             truth = float(log.trials["mass_kg"][0])
-            replayed = run(MemoryLog(log), with_channels_of_simulation(machine, log))
+            replayed = run(MemoryLog(log), copy_machine_with_simulated_channels(machine, log))
             frames = replayed.frames
             for method in METHODS:
                 if (frame := frames[f"estimates/{method}"]).height:

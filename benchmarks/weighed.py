@@ -13,7 +13,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import column_values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from replay import load_machine
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import Sections
 
@@ -130,7 +130,9 @@ def weighed(
     }
     own = machine(overrides)
     own = own.model_copy(update={"machine": own.machine.model_copy(update=stated)})
-    replayed = run([MemoryLog(log) for log in logs], with_channels_of_simulation(own, logs[0]))
+    replayed = run(
+        [MemoryLog(log) for log in logs], copy_machine_with_simulated_channels(own, logs[0])
+    )
     return answer(row, design, scenario, logs, replayed)
 
 

@@ -30,7 +30,7 @@ from analysis.calibration.use.learnt_priors import (
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 
@@ -104,7 +104,7 @@ def log_of(
 
 
 def replays(logs: Sequence[SimulatedLog], machine: Machine) -> list[Run]:
-    return [run(MemoryLog(log), with_channels_of_simulation(machine, log)) for log in logs]
+    return [run(MemoryLog(log), copy_machine_with_simulated_channels(machine, log)) for log in logs]
 
 
 def run_of(load_kg: float) -> CampaignRun:

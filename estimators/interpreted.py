@@ -74,7 +74,7 @@ def force_compilation() -> Generator[None]:
         _InterpreterBudget.seconds, _ColdLoopRule.allowed = before
 
 
-class Loop:
+class CompiledLoop:
     """A loop over arrays in two forms: interpreted and compiled, including all that it calls."""
 
     def __init__(
@@ -158,12 +158,14 @@ class Loop:
     def _run_in_python(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero
         with np.errstate(all="ignore"):
-            return convert_numpy_scalars(self.interpreted(*arguments))
+            return convert_numpy_scalars_to_python(self.interpreted(*arguments))
 
-    def _find_called_loops(self) -> "dict[str, Loop | Primitive]":
+    def _find_called_loops(self) -> "dict[str, CompiledLoop | Primitive]":
         names = self._function.__globals__
         used = {name: names.get(name) for name in self._function.__code__.co_names}
-        return {name: each for name, each in used.items() if isinstance(each, Loop | Primitive)}
+        return {
+            name: each for name, each in used.items() if isinstance(each, CompiledLoop | Primitive)
+        }
 
     def _with_replaced_globals(self, replacements_by_name: dict[str, Any]) -> Callable[..., Any]:
         """The function with some of its global names replaced."""
@@ -197,53 +199,56 @@ class Primitive:
 
 def compiled(function: F) -> F:
     """Like `estimators.compiled.compiled`, but interpreted at first."""
-    return cast("F", Loop(function, _COMPILED))
+    return cast("F", CompiledLoop(function, _COMPILED))
 
 
 def compiled_without_refcounts(function: F) -> F:
     """Like `estimators.compiled.compiled_without_refcounts`, but interpreted at first."""
-    return cast("F", Loop(function, _WITHOUT_REFCOUNTS))
+    return cast("F", CompiledLoop(function, _WITHOUT_REFCOUNTS))
 
 
 def compiled_inline(function: F) -> F:
     """Like `estimators.compiled.compiled_inline`, but interpreted at first."""
-    return cast("F", Loop(function, _INLINED))
+    return cast("F", CompiledLoop(function, _INLINED))
 
 
 def compiled_for_many_iterations(count_iterations: Callable[..., int]) -> Callable[[F], F]:
     """Like `compiled`, with a function that computes the number of iterations."""
-    return lambda function: cast("F", Loop(function, _COMPILED, count_iterations))
+    return lambda function: cast("F", CompiledLoop(function, _COMPILED, count_iterations))
 
 
 def compiled_unless_short_log(function: F) -> F:
     """Like `compiled`, but interpreted only for a short log without a cached form."""
-    return cast("F", Loop(function, _COMPILED, largest_dimension, at_first=False))
+    return cast(
+        "F", CompiledLoop(function, _COMPILED, find_largest_array_dimension, at_first=False)
+    )
 
 
 def compiled_with_array_form(array_form: Callable[..., Any]) -> Callable[[F], F]:
     """Like `compiled_unless_short_log`, with whole-array operations for the interpreter."""
     return lambda function: cast(
-        "F", Loop(function, _COMPILED, largest_dimension, array_form, at_first=False)
+        "F",
+        CompiledLoop(function, _COMPILED, find_largest_array_dimension, array_form, at_first=False),
     )
 
 
-def convert_numpy_scalars(result: Any) -> Any:
+def convert_numpy_scalars_to_python(result: Any) -> Any:
     """Convert numpy scalars of a result to Python numbers, as compiled code returns them."""
     if isinstance(result, np.generic):
         return result.item()
     if type(result) is tuple:
-        return tuple(map(convert_numpy_scalars, cast("tuple[Any, ...]", result)))
+        return tuple(map(convert_numpy_scalars_to_python, cast("tuple[Any, ...]", result)))
     return result
 
 
-def largest_dimension(*arguments: Any) -> int:
+def find_largest_array_dimension(*arguments: Any) -> int:
     """Largest dimension of any array among the arguments."""
     sizes = [0]
     for each in arguments:
         if isinstance(each, np.ndarray):
             sizes.append(max(each.shape, default=0))
         elif isinstance(each, tuple):
-            sizes.append(largest_dimension(*each))
+            sizes.append(find_largest_array_dimension(*each))
     return max(sizes)
 
 

@@ -5,7 +5,9 @@ from importlib import import_module
 from typing import Any
 
 
-def make_late_getattr(package: str, module_by_name: Mapping[str, str]) -> Callable[[str], Any]:
+def make_lazy_import_getattr(
+    package: str, module_by_name: Mapping[str, str]
+) -> Callable[[str], Any]:
     """Make the `__getattr__` of a package that imports names on first use (PEP 562).
 
     Args:

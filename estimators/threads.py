@@ -47,7 +47,7 @@ def keep_freed_memory_in_glibc() -> None:
 keep_freed_memory_in_glibc()
 
 
-def release_freed_memory() -> None:
+def return_freed_memory_to_os() -> None:
     """Give freed memory back to the system, where glibc holds it: after a stage that needs much."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
     if trim:

@@ -5,7 +5,7 @@ Names are resolved when first used: the digest of a page that it keeps needs non
 
 from typing import TYPE_CHECKING
 
-from estimators.late_names import make_late_getattr
+from estimators.late_names import make_lazy_import_getattr
 
 if TYPE_CHECKING:
     from recordings.plots.run_plots import plot_run
@@ -27,7 +27,7 @@ __all__ = [
     "write_recording",
 ]
 
-__getattr__ = make_late_getattr(
+__getattr__ = make_lazy_import_getattr(
     "recordings",
     {
         "require_writable_recording": "recordings.rrd.writer",

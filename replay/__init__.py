@@ -7,7 +7,7 @@ Names are resolved when first used, so that the command line starts before NumPy
 
 from typing import TYPE_CHECKING
 
-from estimators.late_names import make_late_getattr
+from estimators.late_names import make_lazy_import_getattr
 
 if TYPE_CHECKING:
     from replay.logs import Log, TimeAxis, open_log
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Log", "TimeAxis", "load_machine", "open_log", "run"]
 
-__getattr__ = make_late_getattr(
+__getattr__ = make_lazy_import_getattr(
     "replay",
     {
         "Log": "replay.logs",

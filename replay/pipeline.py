@@ -10,11 +10,11 @@ from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.shift_totals import estimate_min_detectable_load_kg, make_shift_totals_frame
 from analysis.diagnosis import (
     CheckInputs,
+    add_check_of_invalidating_findings,
     collect_raw_signals,
     compare_methods_with_joint_fit,
     judge_log_by_checks,
     refit_without_failing_stretches,
-    withhold_by_findings,
 )
 from analysis.findings import (
     FindingInputs,
@@ -67,7 +67,7 @@ from analysis.stages.signals.speed_threshold import (
     list_speed_threshold_notes,
 )
 from analysis.stages.signals.timestamps import assign_timestamps
-from analysis.weighing.empty_mass_datum import list_outdated_ticket_notes
+from analysis.weighing.empty_mass_datum import list_notes_on_outdated_tickets
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.learnt_means import make_learnt_mean_frames
 from analysis.weighing.load_frames import (
@@ -78,14 +78,14 @@ from analysis.weighing.load_frames import (
 from analysis.weighing.nuisance_frames import make_budget_frame, make_nuisance_frame
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
-from estimators.threads import limit_blas_to_one_thread, release_freed_memory
+from estimators.threads import limit_blas_to_one_thread, return_freed_memory_to_os
 from replay.inputs.channel_inputs import (
     list_channel_fields,
     make_provenance_of_inputs,
+    name_raw_frames_by_topic,
     read_channel_fields_and_losses,
-    rename_raw_frames,
 )
-from replay.inputs.derived_logs import give_parallel_tables_own_topics
+from replay.inputs.derived_logs import assign_own_topics_to_parallel_tables
 from replay.inputs.machine_identity import identify_machine_and_logged_id
 from replay.inputs.time_line import compute_log_offsets_ns
 from replay.inputs.time_line import describe_log_order as order_note
@@ -175,7 +175,7 @@ def run(
     Returns:
         Every intermediate frame, with the provenance.
     """
-    logs, machine = give_parallel_tables_own_topics(
+    logs, machine = assign_own_topics_to_parallel_tables(
         logs if isinstance(logs, Sequence) else [logs], machine
     )
     machine, logged_id = identify_machine_and_logged_id(logs, machine)  # a sister's log is refused
@@ -190,7 +190,7 @@ def run(
     weighing, excitation = seen.weighing, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _find_causes_of_log(seen, raw, machine)
-    judged = withhold_by_findings(seen.case.judged, causes, machine)
+    judged = add_check_of_invalidating_findings(seen.case.judged, causes, machine)
     opinion = Verdict.from_frame(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane, plane_budget = make_planar_frames(
@@ -212,7 +212,7 @@ def run(
     why = list_reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
-            **rename_raw_frames(raw),
+            **name_raw_frames_by_topic(raw),
             **seen.frames,
             "planar": plane,
             "planar_budget": plane_budget,
@@ -245,7 +245,7 @@ def run(
                 *order_note(compute_log_offsets_ns(logs, list_channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *list_outdated_ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *list_notes_on_outdated_tickets(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),
@@ -288,7 +288,7 @@ def _run_stages(
         lambda grid: weigh(grid, excitation, gated, noise, machine),
     )
     weighing, gated = told.weighing, told.gated
-    release_freed_memory()  # of a shift a gigabyte
+    return_freed_memory_to_os()  # of a shift a gigabyte
     on_stage("segments")  # pooled over each manoeuvre
     table = estimate_each_manoeuvre_by_pooling(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load

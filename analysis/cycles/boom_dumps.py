@@ -85,7 +85,7 @@ def find_boom_dumps(
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if unloading_spans is None:
-        reached = np.array([orient_dumping_reach_rad(away[slow & whole])])
+        reached = np.array([estimate_signed_dumping_reach_rad(away[slow & whole])])
     else:
         reached = np.array(
             [find_farthest_reach_rad(away, slow & whole, t_ns, span) for span in unloading_spans]
@@ -131,7 +131,7 @@ def mark_standing_samples(excitation: pl.DataFrame) -> Bools:
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
-def orient_dumping_reach_rad(deflection_rad: Floats) -> float:
+def estimate_signed_dumping_reach_rad(deflection_rad: Floats) -> float:
     """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
 
     A boom that moves during driving is far from its usual position both at the dump and at the

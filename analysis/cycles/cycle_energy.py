@@ -141,7 +141,7 @@ def compute_energy_sensitivities(
     model = drive.model
     forces = [
         *perturb_terms_one_by_one(model, drive.model_u),
-        trade_viscous_for_coulomb(integrals, model, drive.coulomb_N),
+        shift_viscous_to_coulomb_friction(integrals, model, drive.coulomb_N),
     ]
     moved = [
         replace(drive, errors=each)
@@ -163,7 +163,7 @@ def compute_energy_sensitivities(
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
         compute_energy_change_by_slope(integrals, model),
-        average_residual_work(integrals, energy_J, model),
+        distribute_mean_residual_work_by_part(integrals, energy_J, model),
         drive.speed_u_1 * compute_energy_change_by_speed_error(energy_J),
     ]
 
@@ -204,7 +204,11 @@ def split_energy_by_phase_and_part(integrals: PhaseIntegrals, model: ForceModel)
     drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
     straight = compute_drive_work(drive, model)
     work = straight + integrals.turning_J
-    slope = drive["mass"] - integrals.kinetic_J + model.acting_constant_force * drive["offset"]
+    slope = (
+        drive["mass"]
+        - integrals.kinetic_J
+        + model.constant_force_without_offset_newtons * drive["offset"]
+    )
     digging = compute_drive_work(dig, model) - compute_friction_work(dig, model)
     friction = work - integrals.kinetic_J - slope - digging
     braking = -sum_inertia_and_friction_work(slow, model)
@@ -225,7 +229,7 @@ def sum_inertia_and_friction_work(integrals: EnergyIntegrals, model: ForceModel)
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
         integrals["mass"]
-        + model.acting_constant_force * integrals["offset"]
+        + model.constant_force_without_offset_newtons * integrals["offset"]
         + model.viscous * integrals["viscous"]
         + sum(getattr(model, name) * integrals[name] for name in WARMING)
         + model.direction * integrals["direction"]
@@ -261,7 +265,7 @@ def compute_energy_change_by_speed_error(energy_J: Floats) -> Floats:
     return changed
 
 
-def trade_viscous_for_coulomb(
+def shift_viscous_to_coulomb_friction(
     integrals: PhaseIntegrals, model: ForceModel, additional_coulomb_N: float
 ) -> ForceModel:
     """Force model with more Coulomb and less viscous friction, equal at the drive's mean."""
@@ -272,7 +276,9 @@ def trade_viscous_for_coulomb(
     )
 
 
-def average_residual_work(integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel) -> Floats:
+def distribute_mean_residual_work_by_part(
+    integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel
+) -> Floats:
     """Mean residual work of the fit without digging, (phases, parts) in J."""
     left_N = compute_unexplained_work(integrals, energy_J, model).sum() / max(
         integrals.drive["direction"].sum(), 1.0

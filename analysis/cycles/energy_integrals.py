@@ -108,7 +108,8 @@ def collect_energy_samples(
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     smooth_N, smooth_m_s = (
-        centre_trailing_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
+        shift_trailing_mean_to_centre(excitation, name, machine)
+        for name in ("force_x_N", "speed_x_m_s")
     )
     turning = np.where(known, compute_turning_power_watts(aligned, machine.machine), 0.0)
     stands, turns = (
@@ -210,11 +211,15 @@ def compute_centred_speed_and_acceleration(
 ) -> tuple[Floats, Floats]:
     """Speed, and acceleration that multiplies the mass, by the centred moving mean, (n,) each."""
     names = ("speed_x_m_s", "regressor_acc_x_m_s2")
-    speed, acceleration = (centre_trailing_mean(excitation, name, machine) for name in names)
+    speed, acceleration = (
+        shift_trailing_mean_to_centre(excitation, name, machine) for name in names
+    )
     return speed, acceleration
 
 
-def centre_trailing_mean(excitation: pl.DataFrame, column_name: str, machine: Machine) -> Floats:
+def shift_trailing_mean_to_centre(
+    excitation: pl.DataFrame, column_name: str, machine: Machine
+) -> Floats:
     """Column after the trailing mean, advanced by half its length, (n,); 0 where unknown."""
     return np.roll(
         np.nan_to_num(column_values(excitation, column_name)),

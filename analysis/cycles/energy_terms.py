@@ -43,7 +43,7 @@ class ForceModel:
     quadratic: float
 
     @property
-    def acting_constant_force(self) -> float:
+    def constant_force_without_offset_newtons(self) -> float:
         """Constant force that acts, such as a slope or an accelerometer tilt, in N."""
         return self.const - self.offset
 

@@ -76,7 +76,7 @@ def compute_ground_force_newtons(
     """
     v, a = compute_centred_speed_and_acceleration(excitation, machine)
     resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
-    return mass_kg * a + model.acting_constant_force + resisted
+    return mass_kg * a + model.constant_force_without_offset_newtons + resisted
 
 
 def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDrive:

@@ -192,7 +192,7 @@ class CheckInputs:
         return None if self.weighing is None else self.weighing.fit.force_by_position
 
     @cached_property
-    def empty_mass(self) -> EmptyMassDifference | None:
+    def empty_mass_difference(self) -> EmptyMassDifference | None:
         """Lightest load compared with the empty mass; None if either is missing."""
         return compare_lightest_load_with_empty_mass(self.weighing, self.machine)
 
@@ -222,7 +222,7 @@ class CheckInputs:
         )
 
     @cached_property
-    def spins(self) -> AxisMotion | None:
+    def spin_motion(self) -> AxisMotion | None:
         """Samples of spins; None if the channels do not allow it or there are too few."""
         if Z not in list_axes_allowed_by_channels(self.excitation):
             return None

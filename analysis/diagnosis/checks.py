@@ -48,7 +48,7 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
         `verdict`: a row per check; `passed` is null if the check does not apply.
     """
     machine = inputs.machine
-    motions = {"mass": inputs.straight_motion, "inertia": inputs.spins}
+    motions = {"mass": inputs.straight_motion, "inertia": inputs.spin_motion}
     judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
     limits = machine.settings.verdict.model_dump()
 
@@ -174,13 +174,13 @@ def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 def _empty_mass_shortfall_over_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """How far the lightest load is below the empty mass, in u."""
-    found = inputs.empty_mass
+    found = inputs.empty_mass_difference
     return np.nan if found is None else -found.difference_over_u
 
 
 def empty_mass_difference_over_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Distance from the empty mass in u; NaN if another check covers it."""
-    found = inputs.empty_mass
+    found = inputs.empty_mass_difference
     if found is None or not found.can_test_scale:
         return np.nan
     # what is so far below that it is withheld is said once
@@ -190,7 +190,7 @@ def empty_mass_difference_over_u(inputs: CheckInputs, _motion: AxisMotion) -> fl
 
 def _describe_ratio_to_empty_mass(inputs: CheckInputs, _motion: AxisMotion) -> str:
     """Text on the ratio to the empty mass, if it is beyond its limit."""
-    found = inputs.empty_mass
+    found = inputs.empty_mass_difference
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
     far = found is not None and found.can_test_scale and abs(found.difference_over_u) > limit_u
     return found.difference_and_causes_text if found is not None and far else ""
@@ -347,7 +347,7 @@ CHECKS: Final = (
 )
 
 
-def withhold_by_findings(
+def add_check_of_invalidating_findings(
     verdict: pl.DataFrame, findings: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """Add the check that fails if a finding invalidates the mass.

@@ -134,7 +134,11 @@ def _describe_missing_answer(inputs: CheckInputs, _motion: AxisMotion) -> str:
 
 
 def _name_term_farthest_from_prior(inputs: CheckInputs, _motion: AxisMotion) -> str:
-    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_deviations_by_term
+    widths = (
+        {}
+        if inputs.weighing is None
+        else inputs.weighing.fit_without_learnt_priors.prior_deviations_by_term
+    )
     return max(widths, key=widths.__getitem__, default="")
 
 
@@ -142,7 +146,7 @@ def viscous_friction_t_value(weighing: Weighing) -> float:
     """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
     fit = weighing.fit
     value, std = fit.viscous_friction_and_std
-    share = value * fit.motion.speed_95_percent / fit.motion.force_95_percent
+    share = value * fit.motion.speed_95_percentile_m_s / fit.motion.force_95_percentile_newtons
     return value / std if share < -WEIGHING_LIMITS.falling_friction_1 else max(value / std, 0.0)
 
 
@@ -204,12 +208,13 @@ def make_term_presence_check(name: str, term: str, meaning: str) -> CheckRow:
         name,
         "mass",
         _make_joint_fit_quantity_function(
-            lambda weighing: weighing.own_fit.term_t_values.get(term, np.nan)
+            lambda weighing: weighing.fit_without_learnt_priors.term_t_values.get(term, np.nan)
         ),
         meaning,
         maximum="term_t_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and term in inputs.weighing.own_fit.term_t_values
+            inputs.weighing is not None
+            and term in inputs.weighing.fit_without_learnt_priors.term_t_values
         ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",
@@ -231,7 +236,9 @@ FIT_CHECKS: Final = (
         "term_beyond_prior",
         "mass",
         _make_joint_fit_quantity_function(
-            lambda weighing: max(weighing.own_fit.prior_deviations_by_term.values())
+            lambda weighing: max(
+                weighing.fit_without_learnt_priors.prior_deviations_by_term.values()
+            )
         ),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",

@@ -176,7 +176,7 @@ class ErrorPrediction:
         return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None
 
 
-def predict_errors_of_drive(
+def predict_estimate_errors_of_drive(
     motion_kind: Drive,
     filters: Filters,
     truth: MeasuredSignals,

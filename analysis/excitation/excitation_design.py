@@ -17,7 +17,7 @@ from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
     compute_sensor_noise,
-    predict_errors_of_drive,
+    predict_estimate_errors_of_drive,
     predict_noise_scaled_condition,
 )
 from analysis.simulation import Channels, Scenario, solve_motion
@@ -153,13 +153,13 @@ class ExcitationDesign:
         """
         if self.best is None:
             raise DataError("no waveform stays within the yard; give a longer --yard")
-        return with_trial_of_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
+        return copy_scenario_with_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
 
 
-def with_trial_of_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
+def copy_scenario_with_manoeuvres(base_scenario: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
     """Copy of a scenario with these manoeuvres as its trial."""
-    campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
-    return base.model_copy(update={"campaign": campaign})
+    campaign = base_scenario.campaign.model_copy(update={"manoeuvres": manoeuvres})
+    return base_scenario.model_copy(update={"campaign": campaign})
 
 
 def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
@@ -187,7 +187,7 @@ def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> f
             torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
             duration_s=compute_settling_time_bound_s(inertia, friction, key, scenario),
         )
-    motion = solve_motion(with_trial_of_manoeuvres(scenario, step), load_kg)
+    motion = solve_motion(copy_scenario_with_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
     driven = motion.sample_channels(time_s)
     speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
@@ -321,7 +321,7 @@ def score_waveform(
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
-    motion = solve_motion(with_trial_of_manoeuvres(scenario, longer), load_kg)
+    motion = solve_motion(copy_scenario_with_manoeuvres(scenario, longer), load_kg)
     driven = motion.sample_channels(np.arange(round(last_s * rate_hz)) / rate_hz)
     truth = MeasuredSignals.from_motion(driven)
     asked = _ASKED[motion_kind]
@@ -334,7 +334,11 @@ def score_waveform(
         first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
         part = MeasuredSignals(*(each[first : first + samples] for each in truth))
         windows.append(
-            (first, part, predict_errors_of_drive(motion_kind, filters, part, motion.body, noise))
+            (
+                first,
+                part,
+                predict_estimate_errors_of_drive(motion_kind, filters, part, motion.body, noise),
+            )
         )
     first, part, predictions = max(windows, key=lambda window: largest_relative_rms(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))

@@ -12,7 +12,7 @@ from analysis.explain.explain_limits import LIMITS
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
-    compute_reason_fractions,
+    compute_fractions_of_gate_reasons,
     list_stretches_of_gate_decisions,
     report_manoeuvre_at_time,
     report_worst_manoeuvres,
@@ -139,7 +139,7 @@ def make_explanation(run: Run, at_s: float | None = None) -> Explanation:
         manoeuvre=manoeuvre,
         worst=report_worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
-        shares=compute_reason_fractions(gate),
+        shares=compute_fractions_of_gate_reasons(gate),
         determined=determine_parameters_at_moment(run, manoeuvre, at_s),
     )
 

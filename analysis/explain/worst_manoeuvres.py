@@ -128,7 +128,7 @@ def _median_of_gate_column(gate_rows: pl.DataFrame, column: str) -> float | None
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
-def compute_reason_fractions(gate: pl.DataFrame) -> dict[str, float]:
+def compute_fractions_of_gate_reasons(gate: pl.DataFrame) -> dict[str, float]:
     """Share of windows by reason, most frequent first."""
     if "reason_x" not in gate.columns or not gate.height:
         return {}

@@ -137,12 +137,12 @@ class _Parser:
         return left
 
     def _parse_product(self, depth: int) -> Expression:
-        left = self._parse_signed(depth)
+        left = self._parse_signed_operand(depth)
         while sign := self._take_token_if_one_of("*", "/"):
-            left = Call(sign, (left, self._parse_signed(depth)))
+            left = Call(sign, (left, self._parse_signed_operand(depth)))
         return left
 
-    def _parse_signed(self, depth: int) -> Expression:
+    def _parse_signed_operand(self, depth: int) -> Expression:
         negative = False
         while sign := self._take_token_if_one_of("-", "+"):
             negative ^= sign == "-"
@@ -290,7 +290,7 @@ def format_dimension(dimension: Any) -> str:
     return f"in {'·'.join(parts)}"
 
 
-def write_unit_for_pint(unit: str) -> str:
+def format_unit_for_pint(unit: str) -> str:
     """A unit of the schema (`N·m`, `m/s²`, `°`) as pint writes it; another one stays as it is."""
     return unit.replace("·", "*").replace("²", "**2").replace("°", "degree")
 
@@ -299,7 +299,7 @@ def find_si_gain_and_dimension(unit: str, expression: str, registry: Any) -> tup
     """Factor that converts a number to SI units, and its dimension."""
     import pint
 
-    text = write_unit_for_pint(unit)
+    text = format_unit_for_pint(unit)
     try:
         quantity = registry.Quantity(1.0, registry.parse_units(text)) if text else None
         if quantity is None:

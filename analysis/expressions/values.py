@@ -26,7 +26,7 @@ _OF_ONE: Final[Mapping[str, Callable[..., Floats]]] = {
 _OF_MANY: Final[Mapping[str, Callable[..., Floats]]] = {"min": np.minimum, "max": np.maximum}
 
 
-def evaluate_and_count_near_zero(
+def evaluate_and_count_near_zero_divisors(
     tree: Expression, values: Mapping[str, Floats], size: int
 ) -> tuple[Floats, int]:
     """Evaluate an expression.
@@ -53,7 +53,7 @@ def evaluate_and_count_near_zero(
             return scale * values[f"{SLOPE} {name}"]
         parts = [evaluate_node(argument) for argument in node.arguments]
         if node.function == "/":
-            quotient, bad = divide_and_count_near_zero(parts[0], parts[1])
+            quotient, bad = divide_and_count_near_zero_divisors(parts[0], parts[1])
             near_zero += bad
             return quotient
         return _apply_function(node, parts)
@@ -85,7 +85,7 @@ def _apply_function(node: Call, argument_values: list[Floats]) -> Floats:
     return np.where(argument_values[0].astype(np.bool_), argument_values[1], otherwise)
 
 
-def divide_and_count_near_zero(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
+def divide_and_count_near_zero_divisors(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
     """Quotient, NaN if the divisor is near zero, and the number of such divisions."""
     known = np.abs(divisor[np.isfinite(divisor)])
     limit = (

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.findings.accelerometer_share import fit_accelerometer_gain_and_std
-from analysis.findings.altered_motion import change_accelerometer
+from analysis.findings.altered_motion import transform_accelerometer_signals
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
     compute_gravity_by_pitch_m_s2,
@@ -133,7 +133,7 @@ def _find_accelerometer_error_at_rest(
             value=f"{offset - convert_to_accelerometer_unit(inputs, error):.5g}" if names else None,
             change=lambda: refit_corrected(
                 inputs,
-                lambda motion: change_accelerometer(motion, lambda x: x - error),
+                lambda motion: transform_accelerometer_signals(motion, lambda x: x - error),
                 min(std / abs(error), 1.0),
             ),
             alternatives=others,
@@ -209,7 +209,7 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
             value=value,
             change=lambda: refit_corrected(
                 inputs,
-                lambda motion: change_accelerometer(motion, lambda x: x / np.cos(angle)),
+                lambda motion: transform_accelerometer_signals(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
             ),
         )

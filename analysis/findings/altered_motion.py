@@ -20,10 +20,10 @@ def correct_channel_delay(motion: MotionSamples, channel: str, late_s: float) ->
     def advance_samples(x: Floats) -> Floats:
         return np.interp(rows + late_s * motion.rate_hz, rows, x)
 
-    return change_accelerometer(motion, advance_samples)
+    return transform_accelerometer_signals(motion, advance_samples)
 
 
-def change_accelerometer(
+def transform_accelerometer_signals(
     motion: MotionSamples, correct_signal: Callable[[Floats], Floats]
 ) -> MotionSamples:
     """Apply a function to every accelerometer signal of the motion."""

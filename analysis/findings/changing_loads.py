@@ -23,7 +23,7 @@ from analysis.findings.whitened_rows import (
     build_whitened_force_rows,
     compute_whitened_row_noise_variance,
     index_samples_of_whole_blocks,
-    sum_blocks,
+    sum_blocks_of_samples,
 )
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import format_count
@@ -101,7 +101,7 @@ def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
         return []
     apart = found.gain_1 - 1.0
     says = f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse, or the load depends on it"
-    if found.could_replace_several_loads:
+    if found.could_explain_several_loads:
         says = (
             f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse and there is one load, "
             f"or there are {found.loads} that depend on the direction: this log cannot distinguish "
@@ -117,9 +117,9 @@ def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             # which of the two directions is right is not known
             change=None
-            if found.could_replace_several_loads
+            if found.could_explain_several_loads
             else lambda: MassChange(0.0, of_mass_kg),
-            invalidates=found.could_replace_several_loads,
+            invalidates=found.could_explain_several_loads,
         )
     ]
 
@@ -223,7 +223,7 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         mine = taken[rows].ravel()
         t_s = (mine - part[0]) / motion.rate_hz
         grown = (
-            sum_blocks(
+            sum_blocks_of_samples(
                 t_s * motion.acceleration[mine] + motion.speed[mine], LIMITS.force_mean_samples
             )
             / LIMITS.force_mean_samples

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import change_accelerometer
+from analysis.findings.altered_motion import transform_accelerometer_signals
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import ProjectedEquation, build_whitened_force_rows
@@ -85,7 +85,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
     motion = subtract_gear_inertia(fit.motion, fit.terms, fit.theta[fit.mass_count + 1 :])
     offset = abs(rest[0]) > max(
         LIMITS.standing_reading_std * rest[1],
-        LIMITS.standing_reading_fraction * motion.force_95_percent,
+        LIMITS.standing_reading_fraction * motion.force_95_percentile_newtons,
     )
     tilt = (
         abs(error[0]) > max(LIMITS.standing_reading_std * error[1], LIMITS.standing_reading_m_s2)
@@ -133,7 +133,9 @@ def _subtract_force_and_accelerometer_offsets(
     """Subtract a force offset and an accelerometer error."""
     if rest_N:
         motion = replace(motion, force=motion.force - rest_N)
-    return change_accelerometer(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
+    return (
+        transform_accelerometer_signals(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
+    )
 
 
 def is_in_best_explanation(

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.expressions.parse import write_unit_for_pint
+from analysis.expressions.parse import format_unit_for_pint
 from analysis.findings.altered_motion import correct_channel_delay
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
@@ -254,7 +254,7 @@ def list_force_sources(inputs: FindingInputs) -> tuple[str, ...]:
     whole = ("force_x_N",) if "force_x_N" in machine.channels else FORCES
     sources = frozenset[str]().union(*(find_source_channels(each, machine) for each in whole))
     measured = inputs.select_measured_channels(*sorted(sources))
-    units = {name: write_unit_for_pint(find_unit_in_name(name)) for name in measured}
+    units = {name: format_unit_for_pint(find_unit_in_name(name)) for name in measured}
     by_unit = ([n for n in measured if units[n] == unit] for unit in _FORCE_UNITS)
     return next((tuple(each) for each in by_unit if len(each) > 1), ())
 
@@ -288,7 +288,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     is_ambiguous = not inputs.has_accelerometer and bool(inputs.speed_channels)
     is_speed_late = is_ambiguous and fitted_channel == "force" and fitted_s < 0.0
     channel, late_s = ("speed", -fitted_s) if is_speed_late else (fitted_channel, fitted_s)
-    names = _list_channels_of_delay(inputs, channel)
+    names = _list_log_channels_of_motion_channel(inputs, channel)
     setting, value = inputs.propose_delay_settings(names, late_s)
     beside = _list_other_motion_channels(inputs, channel)
     rivals = [each for each in beside if f"delay:{each}" in pick.rivals]
@@ -326,7 +326,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
 
 
 def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Symptom:
-    names = _list_channels_of_delay(inputs, long_delay.channel)
+    names = _list_log_channels_of_motion_channel(inputs, long_delay.channel)
     setting, value = inputs.propose_delay_settings(names, long_delay.late_s)
     words = "late" if long_delay.late_s > 0.0 else "early"
     rest = (
@@ -365,7 +365,9 @@ def _list_other_motion_channels(inputs: FindingInputs, motion_channel: str) -> l
     ]
 
 
-def _list_channels_of_delay(inputs: FindingInputs, motion_channel: str) -> tuple[str, ...]:
+def _list_log_channels_of_motion_channel(
+    inputs: FindingInputs, motion_channel: str
+) -> tuple[str, ...]:
     """Channels that a delay of force, speed or accelerometer concerns."""
     if motion_channel == "force":
         return inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(

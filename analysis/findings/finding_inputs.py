@@ -65,7 +65,7 @@ class FindingInputs:
     def log_only_fit(self) -> JointFit | None:
         """The joint fit of this log alone; None if nothing could be fitted."""
         weighing = self.check_inputs.weighing
-        return None if weighing is None else weighing.own_fit
+        return None if weighing is None else weighing.fit_without_learnt_priors
 
     @cached_property
     def can_weigh(self) -> bool:

@@ -81,7 +81,7 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
         return []
     strength = abs(rest) / max(
         LIMITS.standing_reading_std * std,
-        LIMITS.standing_reading_fraction * inputs.log_only_fit.motion.force_95_percent,
+        LIMITS.standing_reading_fraction * inputs.log_only_fit.motion.force_95_percentile_newtons,
     )
     names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
         "torque_left_N_m", "torque_right_N_m"
@@ -148,7 +148,9 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
         return []
     force = pick.value * way
     prior = "direction_share" if motion.drives_both_ways else "const_share"
-    share = max(getattr(inputs.machine.settings.priors, prior), force / motion.force_95_percent)
+    share = max(
+        getattr(inputs.machine.settings.priors, prior), force / motion.force_95_percentile_newtons
+    )
     others = list_indistinguishable_causes(pick)
     seen = explain_constant_force(inputs)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
@@ -156,7 +158,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             min(
                 float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
-                force / (LIMITS.trusted_coulomb_fraction * motion.force_95_percent),
+                force / (LIMITS.trusted_coulomb_fraction * motion.force_95_percentile_newtons),
             ),
             f"{format_force_and_std(force, pick.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
@@ -214,7 +216,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     pick, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.log_only_fit
     if pick is None or fit is None or pick.value <= 0.0:
         return []
-    at = pick.value * fit.motion.force_95_percent
+    at = pick.value * fit.motion.force_95_percentile_newtons
     if at > LIMITS.max_slip_1:
         return []
     return [

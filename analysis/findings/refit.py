@@ -13,8 +13,8 @@ from analysis.findings.cause import MassChange
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import is_first_of_stretch
-from analysis.weighing.joint_fit import refit_with_changes
+from analysis.weighing.fitted_stretches import mark_stretch_starts
+from analysis.weighing.joint_fit import refit_with_extra_terms
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
@@ -170,23 +170,25 @@ def refit_from_earlier_fit(
     """
     part = earlier_fit.motion.cut_to_first_stretches(LIMITS.refit_pilot_stretches)
     if part is earlier_fit.motion or not part.has_enough_motion:
-        return refit_with_changes(
+        return refit_with_extra_terms(
             earlier_fit, noise, priors, rounds=LIMITS.refit_rounds - is_lag_known
         )
     if is_lag_known:
-        return refit_with_changes(earlier_fit, noise, priors)
+        return refit_with_extra_terms(earlier_fit, noise, priors)
     states = None if earlier_fit.states is None else earlier_fit.states.renumber_for_motion(part)
-    pilot = refit_with_changes(replace(earlier_fit, motion=part, states=states), noise, priors)
+    pilot = refit_with_extra_terms(replace(earlier_fit, motion=part, states=states), noise, priors)
     if abs(pilot.found.lag_s - earlier_fit.found.lag_s) > LIMITS.refit_lag_moves_s:
-        pilot = refit_with_changes(pilot, noise, priors)
+        pilot = refit_with_extra_terms(pilot, noise, priors)
     theta = earlier_fit.theta.copy()
     theta[earlier_fit.mass_count] = pilot.viscous_friction
-    return refit_with_changes(replace(earlier_fit, found=pilot.found, theta=theta), noise, priors)
+    return refit_with_extra_terms(
+        replace(earlier_fit, found=pilot.found, theta=theta), noise, priors
+    )
 
 
 def exclude_and_renumber_short_stretches(motion: MotionSamples) -> MotionSamples:
     """Number the stretches again after samples were excluded, and exclude those now too short."""
-    parts = np.where(motion.is_fittable, np.cumsum(is_first_of_stretch(motion.group)) - 1, -1)
+    parts = np.where(motion.is_fittable, np.cumsum(mark_stretch_starts(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
     return replace(motion, group=parts.astype(np.int64)).exclude_samples(short)

@@ -181,10 +181,10 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     u_kg = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))[HYSTERESIS.name]
     return [
         Symptom(
-            half_N / (LIMITS.hysteresis_share * fit.motion.force_95_percent),
+            half_N / (LIMITS.hysteresis_share * fit.motion.force_95_percentile_newtons),
             f"the force reads {half_N:.0f} ± {std_N:.0f} N less while it rises and more while it "
-            f"falls, {half_N / fit.motion.force_95_percent:.1%} of the largest force; the mass is "
-            "corrected for it",
+            f"falls, {half_N / fit.motion.force_95_percentile_newtons:.1%} of the largest force; "
+            "the mass is corrected for it",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, u_kg),
         )

@@ -14,7 +14,7 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.filters import median_period_ns
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
-from analysis.stages.signals.timestamps import FIRST_DATE_NS, measure_relative_step_scatter
+from analysis.stages.signals.timestamps import FIRST_DATE_NS, measure_relative_sampling_jitter
 from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import format_count
 
@@ -95,7 +95,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """Find topics whose time steps scatter, apart from gaps."""
     found: list[Symptom] = []
     for name, (t, _) in select_one_series_per_topic(inputs).items():
-        uneven = measure_relative_step_scatter(
+        uneven = measure_relative_sampling_jitter(
             inputs.raw[inputs.machine.channels[name].topic or "table"]
         )
         if uneven is not None:
@@ -114,7 +114,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
         if steps.size < 100:
             continue
         scatter = float(np.std(steps))
-        least, says = choose_step_scatter_limit_and_verdict(inputs, name)
+        least, says = choose_sampling_jitter_limit_and_verdict(inputs, name)
         found.append(
             Symptom(
                 scatter / least,
@@ -126,7 +126,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     return keep_strongest_symptom(found)
 
 
-def choose_step_scatter_limit_and_verdict(
+def choose_sampling_jitter_limit_and_verdict(
     inputs: FindingInputs, channel_name: str
 ) -> tuple[float, str]:
     """Relevant scatter of a topic's time steps, and whether its readings confirm the stamps.

@@ -95,9 +95,9 @@ def find_std_growth_of_recursion(inputs: FindingInputs, method: str) -> Symptom 
     )
     # a recursion begins anew with each load, and learns in each start
     load = np.searchsorted(find_load_change_rows(inputs.check_inputs.weighing), rows, "right")
-    parts = np.flatnonzero(mark_run_starts(starts) | mark_run_starts(load))
-    least_kg = map_parts_of_array(np.fmin.accumulate, std_kg, parts)
-    steady = map_parts_of_array(np.cumsum, cruises.astype(np.float64), parts)
+    parts = np.flatnonzero(mark_rising_edges(starts) | mark_rising_edges(load))
+    least_kg = apply_function_to_array_parts(np.fmin.accumulate, std_kg, parts)
+    steady = apply_function_to_array_parts(np.cumsum, cruises.astype(np.float64), parts)
     grown = np.minimum(np.log(std_kg / least_kg), -0.5 * steady * np.log(trace.forgetting))
     grown[~cruises | ~np.isfinite(grown)] = -np.inf
     if np.count_nonzero(np.isfinite(grown)) < LIMITS.wind_up_min_estimates:
@@ -114,12 +114,12 @@ def find_std_growth_of_recursion(inputs: FindingInputs, method: str) -> Symptom 
     )
 
 
-def mark_run_starts(flags_or_numbers: Bools | Ints) -> Bools:
+def mark_rising_edges(flags_or_numbers: Bools | Ints) -> Bools:
     """(n,) True where a run of True values begins, or where a number increases."""
     return np.diff(flags_or_numbers.astype(np.int64), prepend=0) > 0
 
 
-def map_parts_of_array(
+def apply_function_to_array_parts(
     function: Callable[[Floats], Floats], values: Floats, part_begins: Ints
 ) -> Floats:
     """Apply a function to each part of (n,) values; `part_begins` holds their first indices."""

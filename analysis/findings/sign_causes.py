@@ -332,7 +332,7 @@ def scale_channel_of_motion(motion: MotionSamples, channel: str, factor: float) 
 
 def find_lightest_load_off_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Find a lightest load that contradicts the empty mass, given the scale's uncertainty."""
-    found = inputs.check_inputs.empty_mass
+    found = inputs.check_inputs.empty_mass_difference
     if found is None or not found.can_test_scale:
         return []
     return [

@@ -67,7 +67,7 @@ def build_whitened_force_rows(
         )
     )
     # a force without noise is known to its last digit
-    std = max(std, np.finfo(np.float64).eps * motion.force_95_percent) or 1.0
+    std = max(std, np.finfo(np.float64).eps * motion.force_95_percentile_newtons) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
     rate = _differentiate_force(motion.force, motion.rate_hz)[taken]
@@ -88,7 +88,7 @@ def build_whitened_force_rows(
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def block_means(x: Floats) -> Floats:
-        return sum_blocks(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
+        return sum_blocks_of_samples(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
 
     own = noise.covariance_of_means(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
@@ -112,7 +112,7 @@ def build_whitened_wheel_rows(
     if reads is None:
         return None
     step_s = 1.0 / motion.rate_hz
-    rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percent
+    rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     of_speed = max(
         float(noise.covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]), rounding_m_s**2
     )
@@ -134,7 +134,7 @@ def build_whitened_wheel_rows(
         white, added = compute_whitening_matrix_and_imu_noise(count, of_speed, of_acc)
         of_gained += added
         means = (
-            sum_blocks(
+            sum_blocks_of_samples(
                 np.concatenate([v - gained, gained, np.abs(v) * f, a]), LIMITS.wheel_mean_samples
             )
             / LIMITS.wheel_mean_samples
@@ -180,7 +180,7 @@ def index_samples_of_whole_blocks(stretch_of_sample: Ints, block_size: int) -> I
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
-def sum_blocks(values: Floats, block_size: int) -> Floats:
+def sum_blocks_of_samples(values: Floats, block_size: int) -> Floats:
     """Sums of blocks of so many samples, (blocks,)."""
     blocks = values.reshape(-1, block_size)
     total = blocks[:, 0].copy()

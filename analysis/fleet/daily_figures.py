@@ -72,7 +72,7 @@ def sum_tonnes_by_group(results: pl.DataFrame, group_columns: list[str]) -> pl.D
             pl.col("payload_kg").sum(),
             (pl.col("payload_u_random_kg") ** 2).sum().sqrt().alias("payload_u_random_kg"),
             pl.col("payload_u_common_kg").sum(),
-            make_count_of_recordings_without_scale().alias("without_scale"),
+            make_expression_counting_unknown_scales().alias("without_scale"),
         )
         .with_columns(
             (pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2)
@@ -99,7 +99,7 @@ def sum_daily_results_over_machines(machines: pl.DataFrame) -> Mapping[str, floa
     }
 
 
-def make_count_of_recordings_without_scale() -> pl.Expr:
+def make_expression_counting_unknown_scales() -> pl.Expr:
     """Expression: number of recordings whose tonnes have an unknown scale."""
     unknown = pl.col("scale_unknown").fill_null("") != ""
     return (unknown & (pl.col("cycles_counted") > 0)).sum().cast(pl.Int64)

@@ -97,12 +97,12 @@ def rename_stored_checks(frame_name: str, rows: Rows) -> Rows:
         return rows
     return rows.with_columns(
         pl.col(column).map_batches(
-            partial(_rename_in_texts, rename), return_dtype=pl.String, is_elementwise=True
+            partial(_rename_checks_in_texts, rename), return_dtype=pl.String, is_elementwise=True
         )
     )
 
 
-def _rename_in_texts(rename: Callable[[str], str], texts: pl.Series) -> pl.Series:
-    known = {text: rename(text) for text in texts.drop_nulls().unique().to_list()}
+def _rename_checks_in_texts(rename_check: Callable[[str], str], texts: pl.Series) -> pl.Series:
+    known = {text: rename_check(text) for text in texts.drop_nulls().unique().to_list()}
     changed = {text: now for text, now in known.items() if text != now}
     return texts.replace(changed) if changed else texts

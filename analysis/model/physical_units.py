@@ -7,7 +7,7 @@ from functools import cache
 from tokenize import TokenError
 from typing import Any, Final
 
-from analysis.expressions.parse import write_unit_for_pint
+from analysis.expressions.parse import format_unit_for_pint
 from analysis.model.model_limits import LIMITS
 from estimators.errors import MachineError
 
@@ -47,7 +47,7 @@ def gain_and_offset_to_si(unit: str, si_unit: str) -> tuple[float, float]:
     Raises:
         MachineError: an unknown unit, or one of another dimension.
     """
-    target = write_unit_for_pint(si_unit)
+    target = format_unit_for_pint(si_unit)
     if unit in (si_unit, target):
         return 1.0, 0.0  # pint takes half a second to load its units
     import pint
@@ -146,7 +146,7 @@ _SIGNS: Final = str.maketrans(
 )
 
 
-def find_pint_name(text: str) -> str | None:
+def find_pint_unit_name(text: str) -> str | None:
     """Pint's name of a unit as users write it; None if unknown.
 
     Args:
@@ -177,7 +177,7 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
     words = re.split(r"[_\s.]+", name)
     for count in range(min(LIMITS.suffix_words, len(words) - 1), 0, -1):
         is_word = words[-1].lower() in _WORDS_BEHIND
-        unit = None if is_word else find_pint_name("_".join(words[-count:]))
+        unit = None if is_word else find_pint_unit_name("_".join(words[-count:]))
         # a lone letter at the end is an axis or a side more often than tonnes
         if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
             return "_".join(words[:-count]), unit
@@ -185,6 +185,6 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
         last = name[hump.start() :]
         if len(last) < LIMITS.clear_unit_letters and name[hump.start() - 1] in _PREFIXES:
             continue
-        if last.isalnum() and last not in ("Min", "In") and (unit := find_pint_name(last)):
+        if last.isalnum() and last not in ("Min", "In") and (unit := find_pint_unit_name(last)):
             return name[: hump.start()], unit
     return name, None

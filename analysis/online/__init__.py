@@ -13,7 +13,7 @@
 
 from typing import TYPE_CHECKING
 
-from estimators.late_names import make_late_getattr
+from estimators.late_names import make_lazy_import_getattr
 
 if TYPE_CHECKING:
     from analysis.online.follower import Follower
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Follower", "OnlineReport", "Validity", "finish", "rehearse", "start", "step"]
 
-__getattr__ = make_late_getattr(
+__getattr__ = make_lazy_import_getattr(
     "analysis.online",
     {
         "Follower": "analysis.online.follower",

@@ -126,7 +126,7 @@ class GrowingLog:
             return None
         try:
             self._append_new_samples_to_kept()
-            if self.basis is None and not self._try_to_determine_basis(
+            if self.basis is None and not self._determine_log_basis_if_possible(
                 is_log_complete=is_log_complete
             ):
                 return None
@@ -167,7 +167,7 @@ class GrowingLog:
             placed = placed.filter(stamps.is_not_null() & ((stamps != 0) | (behind is not None)))
         return placed
 
-    def _try_to_determine_basis(self, *, is_log_complete: bool) -> bool:
+    def _determine_log_basis_if_possible(self, *, is_log_complete: bool) -> bool:
         """Determine stamps, rates and the grid's origin once the first seconds are available."""
         if not self._raw.keys() >= set(self.topics):
             if is_log_complete:

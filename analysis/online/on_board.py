@@ -218,8 +218,8 @@ def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, Axi
     while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
         state, fed = feed_recursive_methods(state)
         estimates |= fed
-    if any(iter_methods_with_feed(state, FeedKind.SEGMENTS)):
-        state, finished = pool_settled_samples(state, gate.row)
+    if any(iter_methods_and_options_by_feed(state, FeedKind.SEGMENTS)):
+        state, finished = pool_samples_after_braking_delay(state, gate.row)
         estimates |= finished
     return state, AxisStep(gate_row, estimates)
 
@@ -243,17 +243,19 @@ def estimate_windowed_methods(
     settings, window = state.settings, state.window
     estimates = {
         method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
-        for method, options in iter_methods_with_feed(state, FeedKind.WINDOWS)
+        for method, options in iter_methods_and_options_by_feed(state, FeedKind.WINDOWS)
     }
-    if any(iter_methods_with_feed(state, FeedKind.SETTLED)):
+    if any(iter_methods_and_options_by_feed(state, FeedKind.SETTLED)):
         state = replace(state, settling=(*state.settling, SettlingWindow(row, window)))
-    if any(iter_methods_with_feed(state, FeedKind.SEGMENTS)):
+    if any(iter_methods_and_options_by_feed(state, FeedKind.SEGMENTS)):
         newest = min(row - state.accepted_row, settings.gate.window_samples)
         state = queue_moving_samples_for_pooling(state, row, newest)
     return replace(state, accepted_row=row), estimates
 
 
-def iter_methods_with_feed(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method, Any]]:
+def iter_methods_and_options_by_feed(
+    state: AxisState, feed: FeedKind
+) -> Iterator[tuple[Method, Any]]:
     """Methods of the settings with this kind of feed, and their options."""
     for name in state.settings.trace.methods:
         method = METHODS[name]
@@ -271,7 +273,7 @@ def feed_recursive_methods(state: AxisState) -> tuple[AxisState, dict[str, Timed
     mean = settings.smooth.samples
     pasts = dict(state.pasts)
     estimates: dict[str, TimedEstimate] = {}
-    for method, options in iter_methods_with_feed(state, FeedKind.SETTLED):
+    for method, options in iter_methods_and_options_by_feed(state, FeedKind.SETTLED):
         past = pasts.get(method.name)
         pasts[method.name], estimate = method.step(window, past, newest, mean, options)
         estimates[method.name] = TimedEstimate(row, estimate)
@@ -288,7 +290,7 @@ def queue_moving_samples_for_pooling(state: AxisState, row: int, new_samples: in
     return replace(state, pending=(*state.pending, *pending))
 
 
-def pool_settled_samples(
+def pool_samples_after_braking_delay(
     state: AxisState, row: int
 ) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
     """Pool samples that braking can no longer exclude; an estimate at a manoeuvre's end."""
@@ -349,5 +351,5 @@ def _make_pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:
     mean = state.settings.smooth.samples
     return {
         method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
-        for method, options in iter_methods_with_feed(state, FeedKind.SEGMENTS)
+        for method, options in iter_methods_and_options_by_feed(state, FeedKind.SEGMENTS)
     }

@@ -54,18 +54,18 @@ class Table2:
     offset_share_1: float
 
 
-def fit_calibration_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
-    """Fit (19) to a campaign; one row per method with `chain`, `alpha_1` and `beta_kg`."""
+def fit_calibration_lines(campaign: ReplayedCampaign, torque_chain_name: str) -> pl.DataFrame:
+    """Fit (19) to a campaign; one row per method with `chain`, `alpha_1`, `beta_kg`."""
     return (
         fit_calibration_line_by_method(campaign.tabulate_masses_by_method_and_trial())
         .group_by("method", maintain_order=True)
-        .agg(pl.lit(chain).alias("chain"), pl.col("alpha_1", "beta_kg").first())
+        .agg(pl.lit(torque_chain_name).alias("chain"), pl.col("alpha_1", "beta_kg").first())
     )
 
 
-IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fit_calibration_lines, chain="ideal"))
+IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fit_calibration_lines, torque_chain_name="ideal"))
 CHAINED_LINES: Final = Extract(
-    CHAINED_CAMPAIGNS, partial(fit_calibration_lines, chain="front_axle")
+    CHAINED_CAMPAIGNS, partial(fit_calibration_lines, torque_chain_name="front_axle")
 )
 
 
@@ -88,7 +88,7 @@ def make_table_2(extracts: Extracts) -> Table2:
         for row in table.filter(pl.col("method") == "ls").iter_rows(named=True)
     }
     alpha_1, beta_kg = (
-        printed_numbers.name_table_values_by_method(row)["ls"]
+        printed_numbers.pair_table_values_with_methods(row)["ls"]
         for row in printed_numbers.TABLE_2.values()
     )
     return Table2(
@@ -170,30 +170,30 @@ OVER_WINDOWS: Final = Extract(
 
 def make_table_3(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
-    return _make_swept_table(
+    return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
     )
 
 
 def make_table_4(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
-    return _make_swept_table(
+    return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG
     )
 
 
-def _make_swept_table(
-    campaigns: Sequence[pl.DataFrame], setting: str, printed: Mapping[float, Sequence[float]]
+def _make_error_table_by_setting(
+    campaigns: Sequence[pl.DataFrame], setting: str, printed_values: Mapping[float, Sequence[float]]
 ) -> SweptTable:
     table = _average_errors_by_setting(
-        pl.concat(campaigns, how="vertical_relaxed"), setting, printed
+        pl.concat(campaigns, how="vertical_relaxed"), setting, printed_values
     )
     best_kg = table["run_left_out_kg"].min()
     assert isinstance(best_kg, float)
     return SweptTable(
         frame=table,
         best_printed={
-            method: find_keys_of_lowest_error({at: row[i] for at, row in printed.items()})
+            method: find_keys_of_lowest_error({at: row[i] for at, row in printed_values.items()})
             for i, method in enumerate(printed_numbers.METHODS)
         },
         extremes=tuple(
@@ -212,14 +212,14 @@ def _make_swept_table(
 
 
 def _average_errors_by_setting(
-    campaigns: pl.DataFrame, setting: str, printed: Mapping[float, Sequence[float]]
+    campaigns: pl.DataFrame, setting: str, printed_values: Mapping[float, Sequence[float]]
 ) -> pl.DataFrame:
     means = compute_mean_intervals(campaigns, [setting, "method"], [*ERRORS, "bound_kg", "runs"])
     known = pl.DataFrame(
         [
             {setting: at, "method": method, "paper_kg": error}
-            for at, row in printed.items()
-            for method, error in printed_numbers.name_table_values_by_method(row).items()
+            for at, row in printed_values.items()
+            for method, error in printed_numbers.pair_table_values_with_methods(row).items()
         ]
     )
     return (

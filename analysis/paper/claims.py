@@ -67,10 +67,10 @@ def compute_cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
 
 
 def compute_cruise_error_kg(
-    campaign: ReplayedCampaign, window_rule: Fed, directional: bool
+    campaign: ReplayedCampaign, window_rule: Fed, is_forgetting_directional: bool
 ) -> float:
     """Error of RLS at the end of the cruise; NaN without an estimate."""
-    methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
+    methods = {"trace.methods": ("rls",), "trace.directional_forgetting": is_forgetting_directional}
     again = rerun_estimates_with_accepted_windows(
         campaign, window_rule, campaign.settings.with_changes(methods)
     )

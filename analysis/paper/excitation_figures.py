@@ -143,7 +143,7 @@ def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
     truth = campaign.trials.row(0, named=True)
     series = pl.concat(
         _make_spin_series(
-            method, _trace_estimates(method, A, f, window, complete, noise), excitation
+            method, _trace_estimates_of_method(method, A, f, window, complete, noise), excitation
         )
         for method in printed_numbers.METHODS
     ).with_columns(
@@ -172,18 +172,25 @@ def estimate_from_complete_windows(
     return rerun_estimates_with_gate(campaign, gated.with_columns(accepted_x=shown), settings)
 
 
-def _trace_estimates(
-    method: str, A: Floats, f: Floats, window: int, complete: np.ndarray, noise: tuple[float, ...]
+def _trace_estimates_of_method(
+    method: str,
+    A: Floats,
+    f: Floats,
+    window: int,
+    is_complete_window: np.ndarray,
+    noise: tuple[float, ...],
 ) -> Trace:
     match method:
         case "ls":
-            return ls.trace(A, f, window, complete)
+            return ls.trace(A, f, window, is_complete_window)
         case "rls":
-            return rls.trace(A, f, window, complete)
+            return rls.trace(A, f, window, is_complete_window)
         case "fgls":
-            return fgls.trace(A, f, window, complete)
+            return fgls.trace(A, f, window, is_complete_window)
         case _:
-            return tls.trace(A, f, window, complete, tls.TlsOptions(noise[:-1], noise[-1]))
+            return tls.trace(
+                A, f, window, is_complete_window, tls.TlsOptions(noise[:-1], noise[-1])
+            )
 
 
 def _make_spin_series(method: str, spin_trace: Trace, excitation: pl.DataFrame) -> pl.DataFrame:

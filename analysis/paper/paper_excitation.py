@@ -76,12 +76,14 @@ class SteadyDrive:
         return MeasuredWindows(
             A=np.stack(smoothed[:2], -1),
             f=smoothed[2],
-            bound_kg=self._cramer_rao_bounds_kg(sensors, true[:, before:]),
-            strict_bound_kg=self._cramer_rao_bounds_kg(sensors, true),
+            bound_kg=self._compute_cramer_rao_bounds_kg(sensors, true[:, before:]),
+            strict_bound_kg=self._compute_cramer_rao_bounds_kg(sensors, true),
         )
 
-    def _cramer_rao_bounds_kg(self, sensors: SimulatedSensors, true: Floats) -> Floats:
-        a, v = true[..., 0], true[..., 1]
+    def _compute_cramer_rao_bounds_kg(
+        self, sensors: SimulatedSensors, true_regressors: Floats
+    ) -> Floats:
+        a, v = true_regressors[..., 0], true_regressors[..., 1]
         noise_N = compute_equation_noise_std_newtons(sensors, self.mass_kg, self.friction_N_s_m)
         sums = ((x * y).sum(axis=1) for x, y in ((a, a), (a, v), (v, v)))
         return compute_cramer_rao_mass_bounds_kg(noise_N, *sums)

@@ -63,6 +63,6 @@ EXPERIMENT_ERROR: Final = (0.15e-2, 0.13e-2)
 REDUCTION: Final = 0.80
 
 
-def name_table_values_by_method(table_row: Sequence[float] | None) -> dict[str, float]:
+def pair_table_values_with_methods(table_row: Sequence[float] | None) -> dict[str, float]:
     """Values of a table's row by method; empty for a row that the table lacks."""
     return {} if table_row is None else dict(zip(METHODS, table_row, strict=True))

@@ -106,7 +106,7 @@ class Repetition(NamedTuple):
     take: Callable[[], None]
 
 
-def with_paper_noise(machine: Machine) -> Machine:
+def copy_machine_with_paper_noise(machine: Machine) -> Machine:
     """Machine with the paper's noise instead of the log's."""
     return machine.model_copy(update={"settings": machine.settings.with_changes(PAPER_NOISE)})
 

@@ -171,10 +171,10 @@ def compute_errors_by_window_length(
     for window_s in windows_s:
         # a length's windows are the same whichever other lengths are asked for
         rng = np.random.default_rng([sensors.seed, round(window_s * 1e3)])
-        bound_kg, strict_kg, errors = compute_bounds_and_errors_kg(
+        bound_kg, strict_kg, errors = compute_cramer_rao_bounds_and_errors_kg(
             drive, sensors, window_s, smooth_samples, window_count, methods, rng
         )
-        printed = printed_numbers.name_table_values_by_method(
+        printed = printed_numbers.pair_table_values_with_methods(
             printed_numbers.TABLE_1_KG.get(window_s)
         )
         for method, error in errors.items():
@@ -209,7 +209,7 @@ def compute_errors_in_raw_units(
     )
 
 
-def compute_bounds_and_errors_kg(
+def compute_cramer_rao_bounds_and_errors_kg(
     drive: SteadyDrive,
     sensors: SimulatedSensors,
     window_s: float,

@@ -100,7 +100,7 @@ def make_planar_frames(
     joint = fit_all_motion(log, verdict)
     start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
     start = start if np.isfinite(start).all() else np.zeros(6)
-    rows = list(fit_arcs(log, gated, verdict, start))
+    rows = list(fit_each_arc_and_all_arcs(log, gated, verdict, start))
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
@@ -114,8 +114,8 @@ def make_planar_frames(
     return build_frame("planar", table.to_dict()), build_frame("planar_budget", budget.to_dict())
 
 
-def fit_arcs(
-    log: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial: Floats
+def fit_each_arc_and_all_arcs(
+    log: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial_parameters: Floats
 ) -> Iterator[dict[str, Any]]:
     """Each arc that lasts a window, and all of them as one fit."""
     plane, settings = log.plane, log.machine.settings
@@ -131,7 +131,9 @@ def fit_arcs(
     known = Prior.make_zero_mean({}, 2)
     for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_estimate_inertia), strict=True):
         if told:
-            known = known.combine_with_prior(make_arc_prior_from_axis(log, gated, initial, *stage))
+            known = known.combine_with_prior(
+                make_arc_prior_from_axis(log, gated, initial_parameters, *stage)
+            )
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known.names
     parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
@@ -140,7 +142,9 @@ def fit_arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = fit_planar_iteratively(log, of, initial, known, _BOTH if both else _FORCE)
+        fitted = fit_planar_iteratively(
+            log, of, initial_parameters, known, _BOTH if both else _FORCE
+        )
         row = _make_fit_row(kind, log, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
@@ -153,7 +157,7 @@ def fit_arcs(
 def make_arc_prior_from_axis(
     log: PlanarLog,
     gated: pl.DataFrame,
-    initial: Floats,
+    initial_parameters: Floats,
     axis: Axis,
     axes: slice,
     columns: tuple[int, ...],
@@ -167,7 +171,7 @@ def make_arc_prior_from_axis(
     if not used.any():
         return nothing
     fitted = fit_planar_iteratively(
-        log, np.where(used, 0, -1), initial, nothing, axes, columns
+        log, np.where(used, 0, -1), initial_parameters, nothing, axes, columns
     ).estimate
     if not np.isfinite(fitted.theta).all():
         return nothing
@@ -257,7 +261,7 @@ def is_fit_plausible(
 def fit_planar_iteratively(
     log: PlanarLog,
     segment_id: Ints,
-    initial: Floats,
+    initial_parameters: Floats,
     prior: Prior,
     axes: slice,
     columns: tuple[int, ...] = _ALL,
@@ -267,14 +271,14 @@ def fit_planar_iteratively(
     Args:
         log: rows of the whole log.
         segment_id: (n,) stretch of each sample.
-        initial: (6,) mass, inertia, moments and frictions to begin with.
+        initial_parameters: (6,) mass, inertia, moments and frictions to begin with.
         prior: results of earlier stages, including terms.
         axes: fitted axes: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
     """
-    told = fit_planar_once(log, segment_id, initial, prior, axes, columns)
+    told = fit_planar_once(log, segment_id, initial_parameters, prior, axes, columns)
     for _ in range(LIMITS.motion_fit_rounds - 1):
-        coefficients = initial.copy()
+        coefficients = initial_parameters.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found

@@ -108,7 +108,7 @@ class PlanarDrive:
         return read_half_track_m(self.machine)
 
     @property
-    def machine_weight(self) -> float:
+    def weight_newtons(self) -> float:
         """Weight of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 

@@ -144,7 +144,7 @@ def _mix_columns_by_imu_y_error(drive: PlanarDrive) -> Mixture:
 
 
 def _planar_coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
-    return friction_force_prior_std(drive.peak_force_N, drive.machine_weight, priors)
+    return friction_force_prior_std(drive.peak_force_N, drive.weight_newtons, priors)
 
 
 def _imu_position_prior_std(drive: PlanarDrive, _priors: PriorSettings) -> float:
@@ -156,7 +156,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_prior_std(d.peak_force_N, d.machine_weight, s),
+        lambda d, s: constant_force_prior_std(d.peak_force_N, d.weight_newtons, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",
@@ -219,7 +219,7 @@ TERMS: Final = (
         "turning_direction",
         lambda m: (None, m.direction_z),
         lambda d, s: float(
-            np.hypot(s.direction_share * d.peak_torque_N_m, s.scrub_arm_m * d.machine_weight)
+            np.hypot(s.direction_share * d.peak_torque_N_m, s.scrub_arm_m * d.weight_newtons)
         ),
         "Coulomb friction of turning: tyres that scrub",
         "spins at different throttles, both ways",

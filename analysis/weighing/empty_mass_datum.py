@@ -49,7 +49,7 @@ _CARRIED: Final = UncertaintySource(
 )
 
 
-def list_outdated_ticket_notes(body: Body, begin_ns: int) -> list[str]:
+def list_notes_on_outdated_tickets(body: Body, begin_ns: int) -> list[str]:
     """Notes on a weighbridge ticket of another day than the log.
 
     Args:

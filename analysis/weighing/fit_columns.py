@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fitted_stretches import count_samples_since_start, is_last_of_stretch
+from analysis.weighing.fitted_stretches import count_samples_since_start, mark_stretch_ends
 from analysis.weighing.force_hysteresis import Play, trace_direction_of_force_change
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
@@ -26,7 +26,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import list_rows_by_group
 from estimators.numerics.group_mean import fill_trailing_group_means
-from estimators.numerics.group_sums import NoiseMoments, convert_to_slice
+from estimators.numerics.group_sums import NoiseMoments, convert_consecutive_rows_to_slice
 from estimators.threads import map_in_threads
 
 
@@ -120,7 +120,7 @@ class PreviousEstimates:
     play: Play | None = None
     uneven_1_s: float = 0.0
 
-    def ground_force(self, motion: MotionSamples) -> Floats:
+    def estimate_ground_force_newtons(self, motion: MotionSamples) -> Floats:
         """Force on the ground, (n,) in N, of a motion whose force delay is corrected."""
         gain = 1.0 + self.transfer_s2_m * motion.acceleration
         return (motion.force - self.offset_N) / np.maximum(gain, LIMITS.load_transfer_min_gain)
@@ -256,7 +256,7 @@ def average_columns_of_pieces(
         uneven_1_s: see `PreviousEstimates`.
         rate_hz: rate of the grid.
     """
-    stride = stride_of_fitted_means(samples)
+    stride = choose_stride_of_fitted_means(samples)
     kept = [np.flatnonzero(select_every_nth_sample(group, stride)) for group in groups]
     ends = np.cumsum([each.size for each in kept]).tolist()
     places = [slice(end - each.size, end) for each, end in zip(kept, ends, strict=True)]
@@ -309,7 +309,10 @@ def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, variance_ratio: 
         variance_ratio: variance of the intercepts over that of a row.
     """
     for part in list_rows_by_group(group):
-        off, rows = (1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size), convert_to_slice(part))
+        off, rows = (
+            1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size),
+            convert_consecutive_rows_to_slice(part),
+        )
         A[rows] -= off * A[rows].mean(axis=0)
         f[rows] -= off * f[rows].mean()
 
@@ -336,7 +339,8 @@ def make_columns_of_piece(
     if previous_estimates.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
         in_time = in_time.advance_speed(previous_estimates.speed_late_s)
-    force, acting, speed = in_time.force, previous_estimates.ground_force(in_time), in_time.speed
+    force, speed = in_time.force, in_time.speed
+    acting = previous_estimates.estimate_ground_force_newtons(in_time)
     acceleration = motion.acceleration
     if previous_estimates.motion_gain:
         own = acceleration if motion.without_gravity is None else motion.without_gravity
@@ -383,7 +387,7 @@ def make_columns_of_piece(
     return _PieceColumns(A, force[fitted_samples], motion.group[fitted_samples], raw)
 
 
-def stride_of_fitted_means(mean_samples: int) -> int:
+def choose_stride_of_fitted_means(mean_samples: int) -> int:
     """Stride in samples between the means that are fitted."""
     return max(1, mean_samples // LIMITS.rows_per_mean)
 
@@ -405,14 +409,14 @@ def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
     """Samples in stretches, but for the first ones of each, whose force is from before it."""
     fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
     if lag:
-        fitted = fitted & ((motion.samples_since_start >= lag) | is_last_of_stretch(motion.group))
+        fitted = fitted & ((motion.samples_since_start >= lag) | mark_stretch_ends(motion.group))
     return np.flatnonzero(fitted)
 
 
 def select_every_nth_sample(group: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
     since = count_samples_since_start(group)
-    short = is_last_of_stretch(group) & (since < stride - 1)
+    short = mark_stretch_ends(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 

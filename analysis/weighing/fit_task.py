@@ -65,9 +65,9 @@ class FitTask:
     states: LoadStates | None
     uneven_1_s: float = 0.0
 
-    def cut_to_first_stretches(self, stretches: int) -> "FitTask":
+    def cut_to_first_stretches(self, stretch_count: int) -> "FitTask":
         """Cut the task to its first stretches."""
-        motion = self.motion.cut_to_first_stretches(stretches)
+        motion = self.motion.cut_to_first_stretches(stretch_count)
         states = None if self.states is None else self.states.renumber_for_motion(motion)
         return replace(self, motion=motion, states=states)
 
@@ -79,12 +79,12 @@ class FitTask:
             motion_gain=self._estimate_squat_gain_correction(),
             swing=self._estimate_body_swing(),
             speed_late_s=self._estimate_speed_delay_s(),
-            relative_loads=(loads := self._relative_loads()),
+            relative_loads=(loads := self._compute_relative_loads()),
             route=self._find_route(loads),
             uneven_1_s=self.uneven_1_s,
         )
 
-    def fit_over_means(
+    def fit_over_sample_means(
         self,
         mean_samples: int,
         rounds: int,
@@ -162,10 +162,10 @@ class FitTask:
             np.zeros(first - 1),
             known,
             advance_force,
-            self._prior_means(mean, known_s),
+            self._make_prior_means(mean, known_s),
         )
 
-    def _relative_loads(self, masses_kg: Floats | None = None) -> RelativeLoads | None:
+    def _compute_relative_loads(self, masses_kg: Floats | None = None) -> RelativeLoads | None:
         """Relate the states' masses to their mean over the manoeuvres; None with one state.
 
         Args:
@@ -217,7 +217,7 @@ class FitTask:
                 )
             ),
             slip_s_m=by_name["slip"],
-            relative_loads=(loads := self._relative_loads(theta[:masses])),
+            relative_loads=(loads := self._compute_relative_loads(theta[:masses])),
             route=self._find_route(loads),
         )
         return after, abs(late_s)
@@ -312,7 +312,7 @@ class FitTask:
             if term.name in learnt and not (by_wheels and term.name == "slip")
         ]
 
-    def _prior_means(self, prior_mean: Floats, advanced_s: float) -> PriorMeans:
+    def _make_prior_means(self, prior_mean: Floats, advanced_s: float) -> PriorMeans:
         """Prior means of a round whose force was advanced by a delay in s."""
         prior_mean, mean_u = prior_mean.copy(), np.zeros(len(self.terms))
         prior_mean[find_term_index("lag", self.terms)] += advanced_s
@@ -327,11 +327,14 @@ class FitTask:
         at = find_term_index("slip", self.terms)
         friction = slip_cost.friction_N_s_m
         prior_std[at] = min(
-            prior_std[at], friction * self.priors.wheel_slip / self.motion.force_95_percent
+            prior_std[at],
+            friction * self.priors.wheel_slip / self.motion.force_95_percentile_newtons,
         )
         prior_std[at] = max(
             prior_std[at],
-            LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.speed_95_percent,
+            LIMITS.min_slip_std_fraction
+            * self.priors.wheel_slip
+            / self.motion.speed_95_percentile_m_s,
         )
         self._set_prior_proportional_to_slip(
             at,

@@ -115,12 +115,12 @@ def memoise(compute: Callable[[T], Ints]) -> Callable[[T], Ints]:
     return look_up
 
 
-def is_first_of_stretch(group: Ints) -> Bools:
+def mark_stretch_starts(group: Ints) -> Bools:
     """Whether each sample is the first of its stretch, (n,)."""
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
 
 
-def is_last_of_stretch(group: Ints) -> Bools:
+def mark_stretch_ends(group: Ints) -> Bools:
     """Whether each sample is the last of its stretch, (n,)."""
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
@@ -128,12 +128,12 @@ def is_last_of_stretch(group: Ints) -> Bools:
 def count_samples_since_start(group: Ints) -> Ints:
     """Number of earlier samples in the same stretch, (n,)."""
     row = np.arange(group.size)
-    return row - np.maximum.accumulate(np.where(is_first_of_stretch(group), row, 0))
+    return row - np.maximum.accumulate(np.where(mark_stretch_starts(group), row, 0))
 
 
 def find_stretch_spans(group: Ints) -> Ints:
     """First sample of each stretch, and the one behind its last, (stretches, 2)."""
-    first, last = (np.flatnonzero(of(group)) for of in (is_first_of_stretch, is_last_of_stretch))
+    first, last = (np.flatnonzero(of(group)) for of in (mark_stretch_starts, mark_stretch_ends))
     return np.column_stack([first, last + 1])
 
 
@@ -141,7 +141,7 @@ def split_stretches_at_manoeuvres(group: Ints, manoeuvre_of_sample: Ints) -> Int
     """Split stretches at manoeuvre borders and number them again, (n,)."""
     used = group >= 0
     cut = used & (
-        is_first_of_stretch(group)
+        mark_stretch_starts(group)
         | np.append(False, manoeuvre_of_sample[1:] != manoeuvre_of_sample[:-1])
     )
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
@@ -153,7 +153,7 @@ def extend_manoeuvres_to_break_away(
     """Extend manoeuvres, (n,), back to where their speed leaves the noise, before their phase."""
     smooth = np.abs(average_three_speed_samples(speed)) > moving_threshold_m_s
     grown = group.copy()
-    for begin in np.flatnonzero(is_first_of_stretch(group)):
+    for begin in np.flatnonzero(mark_stretch_starts(group)):
         first = int(begin)
         while first > 0 and begin - first < max_rows and smooth[first - 1] and group[first - 1] < 0:
             first -= 1
@@ -170,7 +170,7 @@ def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flag_rows_near_flagged_rows(turns, has_reversal, has_reversal + 1)
     group = np.where(used & ~near, 2 * group + forwards, -1)
-    return np.where(group >= 0, np.cumsum(is_first_of_stretch(group)) - 1, -1).astype(np.int64)
+    return np.where(group >= 0, np.cumsum(mark_stretch_starts(group)) - 1, -1).astype(np.int64)
 
 
 def exclude_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
@@ -181,7 +181,7 @@ def exclude_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: floa
     used = group >= 0
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
-    first = np.flatnonzero(is_first_of_stretch(group))
+    first = np.flatnonzero(mark_stretch_starts(group))
     fastest = np.maximum.reduceat(
         np.where(used, np.abs(average_three_speed_samples(speed)), 0.0), first
     )
@@ -227,9 +227,9 @@ def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:
     return aligned["left_out"].to_numpy()
 
 
-def make_centred_ramp(samples: int) -> Floats:
+def make_centred_ramp(sample_count: int) -> Floats:
     """Evenly spaced values from -1/2 to 1/2, (samples,)."""
-    return np.arange(samples) / max(samples, 1) - 0.5
+    return np.arange(sample_count) / max(sample_count, 1) - 0.5
 
 
 def advance_signal_by_delay(signal: Floats, group: Ints, delay_rows: float) -> Floats:

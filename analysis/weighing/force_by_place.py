@@ -17,14 +17,14 @@ from analysis.weighing.weighing_limits import LIMITS
 BY_PLACE: Final = "place"
 
 
-def make_spring_force_column(relative_place: Floats) -> Floats:
+def make_spring_force_column(relative_position: Floats) -> Floats:
     """Column (n,) of a force proportional to the position; 1 at the end of the path."""
-    return 2.0 * relative_place
+    return 2.0 * relative_position
 
 
-def evaluate_half_wave_cosine(place_1: Floats, half_waves: int) -> Floats:
+def evaluate_half_wave_cosine(relative_position: Floats, half_waves: int) -> Floats:
     """Cosine (n,) over the path with a number of half waves."""
-    return np.cos(np.pi * half_waves * (place_1 + 0.5))
+    return np.cos(np.pi * half_waves * (relative_position + 0.5))
 
 
 def _make_position_wave_term(half_waves: int) -> Nuisance:
@@ -33,7 +33,7 @@ def _make_position_wave_term(half_waves: int) -> Nuisance:
         f"place_{half_waves}",
         "N",
         lambda m: evaluate_half_wave_cosine(m.place_1, half_waves),
-        lambda e, s: s.place_share * e.force_95_percent / half_waves,
+        lambda e, s: s.place_share * e.force_95_percentile_newtons / half_waves,
         "a force that depends on the place on a short path: gravity, a cable, a cam",
         "strokes at different accelerations over the same path",
         applies=lambda e: e.is_short_path_bench_log,
@@ -61,7 +61,7 @@ _OF_EVERY_LOAD: Final = (
         "spring",
         "N",
         lambda m: make_spring_force_column(m.place_1),
-        lambda e, s: s.place_share * e.force_95_percent,
+        lambda e, s: s.place_share * e.force_95_percentile_newtons,
         "a force in proportion to the place on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",
         applies=lambda e: e.is_short_path_bench_log,
@@ -73,17 +73,19 @@ _OF_EVERY_LOAD: Final = (
 PLACE: Final = (*_OF_EVERY_LOAD, *map(_make_load_proportional_term, _OF_EVERY_LOAD))
 
 
-def make_position_force_columns(place_1: Floats) -> Floats:
+def make_position_force_columns(relative_position: Floats) -> Floats:
     """(n, terms) columns of a spring and of half waves at positions on the path."""
     waves = (
-        evaluate_half_wave_cosine(place_1, half_waves)
+        evaluate_half_wave_cosine(relative_position, half_waves)
         for half_waves in range(1, LIMITS.path_half_waves + 1)
     )
-    return np.column_stack([make_spring_force_column(place_1), *waves])
+    return np.column_stack([make_spring_force_column(relative_position), *waves])
 
 
-def make_position_force_slopes(place_1: Floats) -> Floats:
+def make_position_force_slopes(relative_position: Floats) -> Floats:
     """(n, terms) derivatives of these columns by the position."""
     numbers = np.pi * np.arange(1, LIMITS.path_half_waves + 1)
-    waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))
-    return np.column_stack([np.full(place_1.size, make_spring_force_column(np.ones(1))), waves])
+    waves = -numbers * np.sin(numbers * (relative_position[:, None] + 0.5))
+    return np.column_stack(
+        [np.full(relative_position.size, make_spring_force_column(np.ones(1))), waves]
+    )

@@ -21,7 +21,9 @@ from estimators.numerics.play import apply_play_hysteresis
 
 def hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of half the loop, in N."""
-    return (priors.hysteresis_share or LIMITS.hysteresis_prior_share) * motion.force_95_percent
+    return (
+        priors.hysteresis_share or LIMITS.hysteresis_prior_share
+    ) * motion.force_95_percentile_newtons
 
 
 #: Added to a fit whose log shows hysteresis, or whose machine file expects it.
@@ -63,7 +65,7 @@ def choose_hysteresis_play(
         mean_samples: length of the fitted means.
     """
     longest = count_rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
-    half_N = LIMITS.hysteresis_turn_share * motion.force_95_percent
+    half_N = LIMITS.hysteresis_turn_share * motion.force_95_percentile_newtons
     noise_N, mean = 0.0, longest
     for mean in (*(1 << k for k in range(longest.bit_length() - 1)), longest):
         noise_N = LIMITS.hysteresis_turn_std * float(np.sqrt(noise.covariance_of_means(mean)[2, 2]))

@@ -17,15 +17,15 @@ from scipy.special import fdtrc
 from analysis.model.machine_body import Body
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.fitted_stretches import is_first_of_stretch
+from analysis.weighing.fitted_stretches import mark_stretch_starts
 from analysis.weighing.joint_fit import JointFitInputs, fit_jointly, select_terms_of_motion
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_search import fit_with_searched_load_states
 from analysis.weighing.load_states import (
     LoadStates,
+    classify_load_change_evidence,
     find_manoeuvre_of_fitted_samples,
-    label_load_change_evidence,
     weighted_means_by_state,
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
@@ -73,12 +73,12 @@ class DirectionGain:
         """
         apart_1 = abs(self.gain_1 - 1.0)
         shows = self.significance_1 > 1.0 or (
-            self.could_replace_several_loads and apart_1 > LIMITS.direction_gain_min_1
+            self.could_explain_several_loads and apart_1 > LIMITS.direction_gain_min_1
         )
         return shows and apart_1 < LIMITS.direction_gain_max_1
 
     @property
-    def could_replace_several_loads(self) -> bool:
+    def could_explain_several_loads(self) -> bool:
         """Whether the answer has several loads, which may be this gain instead."""
         return self.loads > 1
 
@@ -122,7 +122,7 @@ def estimate_force_gain_by_driving_direction(
         fit.kinematics,
         None,
         fit.found.uneven_1_s,
-    ).fit_over_means(fit.mean_samples, 2, advance_force=fit.shifted)
+    ).fit_over_sample_means(fit.mean_samples, 2, advance_force=fit.shifted)
     found = read_direction_gain_of_one_load_fit(one, fit)
     if not found.is_significant:
         return None
@@ -176,28 +176,28 @@ def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
     if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
         return False
     changes = np.diff(states.membership) != 0
-    hinted = label_load_change_evidence(motion)[changes] >= HINTED
+    hinted = classify_load_change_evidence(motion)[changes] >= HINTED
     return float(np.mean(hinted)) < LIMITS.hinted_loads_fraction
 
 
 def mark_forward_manoeuvres(motion: MotionSamples) -> Bools:
     """Whether each manoeuvre goes forwards, (units,)."""
     first = np.flatnonzero(motion.is_fittable)[
-        is_first_of_stretch(find_manoeuvre_of_fitted_samples(motion))
+        mark_stretch_starts(find_manoeuvre_of_fitted_samples(motion))
     ]
     return motion.direction[first] > 0.0
 
 
-def average_mass_by_direction_kg(states: LoadStates, forwards: Bools) -> tuple[float, float]:
+def average_mass_by_direction_kg(states: LoadStates, is_forward: Bools) -> tuple[float, float]:
     """Mean mass of the manoeuvres in reverse and forwards, in kg."""
-    each = forwards.astype(np.int64)
+    each = is_forward.astype(np.int64)
     reverse_kg, forwards_kg = weighted_means_by_state(states.level_kg, states.std_kg**-2.0, each)
     return float(reverse_kg), float(forwards_kg)
 
 
-def mark_manoeuvres_of_heavier_direction(states: LoadStates, forwards: Bools) -> Bools:
+def mark_manoeuvres_of_heavier_direction(states: LoadStates, is_forward: Bools) -> Bools:
     """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
-    return states.level_kg > float(np.mean(average_mass_by_direction_kg(states, forwards)))
+    return states.level_kg > float(np.mean(average_mass_by_direction_kg(states, is_forward)))
 
 
 def does_empty_mass_confirm_two_loads(fit: JointFit, body: Body) -> bool:

@@ -21,8 +21,12 @@ from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.weighing.fit_columns import FitRows, average_fit_columns, stride_of_fitted_means
-from analysis.weighing.joint_fit import refit_with_changes
+from analysis.weighing.fit_columns import (
+    FitRows,
+    average_fit_columns,
+    choose_stride_of_fitted_means,
+)
+from analysis.weighing.joint_fit import refit_with_extra_terms
 from analysis.weighing.joint_result import JointFit, find_term_index
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import (
@@ -116,7 +120,7 @@ def refit_with_load_growing_at_starts(
         priors: of the nuisances.
         fit_rows: rows of the fit and of `FILLING`, if already computed.
     """
-    grown = refit_with_changes(fit, noise, priors, (FILLING,), fit_rows=fit_rows)
+    grown = refit_with_extra_terms(fit, noise, priors, (FILLING,), fit_rows=fit_rows)
     names = [term.name for term in fit.terms]
     resistances = [find_term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.mass_count + 1 + place for place in resistances)]
@@ -138,7 +142,8 @@ def refit_with_load_growing_at_starts(
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
     )
     of_sums = chain(
-        map(fit.coefficients_of_state, range(fit.mass_count)), list_mean_payload_coefficients(fit)
+        map(fit.coefficients_of_state, range(fit.mass_count)),
+        list_coefficients_of_mean_payloads(fit),
     )
     moves_u = [
         abs(float(each @ moved)) / max(fit.weighted_sum_u_kg(each), 1e-9) for each in of_sums
@@ -148,7 +153,7 @@ def refit_with_load_growing_at_starts(
     )
 
 
-def list_mean_payload_coefficients(fit: JointFit) -> list[Floats]:
+def list_coefficients_of_mean_payloads(fit: JointFit) -> list[Floats]:
     """(masses,) weights of the mean payload: heavy manoeuvres less light ones; none of one load."""
     loads, states = fit.found.relative_loads, fit.states
     if loads is None or states is None:
@@ -198,7 +203,7 @@ def find_manoeuvres_with_growing_load(
     friction = float(np.hypot(fit.viscous_friction, fit.map_fit.std[fit.mass_count]))
     own = (
         LIMITS.own_friction_fraction * friction,
-        LIMITS.own_constant_fraction * fit.motion.force_95_percent,
+        LIMITS.own_constant_fraction * fit.motion.force_95_percentile_newtons,
     )
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
@@ -352,5 +357,5 @@ def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> floa
     """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
-    overlap = samples / stride_of_fitted_means(samples)
+    overlap = samples / choose_stride_of_fitted_means(samples)
     return overlap * float(gradient @ noise.covariance_of_means(samples) @ gradient)

@@ -8,12 +8,12 @@ from itertools import combinations
 
 import numpy as np
 
-from analysis.weighing.fitted_stretches import is_first_of_stretch
+from analysis.weighing.fitted_stretches import mark_stretch_starts
 from analysis.weighing.haul_route import add_missed_dump_visits
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import (
+    classify_load_change_evidence,
     find_manoeuvre_of_fitted_samples,
-    label_load_change_evidence,
 )
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 from estimators.joint.group_effects import HINTED
@@ -25,9 +25,9 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     States that only follow the driving direction count only if something else shows that loads
     change; a machine with another response in reverse would have loads otherwise.
     """
-    kind = label_load_change_evidence(motion)
+    kind = classify_load_change_evidence(motion)
     first = np.flatnonzero(motion.is_fittable)[
-        is_first_of_stretch(find_manoeuvre_of_fitted_samples(motion))
+        mark_stretch_starts(find_manoeuvre_of_fitted_samples(motion))
     ]
     forwards = motion.direction[first] > 0.0
     begins_m = motion.driven_m[first]
@@ -49,26 +49,28 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     ]
 
 
-def mark_standstills_at_recurrent_stops(begins_m: Floats, forwards: Bools) -> list[Bools]:
+def mark_standstills_at_recurrent_stops(
+    begin_positions_m: Floats, is_forward: Bools
+) -> list[Bools]:
     """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
 
     Stands are of one place if they are as far after the last turn and before the next one, between
     the same directions.
 
     Args:
-        begins_m: (units,) distance driven before each manoeuvre.
-        forwards: (units,) whether each manoeuvre goes forwards.
+        begin_positions_m: (units,) distance driven before each manoeuvre.
+        is_forward: (units,) whether each manoeuvre goes forwards.
     """
-    turns = np.flatnonzero(np.diff(forwards)) + 1
+    turns = np.flatnonzero(np.diff(is_forward)) + 1
     if turns.size < 2:
         return []
-    here_m, turns_m = begins_m[1:], begins_m[turns]
+    here_m, turns_m = begin_positions_m[1:], begin_positions_m[turns]
     bounds_m = np.concatenate(([np.nan], turns_m, [np.nan]))
     since_m = here_m - bounds_m[np.searchsorted(turns_m, here_m, "left")]
     until_m = bounds_m[np.searchsorted(turns_m, here_m, "right") + 1] - here_m
-    between = 2 * forwards[:-1] + forwards[1:]
+    between = 2 * is_forward[:-1] + is_forward[1:]
     near = between[:, None] == between
-    tolerance_m = LIMITS.same_place_1 * median_of_same_label(since_m + until_m, between)
+    tolerance_m = LIMITS.same_place_1 * compute_medians_by_label(since_m + until_m, between)
     for way_m in (since_m, until_m):
         # before the first turn and behind the last one the other way tells alone
         near &= ~(np.abs(way_m[:, None] - way_m) > tolerance_m)
@@ -85,7 +87,7 @@ def mark_standstills_at_recurrent_stops(begins_m: Floats, forwards: Bools) -> li
     return found
 
 
-def median_of_same_label(values: Floats, labels: Ints) -> Floats:
+def compute_medians_by_label(values: Floats, labels: Ints) -> Floats:
     """Median of the known values of the same kind, for each value, (n,); NaN if none is known."""
     medians = np.full(values.size, np.nan)
     for each in np.unique(labels):
@@ -95,13 +97,13 @@ def median_of_same_label(values: Floats, labels: Ints) -> Floats:
     return medians
 
 
-def mark_loaded_manoeuvres(loading_stands: Bools, unloading_stands: Bools) -> Bools:
+def mark_loaded_manoeuvres(is_loading_stand: Bools, is_unloading_stand: Bools) -> Bools:
     """Manoeuvres between a loading stand and the next unloading stand, (units,)."""
-    stand = np.arange(1, loading_stands.size + 1)
-    last_on = np.maximum.accumulate(np.where(loading_stands, stand, 0))
-    last_off = np.maximum.accumulate(np.where(unloading_stands, stand, 0))
+    stand = np.arange(1, is_loading_stand.size + 1)
+    last_on = np.maximum.accumulate(np.where(is_loading_stand, stand, 0))
+    last_off = np.maximum.accumulate(np.where(is_unloading_stand, stand, 0))
     # before the first of either the load is what that one ends
-    begins = bool(unloading_stands[np.argmax(loading_stands | unloading_stands)])
+    begins = bool(is_unloading_stand[np.argmax(is_loading_stand | is_unloading_stand)])
     none_yet = np.maximum(last_on, last_off) == 0
     return np.append(begins, np.where(none_yet, begins, last_on > last_off))
 
@@ -111,7 +113,7 @@ def _have_load_changes_strong_evidence(change_kinds: Ints) -> bool:
     return float((change_kinds >= HINTED).mean()) >= LIMITS.hinted_change_fraction
 
 
-def _do_states_only_follow_direction(has_load_change: Bools, forwards: Bools) -> bool:
+def _do_states_only_follow_direction(has_load_change: Bools, is_forward: Bools) -> bool:
     """Whether alternating states only follow the driving direction."""
-    alike = float(np.mean((np.append(0, np.cumsum(has_load_change)) % 2 == 1) == forwards))
+    alike = float(np.mean((np.append(0, np.cumsum(has_load_change)) % 2 == 1) == is_forward))
     return max(alike, 1.0 - alike) > LIMITS.direction_state_fraction

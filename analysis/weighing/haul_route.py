@@ -77,42 +77,46 @@ class Route:
         return ahead, behind
 
 
-def find_dump_positions_m(arrives_m: Floats, leaves_m: Floats) -> Floats:
+def find_dump_positions_m(arrival_positions_m: Floats, departure_positions_m: Floats) -> Floats:
     """Positions at which the machine leaves empty, or arrives if its next start is not fitted.
 
     Args:
-        arrives_m: (dumps,) end of the last manoeuvre with the load.
-        leaves_m: (dumps,) begin of the first manoeuvre without it.
+        arrival_positions_m: (dumps,) end of the last manoeuvre with the load.
+        departure_positions_m: (dumps,) begin of the first manoeuvre without it.
     """
-    stops_m = leaves_m - arrives_m
+    stops_m = departure_positions_m - arrival_positions_m
     usual_m = float(np.median(stops_m))
-    return np.where(stops_m > LIMITS.dump_stop_ratio * usual_m, arrives_m + usual_m, leaves_m)
+    return np.where(
+        stops_m > LIMITS.dump_stop_ratio * usual_m,
+        arrival_positions_m + usual_m,
+        departure_positions_m,
+    )
 
 
-def add_missed_dump_visits(visits_m: Floats, begins_m: Floats) -> Floats:
+def add_missed_dump_visits(visit_positions_m: Floats, manoeuvre_begins_m: Floats) -> Floats:
     """Add a visit where the regular cycles imply one, at the nearest manoeuvre.
 
     A load that is not recognised has no dump, and its starts would lie anywhere on the route.
 
     Args:
-        visits_m: (visits,) known visits to one place, as driven distance, ascending.
-        begins_m: (units,) driven distance at the begin of the manoeuvres.
+        visit_positions_m: (visits,) known visits to one place, as driven distance, ascending.
+        manoeuvre_begins_m: (units,) driven distance at the begin of the manoeuvres.
     """
-    cycles_m = np.diff(visits_m)
+    cycles_m = np.diff(visit_positions_m)
     if not cycles_m.size:
-        return visits_m
+        return visit_positions_m
     cycle_m = float(np.median(cycles_m))
     number = np.round(cycles_m / cycle_m).astype(np.int64)
     # cycles that are each a little longer or shorter add up like chance
     regular = abs(cycles_m / cycle_m - number) < LIMITS.visit_tolerance_cycles * np.sqrt(number)
     regular &= number > 1
     expected_m = [
-        visits_m[k] + cycles_m[k] * np.arange(1, number[k]) / number[k]
+        visit_positions_m[k] + cycles_m[k] * np.arange(1, number[k]) / number[k]
         for k in np.flatnonzero(regular)
     ]
     if not expected_m:
-        return visits_m
+        return visit_positions_m
     wanted_m = np.concatenate(expected_m)
-    nearest_m = begins_m[abs(begins_m[:, None] - wanted_m).argmin(axis=0)]
+    nearest_m = manoeuvre_begins_m[abs(manoeuvre_begins_m[:, None] - wanted_m).argmin(axis=0)]
     near = abs(nearest_m - wanted_m) < LIMITS.visit_tolerance_cycles * cycle_m
-    return np.unique(np.append(visits_m, np.where(near, nearest_m, wanted_m)))
+    return np.unique(np.append(visit_positions_m, np.where(near, nearest_m, wanted_m)))

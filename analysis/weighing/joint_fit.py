@@ -89,7 +89,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)
     first = [
-        part.fit_over_means(
+        part.fit_over_sample_means(
             samples, LIMITS.pilot_rounds, fit_rows=columns.average_to_rows(inputs.noise, samples)
         )
         for samples in lengths
@@ -143,17 +143,17 @@ def compare_wheels_after_pilot_fit(
         return task
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.advance_force(pilot_fit.force_lag_s)
-    acting = replace(in_time, force=pilot_fit.found.ground_force(in_time))
+    acting = replace(in_time, force=pilot_fit.found.estimate_ground_force_newtons(in_time))
     wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
 
 def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFit:
     """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
-    moved = task.fit_over_means(mean_samples, LIMITS.lag_rounds)
+    moved = task.fit_over_sample_means(mean_samples, LIMITS.lag_rounds)
     if abs(moved.force_lag_s) < LIMITS.short_lag_s:
         return moved
-    filtered = task.fit_over_means(mean_samples, 2, advance_force=False)
+    filtered = task.fit_over_sample_means(mean_samples, 2, advance_force=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.map_fit.misfit.any():
@@ -212,7 +212,7 @@ def do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, are_means_single_rows:
     )
 
 
-def refit_with_changes(
+def refit_with_extra_terms(
     earlier_fit: JointFit,
     noise: ColumnNoiseModel,
     priors: PriorSettings,
@@ -240,7 +240,7 @@ def refit_with_changes(
         earlier_fit.motion, noise, priors, terms, earlier_fit.kinematics, earlier_fit.states
     )
     fit_rows = fit_rows and fit_rows.select_terms(terms)
-    fitted = task.fit_over_means(
+    fitted = task.fit_over_sample_means(
         earlier_fit.mean_samples,
         rounds,
         advance_force=earlier_fit.shifted,
@@ -276,7 +276,9 @@ def drop_unlikely_effects(
     """Refit without the effects that the log is unlikely to have."""
     likely = MostProbableEffects.from_fit(fit.map_fit, fit.mass_count, fit.terms, fit.prior_std)
     fit = replace(fit, effects=likely)
-    return refit_with_changes(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
+    return (
+        refit_with_extra_terms(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
+    )
 
 
 def refit_with_hysteresis_if_significant(
@@ -300,15 +302,16 @@ def refit_with_hysteresis_if_significant(
     found = replace(fit.found, play=choose_hysteresis_play(fit.motion, noise, fit.mean_samples))
     played = replace(fit, found=found)
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
-    tested = refit_with_changes(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
+    tested = refit_with_extra_terms(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
     half_width_N = float(tested.theta[-1])
     # the standard deviation takes longer than the estimate
-    shown = half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percent and (
-        half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.std[-1])
+    shown = (
+        half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percentile_newtons
+        and (half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.std[-1]))
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows
-    looped = refit_with_changes(played, noise, priors, (HYSTERESIS,), rounds=2)
+    looped = refit_with_extra_terms(played, noise, priors, (HYSTERESIS,), rounds=2)
     if looped.mass_count != fit.mass_count or not np.isfinite(looped.theta).all():
         return fit, rows
     looped = replace(looped, hysteresis_kg=looped.masses_kg - fit.masses_kg)
@@ -348,7 +351,7 @@ def add_mass_responses_to_motion_errors(
     known, count = fit.found, fit.mass_count
 
     def mass_response(changed: PreviousEstimates, step: float) -> Floats:
-        other = refit_with_changes(replace(fit, found=changed), noise, priors)
+        other = refit_with_extra_terms(replace(fit, found=changed), noise, priors)
         return (other.theta[:count] - fit.theta[:count]) / step
 
     later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)

@@ -6,23 +6,23 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fit_columns import stride_of_fitted_means
+from analysis.weighing.fit_columns import choose_stride_of_fitted_means
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.haul_patterns import propose_hauling_partitions
 from analysis.weighing.joint_fit import (
     JointFitInputs,
     fit_jointly,
     make_refit_rows,
-    refit_with_changes,
+    refit_with_extra_terms,
     select_terms_of_motion,
 )
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.load_states import (
     LoadStates,
+    classify_load_change_evidence,
     find_load_states,
     find_manoeuvre_of_stretches,
-    label_load_change_evidence,
     make_single_unknown_state,
     make_states_of_partition,
 )
@@ -44,7 +44,7 @@ def fit_with_searched_load_states(
     at it and from those that the driving pattern suggests. The best explanation of the force is
     returned.
     """
-    kind = label_load_change_evidence(first_fit.motion)
+    kind = classify_load_change_evidence(first_fit.motion)
     settled = alternate_state_search_and_fit(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
     few = first_fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres
@@ -112,7 +112,7 @@ class _PartitionComparison:
         number = np.unique(find_manoeuvre_of_stretches(motion))
         return cls(
             task,
-            _estimate_manoeuvre_masses(earlier_fit, inputs, label_load_change_evidence(motion)),
+            _estimate_manoeuvre_masses(earlier_fit, inputs, classify_load_change_evidence(motion)),
             number,
             mean_samples,
         )
@@ -131,7 +131,7 @@ class _PartitionComparison:
     def _fit_and_score_by_akaike(self, state_of_manoeuvre: Ints) -> float:
         fitted = replace(
             self.task, states=self.make_load_states(state_of_manoeuvre)
-        ).fit_over_means(self.samples, 2)
+        ).fit_over_sample_means(self.samples, 2)
         if not np.isfinite(fitted.theta).all():
             return np.inf
         independent = LOAD_LIMITS.independent_residuals * self.number.size
@@ -146,7 +146,9 @@ def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) ->
     for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
             break
-        units = _estimate_manoeuvre_masses(found, inputs, label_load_change_evidence(found.motion))
+        units = _estimate_manoeuvre_masses(
+            found, inputs, classify_load_change_evidence(found.motion)
+        )
         found = fit_jointly(inputs, make_states_of_partition(units, states.unit, states.membership))
     return found
 
@@ -163,7 +165,9 @@ def _refit_with_scatter_of_own_states(
         units, states.unit, states.membership, usual_scatter=False
     )
     states = replace(scattering, single_probability=likeliest.single_probability)
-    return refit_with_changes(replace(fit, states=states), inputs.noise, inputs.priors, rounds=2)
+    return refit_with_extra_terms(
+        replace(fit, states=states), inputs.noise, inputs.priors, rounds=2
+    )
 
 
 def _estimate_manoeuvre_masses(
@@ -225,18 +229,22 @@ def alternate_state_search_and_fit(
         ):
             return fit_with_final_columns
         if states.state_count == 1 and first_fit.mass_count == 1:
-            return refit_with_changes(
+            return refit_with_extra_terms(
                 replace(first_fit, states=states), inputs.noise, inputs.priors, fit_rows=rows
             )
         if _is_partition_of_fit(first_fit, states.membership):
             # the same loads, whose scatter is known better now
             first_fit = replace(first_fit, states=states)
-            first_fit = refit_with_changes(first_fit, inputs.noise, inputs.priors, fit_rows=rows)
+            first_fit = refit_with_extra_terms(
+                first_fit, inputs.noise, inputs.priors, fit_rows=rows
+            )
             # a round at a time: of a shift the rows before it are hundreds of megabytes
             del rows, best
             known = np.isfinite(first_fit.theta).all()
             return (
-                refit_with_changes(first_fit, inputs.noise, inputs.priors) if known else first_fit
+                refit_with_extra_terms(first_fit, inputs.noise, inputs.priors)
+                if known
+                else first_fit
             )
         inputs = add_ground_force_variance(first_fit, inputs)
         del rows  # of a shift they are hundreds of megabytes
@@ -278,7 +286,7 @@ def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFit
     # by the fit's own groups: rows of a refit are as many as the lag that the fit ended with allows
     fitted = fit.solution
     correlation, white = estimate_pooled_autocorrelation(fitted.residual, fitted.group, None)
-    a_second = fit.motion.rate_hz / stride_of_fitted_means(fit.mean_samples)
+    a_second = fit.motion.rate_hz / choose_stride_of_fitted_means(fit.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     if not noise > 0.0:  # a fit that leaves nothing has no unevenness to tell
         return inputs

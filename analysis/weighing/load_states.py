@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fitted_stretches import is_first_of_stretch, is_last_of_stretch, memoise
+from analysis.weighing.fitted_stretches import mark_stretch_ends, mark_stretch_starts, memoise
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from estimators.joint.changepoints import Partitions, find_best_partitions
@@ -150,7 +150,7 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
     after it if only that border has no sign of a load change.
     """
-    unit = motion.unit[is_first_of_stretch(motion.group)]
+    unit = motion.unit[mark_stretch_starts(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.is_fittable]))
     tells = samples >= min(
@@ -167,28 +167,28 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
     goes = np.where(before < 0, np.argmax(tells), before)
     group = motion.group
-    first, last = (np.flatnonzero(f(group)) for f in (is_first_of_stretch, is_last_of_stretch))
+    first, last = (np.flatnonzero(f(group)) for f in (mark_stretch_starts, mark_stretch_ends))
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
-        at_begin, at_end = (label_one_load_change(motion, *span, *span) for span in (sooner, later))
+        at_begin, at_end = (classify_load_change(motion, *span, *span) for span in (sooner, later))
         if at_begin > 1 and at_end == 1:
             goes[short] = after[short]
     return number[goes][of]
 
 
-def find_speed_ranges_m_s(motion: MotionSamples, unit_of_sample: Ints, unit_count: int) -> Floats:
+def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, count: int) -> Floats:
     """Range of the speeds of each manoeuvre, (units,) in m/s.
 
     Args:
         motion: the samples.
-        unit_of_sample: (stretches,) manoeuvre of each, from 0.
-        unit_count: number of manoeuvres.
+        manoeuvre_of_stretch: (stretches,) manoeuvre of each, from 0.
+        count: number of manoeuvres.
     """
     used = np.flatnonzero(motion.is_fittable)
-    of, speed = unit_of_sample[motion.group[used]], motion.speed[used]
-    least, most = np.full(unit_count, np.inf), np.full(unit_count, -np.inf)
+    of, speed = manoeuvre_of_stretch[motion.group[used]], motion.speed[used]
+    least, most = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(least, of, speed)
     np.maximum.at(most, of, speed)
     return most - least
@@ -199,7 +199,7 @@ def find_manoeuvre_of_fitted_samples(motion: MotionSamples) -> Ints:
     return find_manoeuvre_of_stretches(motion)[motion.group[motion.is_fittable]]
 
 
-def label_load_change_evidence(motion: MotionSamples) -> Ints:
+def classify_load_change_evidence(motion: MotionSamples) -> Ints:
     """Kind of evidence for a load change between successive manoeuvres, (units - 1,).
 
     Returns:
@@ -214,7 +214,7 @@ def label_load_change_evidence(motion: MotionSamples) -> Ints:
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    kind = np.array([label_one_load_change(motion, *span) for span in spans], np.int64)
+    kind = np.array([classify_load_change(motion, *span) for span in spans], np.int64)
     # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
@@ -223,7 +223,7 @@ def label_load_change_evidence(motion: MotionSamples) -> Ints:
     return np.zeros_like(kind) if motion.has_single_load else kind
 
 
-def label_one_load_change(
+def classify_load_change(
     motion: MotionSamples, end_row: int, begin_row: int, boom_begin_row: int, boom_end_row: int
 ) -> int:
     """Kind of evidence for a load change between two manoeuvres.

@@ -34,7 +34,7 @@ def differentiate_low_gear_mass_fraction_s_m(speed: Floats, quarter_speed_m_s: f
 
 def do_speeds_span_several_gears(motion: MotionSamples) -> bool:
     """Whether speeds reach from that of a first gear to that of a road, and no ratio is known."""
-    if has_several_gear_ratios(motion) or motion.speed_95_percent <= LIMITS.road_speed_m_s:
+    if has_several_gear_ratios(motion) or motion.speed_95_percentile_m_s <= LIMITS.road_speed_m_s:
         return False
     slow = np.abs(motion.speed[motion.is_fittable]) < LIMITS.first_gear_m_s
     return float(slow.mean()) > LIMITS.first_gear_min_fraction

@@ -16,7 +16,7 @@ import numpy as np
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.fit_columns import FitRows
 from analysis.weighing.force_by_place import BY_PLACE
-from analysis.weighing.joint_fit import refit_with_changes
+from analysis.weighing.joint_fit import refit_with_extra_terms
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats
 from analysis.weighing.nuisances import CURVATURE, ColumnInputs, Nuisance
@@ -80,7 +80,7 @@ def list_candidate_missing_terms(fit: JointFit) -> tuple[Nuisance, ...]:
     if any(term.source == BY_PLACE for term in fit.terms):
         # strokes over one path have the same speed at each place: a spring looks like such a gain
         return ()
-    force_N, speed_m_s = fit.motion.force_95_percent, fit.motion.speed_95_percent
+    force_N, speed_m_s = fit.motion.force_95_percentile_newtons, fit.motion.speed_95_percentile_m_s
     return (
         Nuisance(
             "force_saturation",
@@ -172,7 +172,7 @@ def estimate_force_curvature(
         priors: of the nuisances.
         fit_rows: rows of the fit and of `CURVATURE`, if already computed.
     """
-    curved = refit_with_changes(fit, noise, priors, (CURVATURE,), fit_rows=fit_rows).map_fit
+    curved = refit_with_extra_terms(fit, noise, priors, (CURVATURE,), fit_rows=fit_rows).map_fit
     moved = float(curved.theta[fit.most_frequent_state] - fit.theta[fit.most_frequent_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
@@ -200,7 +200,7 @@ def find_missing_terms(
     other = None
     for term in terms:
         del other  # of a shift its rows are hundreds of megabytes
-        other = refit_with_changes(fit, noise, priors, (term,), fit_rows=fit_rows)
+        other = refit_with_extra_terms(fit, noise, priors, (term,), fit_rows=fit_rows)
         effect_kg = other.theta[: fit.mass_count] - fit.theta[: fit.mass_count]
         # the standard deviation takes longer than the estimate
         if (

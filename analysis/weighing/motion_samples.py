@@ -48,7 +48,7 @@ _ARMS: Final = ("boom_rad", "bucket_rad")
 _PIECE: Final = 32_768
 
 
-def select_rows_of_arrays(record: Any, rows: slice | Ints) -> dict[str, Any]:
+def select_rows_of_fields(record: Any, rows: slice | Ints) -> dict[str, Any]:
     """Rows of each array of a dataclass, by the name of its field."""
     values = {each.name: getattr(record, each.name) for each in fields(record)}
     return {name: x[rows] for name, x in values.items() if isinstance(x, np.ndarray)}
@@ -139,11 +139,11 @@ class MotionSamples:
     relative_gear_ratio: Floats | None = None
     has_single_load: bool = False
 
-    def cut_to_first_stretches(self, stretches: int) -> "MotionSamples":
+    def cut_to_first_stretches(self, stretch_count: int) -> "MotionSamples":
         """Cut the samples to the first stretches."""
-        if not self.is_fittable.any() or int(self.group.max()) < stretches:
+        if not self.is_fittable.any() or int(self.group.max()) < stretch_count:
             return self
-        end = int(np.argmax(self.group >= stretches))
+        end = int(np.argmax(self.group >= stretch_count))
         return replace(self._select_samples(slice(0, end)), progress=make_centred_ramp(end))
 
     def drop_samples_far_from_fitted(self, reach_s: float) -> "MotionSamples":
@@ -157,7 +157,7 @@ class MotionSamples:
 
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
-        own = select_rows_of_arrays(self, selection)
+        own = select_rows_of_fields(self, selection)
         return replace(self, arms=tuple(each[selection] for each in self.arms), **own)
 
     @cached_property
@@ -210,12 +210,12 @@ class MotionSamples:
         return self.group >= 0
 
     @cached_property
-    def force_95_percent(self) -> float:
+    def force_95_percentile_newtons(self) -> float:
         """95 % quantile of the force, in N."""
         return float(np.quantile(np.abs(self.force[self.is_fittable]), 0.95))
 
     @cached_property
-    def speed_95_percent(self) -> float:
+    def speed_95_percentile_m_s(self) -> float:
         """95 % quantile of the speed, in m/s."""
         return float(np.quantile(np.abs(self.speed[self.is_fittable]), 0.95))
 
@@ -228,12 +228,12 @@ class MotionSamples:
     def approximate_mass_kg(self) -> float:
         """Typical large force over typical large acceleration, in kg."""
         reached = float(np.quantile(np.abs(self.acceleration[self.is_fittable]), 0.95))
-        return self.force_95_percent / reached if reached else 0.0
+        return self.force_95_percentile_newtons / reached if reached else 0.0
 
     @property
     def has_enough_motion(self) -> bool:
         """Whether force, speed and acceleration are large enough to scale the priors."""
-        return self.approximate_mass_kg > 0.0 and self.speed_95_percent > 0.0
+        return self.approximate_mass_kg > 0.0 and self.speed_95_percentile_m_s > 0.0
 
     @cached_property
     def manoeuvre_count(self) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, select_rows_of_arrays
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, select_rows_of_fields
 from analysis.weighing.weighing_limits import LIMITS
 
 
@@ -75,7 +75,7 @@ class ColumnInputs:
 
     def select_rows(self, row_indices: Ints) -> "ColumnInputs":
         """Select some of the samples."""
-        return replace(self, **select_rows_of_arrays(self, row_indices))
+        return replace(self, **select_rows_of_fields(self, row_indices))
 
     @cached_property
     def loaded_direction(self) -> Floats:
@@ -136,12 +136,12 @@ def friction_force_prior_std(
 
 def const_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the term `const`, in N."""
-    return constant_force_prior_std(motion.force_95_percent, motion.weight, priors)
+    return constant_force_prior_std(motion.force_95_percentile_newtons, motion.weight, priors)
 
 
 def coulomb_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the Coulomb term, in N."""
-    return friction_force_prior_std(motion.force_95_percent, motion.weight, priors)
+    return friction_force_prior_std(motion.force_95_percentile_newtons, motion.weight, priors)
 
 
 def split_constant_prior_into_error_and_force(
@@ -154,7 +154,7 @@ def split_constant_prior_into_error_and_force(
     Returns:
         Expected fraction of measurement error, and the standard deviation in N.
     """
-    wrong = priors.const_share * motion.force_95_percent
+    wrong = priors.const_share * motion.force_95_percentile_newtons
     coulomb = 0.0 if motion.drives_both_ways else coulomb_term_prior_std_newtons(motion, priors)
     acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
     both = float(np.hypot(wrong, acts))
@@ -187,12 +187,12 @@ def estimate_load_proportional_share_of_constant(
     motion: MotionSamples, priors: PriorSettings
 ) -> LoadProportionalShare:
     """Split the constant force; it includes Coulomb friction if all driving is one way."""
-    newtons = priors.const_share * motion.force_95_percent
+    newtons = priors.const_share * motion.force_95_percentile_newtons
     of_weight = priors.const_weight_share * motion.weight
     if motion.drives_both_ways:
         return LoadProportionalShare.from_parts(newtons, of_weight)
     return LoadProportionalShare.from_parts(
-        float(np.hypot(newtons, priors.direction_share * motion.force_95_percent)),
+        float(np.hypot(newtons, priors.direction_share * motion.force_95_percentile_newtons)),
         float(np.hypot(of_weight, priors.direction_weight_share * motion.weight)),
     )
 
@@ -202,7 +202,7 @@ def estimate_load_proportional_share_of_coulomb(
 ) -> LoadProportionalShare:
     """Split the friction force."""
     return LoadProportionalShare.from_parts(
-        priors.direction_share * motion.force_95_percent,
+        priors.direction_share * motion.force_95_percentile_newtons,
         priors.direction_weight_share * motion.weight,
     )
 
@@ -220,7 +220,9 @@ def _make_warming_term(name: str) -> Nuisance:
         name,
         "N·s/m",
         lambda m: m.speed * shape.share(m.progress),
-        lambda e, s: s.viscous_drift_share * e.force_95_percent / e.speed_95_percent,
+        lambda e, s: (
+            s.viscous_drift_share * e.force_95_percentile_newtons / e.speed_95_percentile_m_s
+        ),
         shape.meaning,
         "a machine that is warm",
         by_speed=lambda m: shape.share(m.progress),
@@ -261,7 +263,7 @@ NUISANCES: Final = (
         "slip",
         "s/m",
         lambda m: np.abs(m.ground_speed) * m.force,
-        lambda e, s: s.wheel_slip / e.speed_95_percent,
+        lambda e, s: s.wheel_slip / e.speed_95_percentile_m_s,
         "longitudinal slip: friction of a wheel speed that is not the ground's",
         "an accelerometer beside the wheel speed, or starts at different throttles",
         by_speed=lambda m: np.sign(m.speed) * m.force,
@@ -278,7 +280,7 @@ NUISANCES: Final = (
                 + np.abs(m.ground_speed) * m.force_rate
             )
         ),
-        lambda e, s: e.approximate_mass_kg * s.wheel_slip / e.force_95_percent,
+        lambda e, s: e.approximate_mass_kg * s.wheel_slip / e.force_95_percentile_newtons,
         "longitudinal slip: wheels gain speed that the machine does not",
         "an accelerometer on the body",
         by_force=lambda m: -np.sign(m.speed) * m.wheel_acceleration,
@@ -289,7 +291,9 @@ NUISANCES: Final = (
         "quadratic",
         "N·s²/m²",
         lambda m: m.speed * np.abs(m.speed),
-        lambda e, s: s.quadratic_share * e.force_95_percent / e.speed_95_percent**2,
+        lambda e, s: (
+            s.quadratic_share * e.force_95_percentile_newtons / e.speed_95_percentile_m_s**2
+        ),
         "resistance that grows with the square of the speed",
         "cruising at several speeds",
         by_speed=lambda m: 2.0 * np.abs(m.speed),

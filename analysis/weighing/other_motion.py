@@ -39,9 +39,9 @@ def measure_wheel_imu_disagreement(fit: JointFit) -> float:
     The part that the speed's noise explains does not count.
     """
     wheels = fit.kinematics
-    if wheels is None or not fit.motion.speed_95_percent:
+    if wheels is None or not fit.motion.speed_95_percentile_m_s:
         return float("nan")
-    return wheels.disagreement_m_s / fit.motion.speed_95_percent
+    return wheels.disagreement_m_s / fit.motion.speed_95_percentile_m_s
 
 
 def refit_with_wheel_or_imu_motion(

@@ -42,7 +42,7 @@ def compute_pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -
     assert motion.without_gravity is not None
     first: list[int] = []
     products: list[Floats] = []
-    channels = (motion.without_gravity, motion.force / motion.force_95_percent, gravity)
+    channels = (motion.without_gravity, motion.force / motion.force_95_percentile_newtons, gravity)
     for part in list_rows_by_group(motion.group):
         travelled_m = np.cumsum(np.abs(motion.speed[part])) / motion.rate_hz
         near = part[travelled_m < LIMITS.grade_reach_m]
@@ -50,17 +50,17 @@ def compute_pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -
             continue
         a, force, pitch = (average_overlapping_blocks(channel[near]) for channel in channels)
         grade = np.vander(
-            drop_outer_means_without_rate(average_overlapping_blocks(travelled_m[: near.size]))
+            drop_end_means_without_rate(average_overlapping_blocks(travelled_m[: near.size]))
             / LIMITS.grade_reach_m,
             LIMITS.grade_degree + 1,
         )
         rows = np.column_stack(
             [
-                drop_outer_means_without_rate(force),
+                drop_end_means_without_rate(force),
                 _differentiate_means(force),
-                drop_outer_means_without_rate(a),
+                drop_end_means_without_rate(a),
                 _differentiate_means(a),
-                drop_outer_means_without_rate(pitch),
+                drop_end_means_without_rate(pitch),
             ]
         )
         rows -= grade @ np.linalg.lstsq(grade, rows, rcond=None)[0]
@@ -70,7 +70,7 @@ def compute_pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -
     return PitchProducts(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
 
 
-def drop_outer_means_without_rate(means: Floats) -> Floats:
+def drop_end_means_without_rate(means: Floats) -> Floats:
     """The means without the outer ones, which have no rate."""
     return means[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 

@@ -52,14 +52,14 @@ def align_paths_of_bench_records(motion: MotionSamples) -> MotionSamples:
 
 
 def estimate_record_position_offsets(
-    path_m: Floats, force: Floats, place_1: Floats, record_of_sample: Floats
+    path_m: Floats, force: Floats, relative_position: Floats, record_of_sample: Floats
 ) -> Floats:
     """Offset of each record's position from the first one's, by the force at each position.
 
     Args:
         path_m: (n, columns) columns of the other forces: a mass per record, friction, a constant.
         force: (n,) force in N.
-        place_1: (n,) positions, with each record centred on its own path.
+        relative_position: (n,) positions, with each record centred on its own path.
         record_of_sample: (n, records) 1 if the sample belongs to the record.
 
     Returns:
@@ -69,7 +69,7 @@ def estimate_record_position_offsets(
     off_1 = np.zeros(records)
     best_1, least = off_1, np.inf
     for _ in range(LIMITS.place_rounds):
-        place = place_1 + record_of_sample @ off_1
+        place = relative_position + record_of_sample @ off_1
         known = np.column_stack((path_m, make_position_force_columns(place)))
         found, missed = _solve_ridge_regression(
             known, force, np.full(known.shape[1], LIMITS.free_column_std)

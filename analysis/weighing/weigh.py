@@ -31,7 +31,7 @@ from analysis.weighing.joint_fit import (
     add_mass_responses_to_motion_errors,
     drop_unlikely_effects,
     fit_jointly,
-    refit_with_changes,
+    refit_with_extra_terms,
     refit_with_gain_change_by_load,
     refit_with_hysteresis_if_significant,
 )
@@ -117,7 +117,7 @@ class Weighing:
         return found if found is not None and found.is_significant else None
 
     @property
-    def own_fit(self) -> JointFit:
+    def fit_without_learnt_priors(self) -> JointFit:
         """The fit from this log alone, without learnt priors."""
         return self.fit if self.alone is None else self.alone
 
@@ -257,7 +257,7 @@ def _weigh_with_priors(
     alone = refit_without_learnt_priors(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
     halved_kg, doubled_kg = (
-        refit_with_changes(
+        refit_with_extra_terms(
             fit, columns, _multiply_prior_stds(priors, factor), fit_rows=rows
         ).masses_kg
         for factor in (0.5, 2.0)
@@ -285,7 +285,7 @@ def _weigh_with_priors(
         alone,
         None
         if alone is None
-        else refit_with_changes(
+        else refit_with_extra_terms(
             fit, columns, widen_learnt_priors_by_mean_u(priors), rounds=LIMITS.learnt_mean_rounds
         ),
         {**priors.learnt},
@@ -300,9 +300,9 @@ def _has_enough_samples(motion: MotionSamples) -> bool:
     return int(motion.is_fittable.sum()) >= fewest and motion.has_enough_motion
 
 
-def _exclude_manoeuvres(motion: MotionSamples, excluded_units: Sequence[int]) -> MotionSamples:
+def _exclude_manoeuvres(motion: MotionSamples, excluded_manoeuvres: Sequence[int]) -> MotionSamples:
     """Exclude manoeuvres by their numbers."""
-    return motion.exclude_samples(np.isin(motion.unit, excluded_units))
+    return motion.exclude_samples(np.isin(motion.unit, excluded_manoeuvres))
 
 
 def refit_without_learnt_priors(
@@ -313,7 +313,7 @@ def refit_without_learnt_priors(
         return None
     wheels = fit.kinematics
     own = fit if wheels is None or wheels.own is None else replace(fit, kinematics=wheels.own)
-    return refit_with_changes(own, noise, _drop_learnt_priors(priors))
+    return refit_with_extra_terms(own, noise, _drop_learnt_priors(priors))
 
 
 def _drop_learnt_priors(priors: PriorSettings) -> PriorSettings:

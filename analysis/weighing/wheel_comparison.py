@@ -185,7 +185,7 @@ def _fit_wheel_comparison(
     earlier_kinematics: WheelKinematics | None = None,
 ) -> WheelKinematics | None:
     """Fit the comparison, starting from an earlier one if there is one."""
-    slip_std = priors.wheel_slip / motion.force_95_percent
+    slip_std = priors.wheel_slip / motion.force_95_percentile_newtons
 
     def prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
         offset = slip_1_N * const_term_prior_std_newtons(motion, priors)
@@ -197,7 +197,7 @@ def _fit_wheel_comparison(
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
         return prior_fit.solve_with_priors(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
-    largest = LIMITS.max_slip_fraction / motion.force_95_percent
+    largest = LIMITS.max_slip_fraction / motion.force_95_percentile_newtons
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
     if earlier_kinematics is not None:
         delay_s, slip_1_N = earlier_kinematics.delay_s[0], earlier_kinematics.slip_1_N[0]
@@ -237,7 +237,7 @@ def _fit_wheel_comparison(
             loss = compute_autocovariance_loss(rows[2], lines)
         wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
-    rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percent
+    rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     noise_m_s = max(float(np.sqrt(noise.covariance_of_means(MEAN)[1, 1])), rounding_m_s)
     free = wide.fit
     if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
@@ -323,7 +323,7 @@ def _make_comparison_rows(
     spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
     if not spans.size:
         return None
-    X, y, group, ground = detrend_means_by_stretch(
+    X, y, group, ground = average_and_detrend_wheel_columns(
         measured_acceleration, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
     covariance = noise.covariance_of_means(MEAN)
@@ -334,7 +334,7 @@ def _make_comparison_rows(
 
 
 @compiled_unless_short_log
-def detrend_means_by_stretch(
+def average_and_detrend_wheel_columns(
     measured_acceleration: Floats,
     speed: Floats,
     force: Floats,

@@ -32,7 +32,7 @@ from estimators.numerics.autocorrelation import (
 )
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_rms_scales_of_columns
 from estimators.numerics.sandwich import compute_sandwich_meat
-from estimators.threads import release_freed_memory
+from estimators.threads import return_freed_memory_to_os
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +194,7 @@ class PriorSolution:
     def drop_samples(self) -> None:
         """Compute the uncertainty now: of a shift the samples are hundreds of megabytes."""
         _ = self.fit
-        release_freed_memory()  # no larger block fits where they were
+        return_freed_memory_to_os()  # no larger block fits where they were
 
     @cached_property
     def misfit_ratio(self) -> float:

@@ -170,7 +170,7 @@ def compute_weighted_equations(
     )
 
 
-def _subtract_fit_by_arrays(
+def _subtract_fit_vectorised(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, level_count: int
 ) -> Floats:
     """Residuals f - A θ, with the level of each group's unit; 0 without a group."""
@@ -181,7 +181,7 @@ def _subtract_fit_by_arrays(
     return np.where(group >= 0, left, 0.0)
 
 
-@compiled_with_array_form(_subtract_fit_by_arrays)
+@compiled_with_array_form(_subtract_fit_vectorised)
 def compute_grouped_residuals(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, level_count: int
 ) -> Floats:

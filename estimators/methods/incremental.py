@@ -32,10 +32,10 @@ from estimators.methods.rls import RlsOptions, RlsState
 from estimators.methods.rtls import RtlsOptions
 from estimators.methods.tls import TlsOptions, solve_scaled_tls
 from estimators.numerics import directional_forgetting
-from estimators.numerics.mutual_information import fill_correlation_and_variance
+from estimators.numerics.mutual_information import fill_correlation_and_relative_variance
 from estimators.numerics.normal_equations import (
     compute_residual_sums_of_squares,
-    count_columns,
+    count_columns_of_packed_products,
     extract_packed_gram,
     solve_packed_equations,
 )
@@ -139,7 +139,7 @@ def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> 
     """
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
-    fill_correlation_and_variance(state.moments, state.centre, window, rho, spread)
+    fill_correlation_and_relative_variance(state.moments, state.centre, window, rho, spread)
     return WindowStatistics(
         rho, spread, *compute_gate_statistics_from_products(state.products, window, noise)
     )
@@ -192,7 +192,7 @@ def make_window_estimate(
     rss = compute_residual_sums_of_squares(state.products, theta)
     return Estimate(
         theta[:, 0].copy(),
-        compute_textbook_stds(
+        compute_homoscedastic_stds(
             G[:, 0], p, rss if raised_rss is None else raised_rss, window, mean_samples
         ),
         float(np.sqrt(rss[0] / window)),
@@ -200,7 +200,7 @@ def make_window_estimate(
     )
 
 
-def compute_textbook_stds(
+def compute_homoscedastic_stds(
     G: Floats, p: int, rss: Floats, samples: int, mean_samples: int
 ) -> Floats:
     """Textbook standard deviations (p,), with `mean_samples` residual samples counted as one."""
@@ -379,12 +379,12 @@ class Pool:
         counts = np.array([float(self.samples)])
         theta, p = (
             solve_packed_equations(subtract_expected_noise(products, counts, options)).theta,
-            count_columns(products) - 1,
+            count_columns_of_packed_products(products) - 1,
         )
         rss = compute_residual_sums_of_squares(products, theta)
         return Estimate(
             theta[:, 0],
-            compute_textbook_stds(
+            compute_homoscedastic_stds(
                 extract_packed_gram(products)[:, 0], p, rss, self.samples, mean_samples
             ),
             float(np.sqrt(rss[0] / self.samples)),

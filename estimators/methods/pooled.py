@@ -16,7 +16,10 @@ from estimators.numerics.autocorrelation import (
     estimate_pooled_autocorrelation,
 )
 from estimators.numerics.fit_loss import list_group_numbers
-from estimators.numerics.normal_equations import count_columns, solve_packed_equations
+from estimators.numerics.normal_equations import (
+    count_columns_of_packed_products,
+    solve_packed_equations,
+)
 from estimators.numerics.sandwich import compute_sandwich_meat, compute_sandwich_stds
 from estimators.numerics.small_systems import (
     compute_condition_numbers,
@@ -64,7 +67,7 @@ def subtract_expected_noise(products: Floats, counts: Floats, options: PooledOpt
     """Packed sums (entries, ids) of counts (ids,) samples, less the expected noise products."""
     if options.noise is None:
         return products
-    clean, q = products.copy(), count_columns(products)
+    clean, q = products.copy(), count_columns_of_packed_products(products)
     for i in range(q - 1):
         for j in range(i, q):
             clean[find_packed_index(i, j, q)] -= counts * options.noise[i, j]

@@ -17,7 +17,7 @@ from estimators.methods import ls
 from estimators.methods.method_limits import LIMITS
 from estimators.numerics.normal_equations import (
     compute_residual_sums_of_squares,
-    count_columns,
+    count_columns_of_packed_products,
     extract_packed_gram,
 )
 from estimators.numerics.rolling import find_ends_of_accepted_windows, sum_window_products
@@ -89,7 +89,7 @@ def solve_scaled_tls(products: Floats, options: TlsOptions) -> tuple[Floats, Flo
         (p, m) θ, NaN if A without its noise is singular, and packed AᵀA without that noise,
         (p(p+1)/2, m).
     """
-    q = count_columns(products)
+    q = count_columns_of_packed_products(products)
     p, m = q - 1, products.shape[1]
     scale = np.append(options.list_column_scales(p), 1.0)
     units = pack_symmetric_matrix(np.outer(scale, scale))[:, None]
@@ -111,7 +111,7 @@ def solve_tls_normal_equations(
     augmented_gram: Floats, shifted_gram_out: Floats, eigenvalue: Floats
 ) -> Floats:
     """Solve (G - λI) x = h for x (p, m) at the present λ (m,); `shifted_gram_out` gets G - λI."""
-    q = count_columns(augmented_gram)
+    q = count_columns_of_packed_products(augmented_gram)
     rows = make_packed_index_table(q)
     for i in range(q - 1):
         shifted_gram_out[rows[i][i]] = augmented_gram[rows[i][i]] - eigenvalue

@@ -53,7 +53,7 @@ def sum_lag_products(
     return sums[:lags], pairs
 
 
-def _add_run_products_by_arrays(run: Floats, lag_count: int, sums: Floats) -> None:
+def _add_lag_products_of_run_vectorised(run: Floats, lag_count: int, sums: Floats) -> None:
     """Form of `_add_lag_products_of_run` by whole arrays."""
     padded = np.zeros(run.size + sums.size)
     padded[: run.size] = run
@@ -62,7 +62,7 @@ def _add_run_products_by_arrays(run: Floats, lag_count: int, sums: Floats) -> No
     sums[:] = sum_axis_in_order(terms, 0)
 
 
-@compiled_with_array_form(_add_run_products_by_arrays)
+@compiled_with_array_form(_add_lag_products_of_run_vectorised)
 def _add_lag_products_of_run(run: Floats, lag_count: int, sums: Floats) -> None:
     """Add the products of the first samples with their successors, many lags at once."""
     n = min(run.size, lag_count + sums.size)

@@ -18,7 +18,7 @@ from estimators.numerics.numerics_limits import LIMITS
 _AT_ONCE = 128
 
 
-def _sum_basis_products_by_arrays(Q: Floats, lag_count: int) -> Floats:
+def _sum_basis_products_vectorised(Q: Floats, lag_count: int) -> Floats:
     n, p = Q.shape
     columns = np.zeros((p, n + lag_count))
     columns[:, :n] = Q.T
@@ -28,7 +28,7 @@ def _sum_basis_products_by_arrays(Q: Floats, lag_count: int) -> Floats:
     return cross
 
 
-@compiled_with_array_form(_sum_basis_products_by_arrays)
+@compiled_with_array_form(_sum_basis_products_vectorised)
 def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
     n, p = Q.shape
@@ -55,11 +55,11 @@ def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
     return cross
 
 
-def accumulate_autocovariance_loss_by_arrays(Q: Floats, loss: Floats) -> None:
+def accumulate_autocovariance_loss_vectorised(Q: Floats, loss: Floats) -> None:
     """Add the loss (lags, lags) of a fit with orthonormal basis Q (n, p), without loops over n."""
     n, p = Q.shape
     lags = len(loss)
-    cross = _sum_basis_products_by_arrays(Q, 2 * lags - 1)
+    cross = _sum_basis_products_vectorised(Q, 2 * lags - 1)
     both = (cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)).reshape(p * p, lags)
     alike = cross[np.arange(p), np.arange(p)]
     pushed = np.zeros(lags)
@@ -81,7 +81,7 @@ def accumulate_autocovariance_loss_by_arrays(Q: Floats, loss: Floats) -> None:
         loss[j + 1 :, j] += (0.5 if j == 0 else 1.0) * more[1:]
 
 
-@compiled_with_array_form(accumulate_autocovariance_loss_by_arrays)
+@compiled_with_array_form(accumulate_autocovariance_loss_vectorised)
 def accumulate_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
@@ -151,18 +151,18 @@ def make_orthonormal_basis(A: Floats) -> Floats:
     return Q
 
 
-def find_group_spans(group: Ints, groups: Ints) -> Ints:
-    """First and last sample of each of `groups` (ascending), (fits, 2)."""
-    fit = np.minimum(np.searchsorted(groups, group), groups.size - 1)
-    inside = np.flatnonzero(groups[fit] == group)
-    spans = np.empty((groups.size, 2), np.int64)
+def find_first_and_last_sample_of_groups(group: Ints, group_numbers: Ints) -> Ints:
+    """First and last sample of each of `group_numbers` (ascending), (fits, 2)."""
+    fit = np.minimum(np.searchsorted(group_numbers, group), group_numbers.size - 1)
+    inside = np.flatnonzero(group_numbers[fit] == group)
+    spans = np.empty((group_numbers.size, 2), np.int64)
     # of several assignments to one place the last one holds
     spans[fit[inside[::-1]], 0] = inside[::-1]
     spans[fit[inside], 1] = inside
     return spans
 
 
-def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
+def _sum_autocovariance_loss_vectorised(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     loss, pairs = np.zeros((lags, lags)), np.zeros(lags)
     for first, last in spans.tolist():
         mine = group[first : last + 1] == group[first]
@@ -174,7 +174,7 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
     return loss / np.maximum(pairs, 1.0)[:, None]
 
 
-@compiled_with_array_form(_sum_loss_by_arrays)
+@compiled_with_array_form(_sum_autocovariance_loss_vectorised)
 def sum_autocovariance_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     """Loss (lags, lags) summed over the fits in `spans`, per pair of samples at each lag."""
     p = A.shape[1]
@@ -242,4 +242,6 @@ def compute_fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, LIMITS.sampled_fits)).astype(np.int64)]
-    return sum_autocovariance_loss(A, group, find_group_spans(group, some), lags)
+    return sum_autocovariance_loss(
+        A, group, find_first_and_last_sample_of_groups(group, some), lags
+    )

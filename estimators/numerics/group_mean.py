@@ -16,7 +16,7 @@ def iter_group_runs(group: Ints) -> Iterator[tuple[int, int]]:
     return pairwise(bounds)
 
 
-def _average_by_arrays(
+def _average_groups_vectorised(
     columns: Floats, group: Ints, samples: int, rows: Ints, mean: Floats
 ) -> Ints:
     count = np.empty(rows.size, np.int64)
@@ -31,7 +31,7 @@ def _average_by_arrays(
     return count
 
 
-@compiled_with_array_form(_average_by_arrays)
+@compiled_with_array_form(_average_groups_vectorised)
 def fill_trailing_group_means(
     columns: Floats, group: Ints, samples: int, requested_rows: Ints, mean: Floats
 ) -> Ints:

@@ -26,7 +26,7 @@ class NoiseMoments:
     cross: Floats
 
 
-def _sum_moments_by_arrays(
+def _sum_noise_moments_vectorised(
     slopes: Floats,
     column_and_channel: Ints,
     covariances: Floats,
@@ -52,7 +52,7 @@ def _sum_moments_by_arrays(
     return gram, cross
 
 
-@compiled_with_array_form(_sum_moments_by_arrays)
+@compiled_with_array_form(_sum_noise_moments_vectorised)
 def sum_noise_moments(
     slopes: Floats,
     column_and_channel: Ints,
@@ -136,11 +136,11 @@ def compute_rms_scales_of_columns(A: Floats, group: Ints) -> Floats:
     return np.where(scale**2 > NOTHING, scale, 1.0)
 
 
-def _sum_squares_by_arrays(A: Floats, group: Ints) -> Floats:
+def _sum_squares_vectorised(A: Floats, group: Ints) -> Floats:
     return sum_axis_in_order(np.where(group[:, None] >= 0, A * A, 0.0), 0)
 
 
-@compiled_with_array_form(_sum_squares_by_arrays)
+@compiled_with_array_form(_sum_squares_vectorised)
 def _sum_squares(A: Floats, group: Ints) -> Floats:
     total = np.zeros(A.shape[1])
     for k in range(A.shape[0]):
@@ -174,7 +174,7 @@ class GroupSums:
     ) -> Self:
         """Sum the products of the columns, divided by (p,) `scale`, by group."""
         rows, square = list_rows_by_group(group), np.outer(scale, scale)
-        own = [convert_to_slice(part) for part in rows]
+        own = [convert_consecutive_rows_to_slice(part) for part in rows]
         grams = np.stack([A[part].T @ A[part] for part in own]) / square
         crosses = np.stack([A[part].T @ f[part] for part in own]) / scale
         if noise is None:
@@ -208,7 +208,7 @@ def sum_matrices_by_unit(values: Floats, unit_of_group: Ints, unit_count: int) -
     return out
 
 
-def convert_to_slice(rows: Ints) -> slice | Ints:
+def convert_consecutive_rows_to_slice(rows: Ints) -> slice | Ints:
     """Rows as a slice if consecutive, so that indexing makes no copy."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == rows.size else rows

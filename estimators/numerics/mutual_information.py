@@ -64,14 +64,14 @@ def sum_window_products_and_correlation(
         end: int = pairs[number + 1]
         sum_moments_of_block_pair(A, f, window, window_ends, row, end, work)
         convert_centred_moments_to_products(work.moments, work.centre, window, row, end, products)
-        fill_correlation_and_variance(
+        fill_correlation_and_relative_variance(
             work.moments, work.centre, window, rho[row:end], spread[row:end]
         )
     return products, rho, spread
 
 
 @compiled_unless_short_log
-def fill_correlation_and_variance(
+def fill_correlation_and_relative_variance(
     moments: Floats, centre: Floats, window: int, rho: Floats, relative_variance: Floats
 ) -> None:
     """Compute ρ and relative variance (m,) of first and last series (see `rolling.Workspace`)."""

@@ -21,14 +21,14 @@ class Solution(NamedTuple):
     rss: Floats
 
 
-def count_columns(products: Floats) -> int:
+def count_columns_of_packed_products(products: Floats) -> int:
     """Number of columns of [A f], from the number of its packed products."""
     return (int(np.sqrt(8 * len(products) + 1)) - 1) // 2
 
 
 def solve_packed_equations(products: Floats) -> Solution:
     """Solve AᵀA θ = Aᵀf of m windows, from packed products (entries, m)."""
-    q = count_columns(products)
+    q = count_columns_of_packed_products(products)
     p = q - 1
     L, inverse = factor_packed_ldl(products, q, p)
     *sides, square = make_packed_index_table(q)[p]
@@ -54,7 +54,7 @@ def compute_residual_sums_of_squares(products: Floats, theta: Floats) -> Floats:
 
 def extract_packed_gram(products: Floats) -> Floats:
     """Packed AᵀA (p(p+1)/2, m) from the products of [A f]."""
-    p = count_columns(products) - 1
+    p = count_columns_of_packed_products(products) - 1
     return products[
         [entry for i, row in enumerate(make_packed_index_table(p + 1)[:p]) for entry in row[i:p]]
     ]

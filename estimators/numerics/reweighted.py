@@ -34,13 +34,15 @@ def find_begins_of_window_batches(window_ends: Ints) -> Ints:
 
 
 @compiled_unless_short_log
-def copy_samples_to_buffer(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
-    """Copy samples of [A f] from `first` on into z (p + 1, > samples), then zeros."""
-    copy_window_columns_to_buffer(A, first, samples, z)
-    copy_force_samples(f, first, samples, z[A.shape[1]])
-    for c in range(z.shape[0]):
-        for k in range(samples, min(samples + _IN_STEP, z.shape[1])):
-            z[c, k] = 0.0
+def copy_samples_to_buffer(
+    A: Floats, f: Floats, first_sample: int, sample_count: int, buffer: Floats
+) -> None:
+    """Copy samples of [A f] from `first_sample` on into z (p + 1, > samples), then zeros."""
+    copy_window_columns_to_buffer(A, first_sample, sample_count, buffer)
+    copy_force_samples(f, first_sample, sample_count, buffer[A.shape[1]])
+    for c in range(buffer.shape[0]):
+        for k in range(sample_count, min(sample_count + _IN_STEP, buffer.shape[1])):
+            buffer[c, k] = 0.0
 
 
 @compiled_unless_short_log
@@ -52,14 +54,16 @@ def copy_consecutive_estimates(theta: Floats, begin: int, end: int) -> Floats:
     return out
 
 
-def _add_weighted_by_arrays(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
+def _add_weighted_products_vectorised(
+    weights: Floats, raw: Floats, sample: int, sums: Floats
+) -> None:
     m = sums.shape[1]
     u, v, w, x = weights[:, :m]
     a, b, c, d = (raw[: len(sums) - 1, sample + k : sample + k + m] for k in range(_IN_STEP))
     sums[:-1] += (u * a + v * b) + (w * c + x * d)
 
 
-@compiled_with_array_form(_add_weighted_by_arrays)
+@compiled_with_array_form(_add_weighted_products_vectorised)
 def add_weighted_sample_products(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
     """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), except the last entry."""
     entries, m = sums.shape
@@ -71,14 +75,14 @@ def add_weighted_sample_products(weights: Floats, raw: Floats, sample: int, sums
             total[k] += early + (w[k] * product[k + 2] + x[k] * product[k + 3])
 
 
-def _subtract_fit_by_arrays(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
+def _subtract_fit_vectorised(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
     p, m = theta.shape
     out[:m] = z[p, sample : sample + m]
     for c in range(p):
         out[:m] -= theta[c] * z[c, sample : sample + m]
 
 
-@compiled_with_array_form(_subtract_fit_by_arrays)
+@compiled_with_array_form(_subtract_fit_vectorised)
 def fill_residuals_of_sample(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
     """Residuals (m,) of sample `sample` + k for estimate k of theta (p, m)."""
     p, m = theta.shape

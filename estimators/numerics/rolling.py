@@ -59,12 +59,12 @@ def make_window_sum_workspace(q: int, window: int) -> Workspace:
     )
 
 
-def _sum_suffixes_by_arrays(terms: Floats, count: int, sums: Floats) -> None:
+def _fill_suffix_sums_vectorised(terms: Floats, count: int, sums: Floats) -> None:
     # from zero, so that no zero is negative
     sums[:, :count] = 0.0 + np.cumsum(terms[: len(sums), :count][:, ::-1], axis=1)[:, ::-1]
 
 
-@compiled_with_array_form(_sum_suffixes_by_arrays)
+@compiled_with_array_form(_fill_suffix_sums_vectorised)
 def fill_suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
     """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each term to the last of `count`."""
     for lane in range(0, sums.shape[0], 3):
@@ -81,13 +81,15 @@ def fill_suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
             z[k] = u
 
 
-def _add_prefixes_by_arrays(terms: Floats, start: int, skip: int, count: int, sums: Floats) -> None:
+def _add_prefix_sums_vectorised(
+    terms: Floats, start: int, skip: int, count: int, sums: Floats
+) -> None:
     end = max(start + skip + count - 1, start)
     added = np.hstack([np.zeros((len(sums), 1)), terms[: len(sums), start:end]])
     sums[:, :count] += np.cumsum(added, axis=1)[:, skip:]
 
 
-@compiled_with_array_form(_add_prefixes_by_arrays)
+@compiled_with_array_form(_add_prefix_sums_vectorised)
 def add_prefix_sums(
     terms: Floats, start_sample: int, skipped_terms: int, count: int, sums: Floats
 ) -> None:
@@ -110,18 +112,18 @@ def add_prefix_sums(
             u += c[k]
 
 
-def _write_pair_products_by_arrays(z: Floats, count: int, products: Floats) -> None:
+def _fill_sample_products_vectorised(z: Floats, count: int, products: Floats) -> None:
     i, j = np.triu_indices(len(z))
     products[: i.size, :count] = z[i, :count] * z[j, :count]
 
 
-def _centre_by_arrays(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
+def _fill_centred_terms_vectorised(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
     q = len(z)
     terms[:q, :count] = z[:, :count] - centre[:, None]
-    _write_pair_products_by_arrays(terms[:q], count, terms[q:])
+    _fill_sample_products_vectorised(terms[:q], count, terms[q:])
 
 
-@compiled_with_array_form(_centre_by_arrays)
+@compiled_with_array_form(_fill_centred_terms_vectorised)
 def fill_centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
     """Deviations of `count` samples from the centre, and their products."""
     q = z.shape[0]
@@ -132,7 +134,7 @@ def fill_centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> 
     fill_sample_products(terms[:q], count, terms[q:])
 
 
-@compiled_with_array_form(_write_pair_products_by_arrays)
+@compiled_with_array_form(_fill_sample_products_vectorised)
 def fill_sample_products(z: Floats, count: int, products: Floats) -> None:
     """Products of the q rows of z at each of `count` samples, packed (entries, ≥ count)."""
     q = z.shape[0]
@@ -143,7 +145,7 @@ def fill_sample_products(z: Floats, count: int, products: Floats) -> None:
                 product[k] = x[k] * y[k]
 
 
-def _add_centre_by_arrays(
+def _convert_centred_moments_vectorised(
     moments: Floats, centre: Floats, window: int, first_window: int, end_window: int, out: Floats
 ) -> None:
     q, m = centre.size, end_window - first_window
@@ -153,7 +155,7 @@ def _add_centre_by_arrays(
     out[: i.size, first_window:end_window] = central + right * x + left * (window * right + y)
 
 
-@compiled_with_array_form(_add_centre_by_arrays)
+@compiled_with_array_form(_convert_centred_moments_vectorised)
 def convert_centred_moments_to_products(
     moments: Floats, centre: Floats, window: int, first_window: int, end_window: int, out: Floats
 ) -> None:

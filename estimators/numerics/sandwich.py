@@ -14,7 +14,7 @@ from estimators.numerics.autocorrelation import (
     estimate_pooled_autocorrelation,
 )
 from estimators.numerics.in_order import sum_axis_in_order
-from estimators.numerics.normal_equations import count_columns
+from estimators.numerics.normal_equations import count_columns_of_packed_products
 from estimators.numerics.rolling import (
     add_prefix_sums,
     copy_window_columns_to_buffer,
@@ -35,7 +35,7 @@ from estimators.threads import run_in_chunks
 _MEAT_ROWS = 1024
 
 
-def _sum_meat_by_arrays(
+def _compute_sandwich_meat_vectorised(
     A: Floats, group: Ints, group_number: int, first: int, last: int, correlation: Floats
 ) -> Floats:
     lags = correlation.size
@@ -45,13 +45,13 @@ def _sum_meat_by_arrays(
     own[:, max(-begin, 0) :] = np.where(mine, A[max(begin, 0) : last + 1].T, 0.0)
     here, tails = own[:, lags - 1 :], np.empty((len(own), last + 1 - first))
     for column, tail in zip(own, tails, strict=True):
-        _add_predecessors_by_arrays(column, correlation, tail)
+        _add_predecessors_vectorised(column, correlation, tail)
     products = here[:, None] * tails + tails[:, None] * here
     B = sum_axis_in_order(products, 2)
     return np.tril(B) + np.tril(B, -1).T
 
 
-@compiled_with_array_form(_sum_meat_by_arrays)
+@compiled_with_array_form(_compute_sandwich_meat_vectorised)
 def compute_sandwich_meat(
     A: Floats, group: Ints, group_number: int, first: int, last: int, correlation: Floats
 ) -> Floats:
@@ -95,7 +95,7 @@ def compute_sandwich_meat(
     return B
 
 
-def _add_predecessors_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
+def _add_predecessors_vectorised(own: Floats, correlation: Floats, tail: Floats) -> None:
     """Half of each sample, and its correlated predecessors, by whole arrays."""
     lags, rows = correlation.size, tail.size
     tail[:] = 0.5 * own[lags - 1 : lags - 1 + rows]
@@ -103,7 +103,7 @@ def _add_predecessors_by_arrays(own: Floats, correlation: Floats, tail: Floats) 
         tail += correlation[j] * own[lags - 1 - j : lags - 1 - j + rows]
 
 
-@compiled_with_array_form(_add_predecessors_by_arrays)
+@compiled_with_array_form(_add_predecessors_vectorised)
 def add_correlated_predecessors(own: Floats, correlation: Floats, tail: Floats) -> None:
     """Add half of each sample and its correlated predecessors.
 
@@ -203,7 +203,7 @@ def compute_all_window_stds(
 
 def invert_packed_gram_matrices(packed_grams: Floats) -> Floats:
     """Inverses (p, p, m) of packed matrices (m, entries)."""
-    p = count_columns(packed_grams.T)
+    p = count_columns_of_packed_products(packed_grams.T)
     return invert_factored_systems(*factor_packed_ldl(np.ascontiguousarray(packed_grams.T), p, p))
 
 
@@ -298,7 +298,7 @@ def compute_window_meats(A: Floats, window: int, window_ends: Ints, correlation:
     return out
 
 
-def _add_neighbours_by_arrays(
+def _sum_correlated_neighbours_vectorised(
     z: Floats,
     samples: int,
     first_block_samples: int,
@@ -322,7 +322,7 @@ def _add_neighbours_by_arrays(
         )
 
 
-@compiled_with_array_form(_add_neighbours_by_arrays)
+@compiled_with_array_form(_sum_correlated_neighbours_vectorised)
 def sum_correlated_neighbours(
     z: Floats,
     samples: int,

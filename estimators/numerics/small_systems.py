@@ -44,7 +44,7 @@ def find_packed_index(i: int, j: int, size: int) -> int:
     return i * size - i * (i - 1) // 2 + j - i
 
 
-def _factor_ldl_by_arrays(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
+def _factor_packed_ldl_vectorised(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     L, inverse = np.zeros((p, p, G.shape[1])), np.empty((p, G.shape[1]))
     for i in range(p):
         diagonal = G[find_packed_index(i, i, size)]
@@ -61,7 +61,7 @@ def _factor_ldl_by_arrays(G: Floats, size: int, p: int) -> tuple[Floats, Floats]
     return L, inverse
 
 
-@compiled_with_array_form(_factor_ldl_by_arrays)
+@compiled_with_array_form(_factor_packed_ldl_vectorised)
 def factor_packed_ldl(G: Floats, size: int, leading_size: int) -> tuple[Floats, Floats]:
     """Factor the leading p × p of m packed matrices, G = L D Lᵀ; NaN where one is singular.
 
@@ -104,7 +104,7 @@ def factor_packed_ldl(G: Floats, size: int, leading_size: int) -> tuple[Floats, 
     return L, inverse
 
 
-def _solve_factored_by_arrays(L: Floats, inverse: Floats, x: Floats) -> None:
+def _solve_factored_vectorised(L: Floats, inverse: Floats, x: Floats) -> None:
     """Form of `substitute` by whole arrays."""
     p = len(inverse)
     for i in range(p):
@@ -116,7 +116,7 @@ def _solve_factored_by_arrays(L: Floats, inverse: Floats, x: Floats) -> None:
             x[i] -= L[r, i] * x[r]
 
 
-@compiled_with_array_form(_solve_factored_by_arrays)
+@compiled_with_array_form(_solve_factored_vectorised)
 def solve_factored_in_place(L: Floats, inverse: Floats, x: Floats) -> None:
     """Solve m factored systems in place: x (p, m) is the right-hand side, then the solution."""
     p, m = inverse.shape
@@ -145,7 +145,7 @@ def invert_factored_systems(L: Floats, inverse: Floats) -> Floats:
     return out
 
 
-def _compute_condition_numbers_by_arrays(G: Floats, size: int, p: int) -> Floats:
+def _compute_condition_numbers_vectorised(G: Floats, size: int, p: int) -> Floats:
     i, j = np.triu_indices(p)
     rows = [find_packed_index(a, b, size) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
     squares = np.array([G[find_packed_index(a, a, size)] for a in range(p)])
@@ -153,7 +153,7 @@ def _compute_condition_numbers_by_arrays(G: Floats, size: int, p: int) -> Floats
     for _ in range(_SWEEPS if p > 2 else 1):
         for a in range(p):
             for b in range(a + 1, p):
-                _rotate_by_arrays(N, p, a, b, G.shape[1])
+                _rotate_by_jacobi_vectorised(N, p, a, b, G.shape[1])
     values = N[[find_packed_index(a, a, p) for a in range(p)]]
     low, high = values[0], values[0]
     for value in values[1:]:
@@ -163,7 +163,7 @@ def _compute_condition_numbers_by_arrays(G: Floats, size: int, p: int) -> Floats
     return np.where(np.isnan(values).any(axis=0), np.inf, out)
 
 
-@compiled_with_array_form(_compute_condition_numbers_by_arrays)
+@compiled_with_array_form(_compute_condition_numbers_vectorised)
 def compute_condition_numbers(G: Floats, size: int, leading_size: int) -> Floats:
     """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 
@@ -208,7 +208,7 @@ def compute_condition_numbers(G: Floats, size: int, leading_size: int) -> Floats
     return out
 
 
-def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _m: int) -> None:
+def _rotate_by_jacobi_vectorised(N: Floats, p: int, i: int, j: int, _m: int) -> None:
     a, b, c = (
         N[find_packed_index(i, i, p)],
         N[find_packed_index(j, j, p)],
@@ -229,7 +229,7 @@ def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _m: int) -> None:
         y[:] = sine * old + cosine * y
 
 
-@compiled_with_array_form(_rotate_by_arrays)
+@compiled_with_array_form(_rotate_by_jacobi_vectorised)
 def rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
     a, b, c = (

@@ -105,7 +105,7 @@ def fit(
     fitted = system.solve_with_correlation_times(np.ones(k))
     coefficients = scatter_to_columns(fitted.theta, columns, p)
     residual = compute_blockwise_residuals(A, f, used, coefficients)
-    losses = compute_fit_losses(A, columns, segment_id)
+    losses = compute_autocovariance_losses(A, columns, segment_id)
     correlations = autocorrelate_residuals(segment_id, residual, losses)
     if given.size and samples and np.isfinite(fitted.theta).all():
         # a prior is worth as many samples as are independent
@@ -301,7 +301,7 @@ def compute_axis_rms(residual: Floats, samples: int) -> Floats:
     return np.sqrt((residual**2).sum(axis=1) / samples)
 
 
-def compute_fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
+def compute_autocovariance_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
     """Loss of autocovariance of each axis' residuals, caused by the fit."""
     k, used = A.shape[1], segment_id >= 0
     if not used.any():

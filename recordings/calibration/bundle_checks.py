@@ -41,8 +41,8 @@ from recordings.calibration.chain_check import (
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import (
     CheckedBundle,
-    read_content_in_memory,
     remove_file_name_from_fault,
+    require_content_in_memory,
 )
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
@@ -122,7 +122,7 @@ def _check_bundle_alone(
         return bundle
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = parse_untrusted_evidence(read_content_in_memory(held, EVIDENCE), EVIDENCE)
+        document = parse_untrusted_evidence(require_content_in_memory(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
@@ -132,8 +132,8 @@ def _check_bundle_alone(
     bundle.document = document
     check_bundle_timestamp(bundle, held, document, timestamp_authorities)
     check_bundle_signature(bundle, held, digests, document, known_key, keyring)
-    _check_that_recordings_are_named(bundle, document, digests)
-    stretch = read_content_in_memory(held, NOTARY) if NOTARY in held else None
+    _check_that_evidence_lists_recordings(bundle, document, digests)
+    stretch = require_content_in_memory(held, NOTARY) if NOTARY in held else None
     check_notary_list_range(bundle, document, stretch, keyring)
     readings, points = parse_readings_and_points(bundle, held, document)
     bundle.readings, bundle.points = readings, points
@@ -174,9 +174,9 @@ def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str
         if name not in names:
             bundle.add_finding(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        bundle.sums = read_content_in_memory(held, SUMS)
+        bundle.sums = require_content_in_memory(held, SUMS)
         try:
-            compare_files_with_sums(bundle, names, held, parse_sha256sums(bundle.sums))
+            compare_files_with_sha256sums(bundle, names, held, parse_sha256sums(bundle.sums))
         except EvidenceError as fault:
             bundle.add_finding(
                 BundleOutcome.TAMPERED, SUMS, remove_file_name_from_fault(SUMS, fault)
@@ -184,7 +184,7 @@ def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str
     return held
 
 
-def compare_files_with_sums(
+def compare_files_with_sha256sums(
     bundle: CheckedBundle,
     names: list[str],
     files: Mapping[str, BundleFile],
@@ -204,7 +204,7 @@ def compare_files_with_sums(
         bundle.add_finding(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
-def _check_that_recordings_are_named(
+def _check_that_evidence_lists_recordings(
     bundle: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
 ) -> None:
     """Check that the recordings of runs are those that the evidence names."""
@@ -235,7 +235,9 @@ def parse_readings_and_points(
             bundle.add_finding(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
-    asked = [UntrustedTable(read_content_in_memory(files, name), schemas[name]) for name in there]
+    asked = [
+        UntrustedTable(require_content_in_memory(files, name), schemas[name]) for name in there
+    ]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_untrusted_tables(asked), strict=True):
         if isinstance(table, str):
@@ -269,7 +271,7 @@ def check_bundle_signature(
         return
     bundle.signed_by = SignedBy("broken")
     try:
-        signed = parse_untrusted_envelope(read_content_in_memory(files, STATEMENT), STATEMENT)
+        signed = parse_untrusted_envelope(require_content_in_memory(files, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.from_base64_text(named.public_key)
     except EvidenceError as fault:
         bundle.add_finding(
@@ -340,7 +342,7 @@ def identify_bundle_signer(
     how = "given" if known_key is not None else "unknown" if known is None else "known"
     bundle.signed_by = by = replace(by, how=how)
     if not by.is_trusted:
-        bundle.notes.append(_UNKNOWN_KEY.format(by, by.add_key_command))
+        bundle.notes.append(_UNKNOWN_KEY.format(by, by.command_to_add_key))
 
 
 def _check_that_signer_is_stated(

@@ -73,7 +73,7 @@ def list_bundle_files_and_faults(folder: Path) -> tuple[list[str], list[tuple[st
         raise EvidenceError(f"{folder}: {fault}; `payscope calibrate` writes one")
     good: list[str] = []
     bad: list[tuple[str, str]] = []
-    for number, (name, mode) in enumerate(iter_entry_names_and_modes(folder)):
+    for number, (name, mode) in enumerate(iter_bundle_entry_names_and_modes(folder)):
         if number >= LIMITS.bundle_max_files:
             raise EvidenceError(
                 f"{folder}: more than {LIMITS.bundle_max_files} entries, so it is not a bundle; "
@@ -97,7 +97,7 @@ def list_bundle_files_and_faults(folder: Path) -> tuple[list[str], list[tuple[st
     return sorted(good), sorted(bad)
 
 
-def iter_entry_names_and_modes(folder: Path) -> Iterator[tuple[str, int]]:
+def iter_bundle_entry_names_and_modes(folder: Path) -> Iterator[tuple[str, int]]:
     """Names and modes in the folder and its runs/, without following links."""
     try:
         for place, prefix in ((folder, ""), (folder / RUNS, f"{RUNS}/")):

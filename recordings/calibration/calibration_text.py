@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.calibration_budget import rank_loads_for_next_run
-from analysis.calibration.line.outliers import find_exchanged_runs
+from analysis.calibration.line.outliers import find_runs_with_exchanged_loads
 from estimators.errors import format_count, join_first_names
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.campaign_faults import (
@@ -73,7 +73,7 @@ def describe_exchanged_runs(document: EvidenceDocument) -> list[str]:
     """Name two runs of a calibration that fit the line with each other's load, if there are any."""
     if document.kind != "calibration" or document.calibration is None:
         return []
-    found = find_exchanged_runs(document.calibration)
+    found = find_runs_with_exchanged_loads(document.calibration)
     return [] if found is None else [str(found)]
 
 
@@ -191,7 +191,7 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
 def describe_one_day_limits(document: EvidenceDocument) -> list[str]:
     """Sentence on the limits of evidence from one day; none for format 1."""
     fitted = document.calibration
-    if fitted is None or not fitted.responses or not fitted.has_single_day:
+    if fitted is None or not fitted.responses or not fitted.has_runs_of_one_day_only:
         return []
     return [
         "Evidence of one day: its intervals do not include changes from day to day. Runs of "

@@ -70,7 +70,7 @@ def make_run_condition_rows(document: EvidenceDocument) -> list[tuple[str, str]]
         "fuel": ("fuel", "{}"),
     }
     campaign = document.campaign
-    runs = [campaign.find_run_conditions(run) for run in campaign.runs]
+    runs = [campaign.fill_run_conditions_from_campaign(run) for run in campaign.runs]
     found: list[tuple[str, str]] = []
     for key, (name, form) in shown.items():
         said = [each[key] for each in runs]

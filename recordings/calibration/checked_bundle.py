@@ -49,7 +49,7 @@ class CheckedBundle:
         self.findings.append(BundleFinding(outcome, item_name, text))
 
 
-def read_content_in_memory(files: Mapping[str, BundleFile], name: str) -> bytes:
+def require_content_in_memory(files: Mapping[str, BundleFile], name: str) -> bytes:
     """Content of a file of the bundle that was read into memory."""
     data = files[name].data
     assert data is not None

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.campaign.campaign_fit import make_references_and_covariance
+from analysis.calibration.campaign.campaign_fit import tabulate_reference_masses_and_covariance
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from recordings.calibration.evidence_document import (
@@ -90,7 +90,7 @@ def make_reference_loads_and_covariance(
     campaign: CalibrationCampaign, machine: Machine
 ) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
     """Reference loads of the evidence, and their covariance in kg²."""
-    known, covariance_kg2 = make_references_and_covariance(campaign, machine.machine)
+    known, covariance_kg2 = tabulate_reference_masses_and_covariance(campaign, machine.machine)
     loads = tuple(
         ReferenceLoad(load_id=row["load_id"], reference_kg=row["reference_kg"], u_kg=float(v**0.5))
         for row, v in zip(known.to_dicts(), covariance_kg2.diagonal(), strict=True)

@@ -29,7 +29,7 @@ from recordings.calibration.released_defaults import (
     list_settings_absent_in_evidence,
     load_released_defaults,
     remove_dotted_values,
-    with_dotted_values_replaced,
+    replace_dotted_values,
 )
 from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
 
@@ -243,7 +243,7 @@ class EvidenceDocument(BaseModel):
         if not changed:
             return self
         document = EvidenceDocument.model_validate_json(
-            encode_canonical_json(with_dotted_values_replaced(values, changed))
+            encode_canonical_json(replace_dotted_values(values, changed))
         )
         document._put_in = changed  # noqa: SLF001  its own
         return document
@@ -295,7 +295,7 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
-        made = find_stated_other_version(values)
+        made = find_version_of_other_payscope(values)
         if made:
             raise UnknownFormatError(
                 f"{source}: made by {made}, and payscope "
@@ -313,7 +313,7 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
     return document.with_released_defaults(values)
 
 
-def find_stated_other_version(document_values: Any) -> str:
+def find_version_of_other_payscope(document_values: Any) -> str:
     """Other version that a document states as its own; "" if it is this one, or none."""
     if not isinstance(document_values, dict) or not isinstance(
         document_values.get("software"), dict

@@ -178,7 +178,7 @@ def identify_notary_signer(
     if known is None:
         checked_bundle.notes.append(
             f"{NOTARY}: is {by}: get the key from the keeper of the recorder through another "
-            f"channel, and keep it: {by.add_key_command}"
+            f"channel, and keep it: {by.command_to_add_key}"
         )
         return by
     last = max(

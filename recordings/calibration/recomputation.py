@@ -288,7 +288,7 @@ def _iter_contradictions_of_reading_to_run(
         or not reading_row["start_s"] < reading_row["end_s"]
     ):
         yield "has no stretch of time"
-    elif not run.does_contain_middle_of_stretch(reading_row["start_s"], reading_row["end_s"]):
+    elif not run.contains_middle_of_span(reading_row["start_s"], reading_row["end_s"]):
         yield "is not in the stretch of its run"
     if reading_row["used"] and reading_row["reason"]:
         yield "is used, but has a reason for its exclusion"

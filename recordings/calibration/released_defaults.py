@@ -159,13 +159,13 @@ def list_absent_settings_changed_since(
     """
     found: dict[str, Any] = {}
     for name, default in absent_settings.items():
-        first = _find_first_released_default(name, default, released_versions)
+        first = _collect_first_released_defaults(name, default, released_versions)
         if first != default:
             found[name] = first
     return found
 
 
-def _find_first_released_default(
+def _collect_first_released_defaults(
     setting_name: str, present_default: Any, released_versions: Mapping[str, Mapping[str, Any]]
 ) -> Any:
     """First default of a setting, or of a section of settings."""
@@ -174,13 +174,13 @@ def _find_first_released_default(
         return first
     if isinstance(present_default, dict):
         return {
-            key: _find_first_released_default(f"{setting_name}.{key}", value, released_versions)
+            key: _collect_first_released_defaults(f"{setting_name}.{key}", value, released_versions)
             for key, value in present_default.items()
         }
     return present_default
 
 
-def with_dotted_values_replaced(
+def replace_dotted_values(
     values: Mapping[str, Any], new_values: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Values with some replaced, by dotted name."""

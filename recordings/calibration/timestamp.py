@@ -14,7 +14,7 @@ from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP, BundleFil
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.campaign_faults import parse_creation_time
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, read_content_in_memory
+from recordings.calibration.checked_bundle import CheckedBundle, require_content_in_memory
 from recordings.calibration.evidence_document import EvidenceDocument
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def check_bundle_timestamp(
         )
         return
     try:
-        response = decode_timestamp_response(read_content_in_memory(files, TIMESTAMP))
+        response = decode_timestamp_response(require_content_in_memory(files, TIMESTAMP))
         stamped = response.tst_info.gen_time.astimezone(dt.UTC)
         imprint = response.tst_info.message_imprint
         hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
@@ -125,7 +125,7 @@ def check_bundle_timestamp(
         what = f"is not a granted time-stamp response ({str(error)[: LIMITS.fault_characters]})"
         checked_bundle.add_finding(BundleOutcome.TAMPERED, TIMESTAMP, what)
         return
-    statement = read_content_in_memory(files, STATEMENT)
+    statement = require_content_in_memory(files, STATEMENT)
     if hashed is None:
         checked_bundle.add_finding(
             BundleOutcome.TAMPERED, TIMESTAMP, "uses a hash that is not SHA-2"

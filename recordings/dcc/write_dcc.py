@@ -386,7 +386,7 @@ def _add_reference_mass(
 
 def _add_influence_conditions(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
-    runs = [campaign.find_run_conditions(run) for run in campaign.runs]
+    runs = [campaign.fill_run_conditions_from_campaign(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
         for value in dict.fromkeys(each[key] for each in runs):
             made = _add_element(parent, "influenceCondition", refType=ref)

@@ -101,7 +101,7 @@ def check_untrusted_notary_list(
     checked.lines = lines[1:]
     _check_chain_of_lines(checked, lines, first_counter)
     checked.faults += _iter_contradictory_times(checked.log_entries, current_time)
-    checked.notes += iter_list_remarks(checked.log_entries)
+    checked.notes += iter_remarks_on_notary_list(checked.log_entries)
     return checked
 
 
@@ -213,7 +213,7 @@ def _iter_contradictory_times(
             )
 
 
-def iter_list_remarks(log_entries: Sequence[NotaryEntry]) -> Iterator[str]:
+def iter_remarks_on_notary_list(log_entries: Sequence[NotaryEntry]) -> Iterator[str]:
     """Notes that are not faults."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}

@@ -38,7 +38,7 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
         return
     for group in found.groups:
         _draw_points_of_group(axes, group)
-    _ring_window_points(axes, run, found.points, at_s)
+    _circle_points_of_window(axes, run, found.points, at_s)
     for number, line in enumerate(found.masses):
         _draw_mass_line(axes, line, "--" if len(found.masses) > 1 and not number else "-")
     axes.set_xlabel(ACCELERATION_LABEL, fontsize=LIMITS.small_type_pt)
@@ -70,7 +70,7 @@ def _draw_points_of_group(axes: "Axes", group: PointGroup) -> None:
     axes.autoscale(enable=True)
 
 
-def _ring_window_points(
+def _circle_points_of_window(
     axes: "Axes", run: Run, points: pl.DataFrame, moment_s: float | None
 ) -> None:
     """Ring the points of the window that ends at the moment."""

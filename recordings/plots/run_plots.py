@@ -82,14 +82,14 @@ def draw_run_overview(run: Run, at_s: float | None = None) -> "Figure":
     kept = heights if points.height else heights[:2]
     figure = Figure(figsize=(LIMITS.page_width_in, sum(kept)), layout="constrained")
     parts = figure.subfigures(len(kept), 1, height_ratios=kept, squeeze=False)[:, 0]
-    _write_answer_lines(parts[0], lines)
+    _draw_answer_lines(parts[0], lines)
     draw_views_over_time(parts[1], [view for view, _ in views], run, shown, at_s)
     if points.height:
         _draw_calibration_of_method(parts[2], points)
     return figure
 
 
-def _write_answer_lines(subfigure: "SubFigure", lines: list[str]) -> None:
+def _draw_answer_lines(subfigure: "SubFigure", lines: list[str]) -> None:
     subfigure.suptitle(lines[0], x=0.01, ha="left", fontweight="bold", parse_math=False)
     axes = subfigure.subplots()
     axes.axis("off")

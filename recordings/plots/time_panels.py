@@ -209,7 +209,7 @@ def _draw_stacked_state_fractions(
     for state in [name for name in colours.make_colour_by_state() if name in set(names)]:
         chosen = names == state
         # time in the state before each edge, whose differences are the time in each bin
-        inside = _compute_time_before_edges(starts[chosen], ends[chosen], edges)
+        inside = _compute_covered_time_before_edges(starts[chosen], ends[chosen], edges)
         share = 0.84 * np.diff(inside) / width
         axes.bar(
             edges[:-1] / NS_PER_S,
@@ -223,7 +223,7 @@ def _draw_stacked_state_fractions(
         base = base + share
 
 
-def _compute_time_before_edges(
+def _compute_covered_time_before_edges(
     span_starts: np.ndarray, span_ends: np.ndarray, bin_edges: np.ndarray
 ) -> np.ndarray:
     """Total time of the ordered, disjoint stretches before each edge."""

@@ -71,7 +71,7 @@ def select_force_acceleration_data(
     points = select_force_acceleration_samples(run)
     if points is None or not points.height:
         return None
-    loads = _select_loads_for_lines(run, at_s)
+    loads = _select_loads_of_mass_lines(run, at_s)
     friction = next((row["friction_x_N_s_m"] for row in loads), None)
     coulomb = read_coulomb_friction_newtons(run) if friction is not None else 0.0
     force = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
@@ -143,7 +143,7 @@ def estimate_rows_per_window(run: Run, gate_frame: pl.DataFrame) -> int:
     return max(round(window_ns / step_ns), 1)
 
 
-def _select_loads_for_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
+def _select_loads_of_mass_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
     """Loads whose masses are drawn as lines, the lighter first."""
     loads = run.frames.get("loads")
     if loads is None:

@@ -43,7 +43,7 @@ class Drawing:
     shapes: list[Shape] = field(default_factory=list)
 
     @property
-    def group_shapes_by_look(self) -> list[tuple[dict[str, str], list[Shape]]]:
+    def shape_groups_by_look(self) -> list[tuple[dict[str, str], list[Shape]]]:
         """Consecutive shapes with the same look, together with its attributes."""
         runs = groupby(self.shapes, key=lambda shape: shape.look)
         return [({"class": look, **_LOOKS[look]}, list(shapes)) for look, shapes in runs]

@@ -39,7 +39,7 @@ _TIME: Final = re.compile(
 )
 
 
-def make_ids_of_cycles(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
+def make_cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
     """Ids of cycles: the time of their end, in UTC, or by an undated log's own clock."""
     return pl.Series(
         "id",
@@ -84,7 +84,7 @@ def make_ledger_frame(
     when = ["" if each is None else _format_time_as_iso_8601(each.time) for each in rows]
     return cycles.select(
         "cycle",
-        make_ids_of_cycles(cycles, t0_unix_ns),
+        make_cycle_ids(cycles, t0_unix_ns),
         *times,
         (pl.col("start_t_ns") / NS).alias("at_s"),
         pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", *_QUALITY),

@@ -68,11 +68,11 @@ def iter_view_series(view: View, run: Run) -> Iterator[tuple[ViewSeries, str]]:
     """Series of a view for which this run has data, each with the name of its frame."""
     for series in view.series:
         for name in list_frames_of_series(series, run.frames):
-            if _has_frame_numbers_of_series(series, select_rows_of_arcs(run.frames[name])):
+            if _has_frame_values_for_series(series, select_rows_of_arcs(run.frames[name])):
                 yield series, name
 
 
-def _has_frame_numbers_of_series(series: ViewSeries, frame: pl.DataFrame) -> bool:
+def _has_frame_values_for_series(series: ViewSeries, frame: pl.DataFrame) -> bool:
     """Whether the frame has values for the series."""
     if series.column not in frame.columns:
         return False

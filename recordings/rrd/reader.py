@@ -47,10 +47,10 @@ def read_recording(path: str | Path, *, stored_names: bool = False) -> Run:
         manifest, provenance = held.manifest, held.provenance
         frames = {frame.name: held.read_frame(frame.name) for frame in manifest.frames}
     heights = {name: frame.height for name, frame in frames.items()}
-    return Run(frames, add_losses_of_missing_rows(path, manifest, provenance, heights))
+    return Run(frames, add_losses_of_missing_frame_rows(path, manifest, provenance, heights))
 
 
-def add_losses_of_missing_rows(
+def add_losses_of_missing_frame_rows(
     path: str | Path, manifest: Manifest, provenance: Provenance, row_counts: Mapping[str, int]
 ) -> Provenance:
     """Provenance with a loss for each incomplete frame.

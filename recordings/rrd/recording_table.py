@@ -13,9 +13,9 @@ from recordings.rrd.recording_views import (
     ViewKind,
     ViewSeries,
     band_view,
-    clipped_line_view,
     line_view,
-    states_view,
+    line_view_without_outliers,
+    state_lanes_view,
 )
 from recordings.rrd.stored_names import split_frame_name_to_path
 
@@ -62,7 +62,7 @@ _COM = View(
         ViewSeries("planar", "com_y_m", "to the left", "com_y_std_m"),
     ),
 )
-_DECISIONS = states_view(
+_DECISIONS = state_lanes_view(
     "Gate and phase",
     ("gate", "reason_x", "gate"),
     ("gate", "reason_z", "yaw_gate"),
@@ -73,7 +73,7 @@ TABS: Final = (
     Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _LOADS, _MASS, _INERTIA), ("answer",)),
     Tab(
         "Findings",
-        (states_view("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
+        (state_lanes_view("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
         ("findings",),
         events=True,
         context=(_FORCE, _SPEED),
@@ -93,7 +93,7 @@ TABS: Final = (
             band_view(
                 "Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"
             ),
-            states_view("Cycle", ("cycles", "quality", "cycle")),
+            state_lanes_view("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),
         context=(_SPEED,),
@@ -105,7 +105,7 @@ TABS: Final = (
             _ACCELERATION,
             _SPEED,
             _YAW_TORQUE,
-            states_view(
+            state_lanes_view(
                 "Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")
             ),
         ),
@@ -125,10 +125,10 @@ TABS: Final = (
                 noise_share_x_1="along",
                 noise_share_z_1="yaw",
             ),
-            clipped_line_view(
+            line_view_without_outliers(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
-            clipped_line_view(
+            line_view_without_outliers(
                 "Predicted standard deviation of the inertia",
                 "gate",
                 "predicted_std_z",
@@ -150,9 +150,11 @@ TABS: Final = (
     Tab(
         "Residuals",
         (
-            clipped_line_view("Residual r.m.s.", "estimates", "residual_rms_N"),
-            clipped_line_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
-            clipped_line_view("Condition number", "estimates", "condition_1"),
+            line_view_without_outliers("Residual r.m.s.", "estimates", "residual_rms_N"),
+            line_view_without_outliers(
+                "Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"
+            ),
+            line_view_without_outliers("Condition number", "estimates", "condition_1"),
         ),
         methods=MethodLayout.ROWS,
     ),
@@ -182,7 +184,7 @@ TABS: Final = (
                 "inertia_z_std_kg_m2",
                 "yaw inertia",
             ),
-            states_view(
+            state_lanes_view(
                 "Phase and outcome",
                 ("segments", "phase", "manoeuvre_phase"),
                 ("segments", "reason", "manoeuvre_outcome"),
@@ -202,7 +204,7 @@ TABS: Final = (
             ),
             _DECISIONS,
             _COM,
-            states_view("Outcome of arcs", ("planar", "reason", "arcs")),
+            state_lanes_view("Outcome of arcs", ("planar", "reason", "arcs")),
         ),
         ("planar",),
     ),

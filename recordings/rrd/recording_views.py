@@ -92,7 +92,9 @@ def line_view(
     return View(view_name, ViewKind.LINES, drawn, threshold)
 
 
-def clipped_line_view(view_name: str, frame_name: str, column: str, line_label: str = "") -> View:
+def line_view_without_outliers(
+    view_name: str, frame_name: str, column: str, line_label: str = ""
+) -> View:
     """View of a column as a line, on an axis that leaves its outliers out."""
     return View(
         view_name,
@@ -114,6 +116,6 @@ def band_view(
     )
 
 
-def states_view(view_name: str, *series: tuple[str, str, str]) -> View:
+def state_lanes_view(view_name: str, *series: tuple[str, str, str]) -> View:
     """View of states as lanes: frame, column and label of each."""
     return View(view_name, ViewKind.STATES, tuple(ViewSeries(*each) for each in series))

@@ -8,7 +8,7 @@ import polars as pl
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from estimators.errors import RecordingError
-from recordings.rrd.reader import add_losses_of_missing_rows, open_recording, read_recording
+from recordings.rrd.reader import add_losses_of_missing_frame_rows, open_recording, read_recording
 from recordings.rrd.recording_limits import LIMITS
 
 
@@ -55,7 +55,7 @@ def read_run_of_time_range(
                 raise RecordingError(
                     f"{path}: has no data {stretch}; it has {_describe_span_of_grid(whole)}"
                 )
-    about = add_losses_of_missing_rows(path, held.manifest, held.provenance, heights)
+    about = add_losses_of_missing_frame_rows(path, held.manifest, held.provenance, heights)
     if whole_run:
         return Run(frames, about)
     note = f"a stretch of {Path(path).name}, {stretch}"

@@ -139,12 +139,12 @@ def take_screenshots_of_recording(
     if not folder.is_dir():
         raise OutputError(f"{folder}: no such folder; create it first")
     t0_ns = read_provenance(path).t0_unix_ns
-    return take_screenshots_of_file(
+    return take_screenshots_of_recording_or_log(
         path, folder, tab_title, None if at_s is None else t0_ns + round(at_s * 1e9)
     )
 
 
-def take_screenshots_of_file(
+def take_screenshots_of_recording_or_log(
     path: str | Path, folder: Path, tab_title: str | None = None, at_unix_ns: int | None = None
 ) -> list[Screenshot]:
     """Take screenshots like `take_screenshots_of_recording`, of any file that the viewer opens.

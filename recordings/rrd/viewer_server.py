@@ -56,7 +56,7 @@ def serve_viewer_to_browsers() -> Generator[ViewerServer]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,  # ctrl-C is for the follower, which ends the server last
-        preexec_fn=_set_end_with_parent_process if sys.platform == "linux" else None,
+        preexec_fn=_terminate_with_parent_process if sys.platform == "linux" else None,
     )
     try:
         _wait_until_page_is_served(process, page)
@@ -72,7 +72,7 @@ def _find_free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def _set_end_with_parent_process() -> None:
+def _terminate_with_parent_process() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 

@@ -30,7 +30,7 @@ class SignedBy:
         return self.how in ("given", "known")
 
     @property
-    def add_key_command(self) -> str:
+    def command_to_add_key(self) -> str:
         """Shell command with which the user adds the key to the keyring."""
         return f"payscope keys add {quote(self.public_key)} --owner OWNER"
 

@@ -16,7 +16,7 @@ from analysis.calibration.use.apply_calibration import (
 )
 from analysis.calibration.use.learnt_priors import (
     apply_learnt_priors_to_machine,
-    prepare_machine_for_later_log,
+    copy_machine_with_learnt_means_checked,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
@@ -30,7 +30,7 @@ from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.keyring import Keyring, KnownKey, add_key_to_keyring, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key_file
-from replay.calibration.campaign_file import with_empty_mass_of_campaign
+from replay.calibration.campaign_file import copy_machine_with_campaign_empty_mass
 from replay.calibration.campaign_limits import LIMITS
 from replay.inputs.machine_identity import find_machine_id_common_to_logs
 from replay.logs import Log
@@ -91,11 +91,11 @@ class MachineCalibration:
     def make_weighing_machine(self, machine: Machine) -> Machine:
         """The machine with the calibration's empty mass and priors."""
         document = self.document
-        machine = with_empty_mass_of_campaign(document.campaign, machine)
+        machine = copy_machine_with_campaign_empty_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
         weighing = apply_learnt_priors_to_machine(machine, terms)
         if self.calibration.responses:
-            weighing = prepare_machine_for_later_log(weighing)
+            weighing = copy_machine_with_learnt_means_checked(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(encode_canonical_json(weighing.model_dump(mode="json")))
 
@@ -274,7 +274,7 @@ def accept_signature_of_known_key(
     if not owner:
         raise EvidenceError(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
-            f"--key KEY or keep it: {signature.add_key_command}"
+            f"--key KEY or keep it: {signature.command_to_add_key}"
         )
     add_key_to_keyring(keyring, KnownKey(key=signature.public_key, owner=owner))
     return replace(signature, how="known", owner=owner)

@@ -278,7 +278,7 @@ def read_previous_evidence(
     if by.how == "unknown" and not own:
         raise EvidenceError(
             f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
-            f"this key in person, keep it with {by.add_key_command}"
+            f"this key in person, keep it with {by.command_to_add_key}"
         )
     return checked
 

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 
 from analysis.calibration.campaign.campaign_fit import (
     make_decision_rule,
-    make_references_and_covariance,
+    tabulate_reference_masses_and_covariance,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
@@ -54,7 +54,7 @@ def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
     refuse_other_kind_of_file(path, content, "campaign file", CampaignError)
     for place, text in iter_unfilled_draft_entries(content):
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
-    content = with_masses_of_certificates(path, content)
+    content = fill_in_masses_of_certificates(path, content)
     campaign = validate_toml_content(path, content, CalibrationCampaign, CampaignError)
     if campaign.laboratory is not None and campaign.missing_certificate_keys:
         raise CampaignError(
@@ -65,11 +65,11 @@ def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
     beside = path.parent / campaign.machine.file
     shipped = find_machine_file_or_shipped_one(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
-    machine = with_serial_number(
-        with_empty_mass_of_campaign(campaign, machine), campaign.machine.id, path
+    machine = copy_machine_with_serial_number(
+        copy_machine_with_campaign_empty_mass(campaign, machine), campaign.machine.id, path
     )
     try:
-        known, _ = make_references_and_covariance(campaign, machine.machine)
+        known, _ = tabulate_reference_masses_and_covariance(campaign, machine.machine)
         make_decision_rule(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
@@ -88,13 +88,15 @@ def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
     return CampaignAndMachine(campaign, machine)
 
 
-def with_serial_number(machine: Machine, serial_number: str, found_in: object) -> Machine:
+def copy_machine_with_serial_number(
+    machine: Machine, serial_number: str, source_file: object
+) -> Machine:
     """The machine with the given serial number.
 
     Args:
         machine: machine as read from its file.
         serial_number: serial number.
-        found_in: file that gives it, for the error message.
+        source_file: file that gives it, for the error message.
 
     Raises:
         CampaignError: the machine file is that of another machine.
@@ -102,9 +104,8 @@ def with_serial_number(machine: Machine, serial_number: str, found_in: object) -
     named = machine.machine.id
     if named not in (None, serial_number):
         raise CampaignError(
-            f"{found_in}: is for machine '{serial_number}', but its machine file is for '{named}'; "
-            "give the "
-            f"machine file of '{serial_number}', or correct machine.id"
+            f"{source_file}: is for machine '{serial_number}', but its machine file is for "
+            f"'{named}'; give the machine file of '{serial_number}', or correct machine.id"
         )
     return machine.model_copy(
         update={"machine": machine.machine.model_copy(update={"id": serial_number})}
@@ -132,7 +133,9 @@ def iter_unfilled_draft_entries(content: Any, path_prefix: str = "") -> Iterator
         yield DraftEntry(path_prefix, content)
 
 
-def with_empty_mass_of_campaign(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+def copy_machine_with_campaign_empty_mass(
+    campaign: CalibrationCampaign, machine: Machine
+) -> Machine:
     """The machine with the empty mass of the campaign file, if that gives one."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}
@@ -141,7 +144,7 @@ def with_empty_mass_of_campaign(campaign: CalibrationCampaign, machine: Machine)
     return machine.model_copy(update={"machine": body})
 
 
-def with_masses_of_certificates(
+def fill_in_masses_of_certificates(
     campaign_path: Path, campaign_content: dict[str, Any]
 ) -> dict[str, Any]:
     """Complete a campaign file's content with masses from its certificates.

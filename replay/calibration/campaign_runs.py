@@ -106,7 +106,11 @@ def replay_campaign_logs(
     for number, name in enumerate(campaign.logs, start=1):
         on_log(name)
         runs = [each for each in campaign.runs if each.log == name]
-        known = state_single_load(machine, runs) if procedure.known_loads_kept else machine
+        known = (
+            copy_machine_with_single_load_if_stated(machine, runs)
+            if procedure.known_loads_kept
+            else machine
+        )
         with open_log(find_path(name), time=find_time_axis_of_machine(machine)) as log:
             try:
                 replayed = run(log, known)
@@ -125,7 +129,7 @@ def replay_campaign_logs(
         responses += make_run_responses_to_learnt_means(replayed, runs, campaign.method.estimator)
         logs.append(make_evidence_log_record(name, replayed, topics, recording))
         if not logs[-1].can_weigh:
-            refusals[name] = describe_refusal(replayed)
+            refusals[name] = describe_why_log_cannot_weigh(replayed)
         budgets.append(replayed.frames["budget"])
         terms += (
             select_learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
@@ -135,7 +139,7 @@ def replay_campaign_logs(
     )
 
 
-def describe_refusal(replayed_run: Run) -> str:
+def describe_why_log_cannot_weigh(replayed_run: Run) -> str:
     """Say why a log cannot weigh, and what mends it: causes that invalidate, and failed checks."""
     reasons: list[str] = []
     for row in replayed_run.frames["findings"].filter(severity="withhold").to_dicts():
@@ -150,7 +154,9 @@ def describe_refusal(replayed_run: Run) -> str:
     return "; ".join(reasons)
 
 
-def state_single_load(machine: Machine, runs: Sequence[CampaignRun]) -> Machine:
+def copy_machine_with_single_load_if_stated(
+    machine: Machine, runs: Sequence[CampaignRun]
+) -> Machine:
     """The machine, told that a log has one load if its runs say so of the whole log."""
     whole = all(each.from_s is None and each.to_s is None for each in runs)
     is_empty_stated = machine.settings.loads.empty_from_s is not None

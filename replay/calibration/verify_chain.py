@@ -114,7 +114,7 @@ def verify_bundles_and_chains(
     }
     return VerifiedChain(
         tuple(
-            each if _is_latest_bundle_of_machine(each, last) else _without_expiry_finding(each)
+            each if _is_latest_bundle_of_machine(each, last) else _drop_expiry_finding(each)
             for each in made
         ),
         tuple(findings),
@@ -137,7 +137,7 @@ def _is_latest_bundle_of_machine(
     )
 
 
-def _without_expiry_finding(verification: Verification) -> Verification:
+def _drop_expiry_finding(verification: Verification) -> Verification:
     """The verification without its finding on expiry."""
     kept = tuple(
         each for each in verification.findings if each.outcome is not BundleOutcome.EXPIRED

@@ -93,7 +93,7 @@ def run_command(
     fleet = load_fleet(machines, tuple(overrides or ()))
     with FleetProgress() as shown:
         logs = list_logs_of_sources(sources)
-        shown.begin_bar(logs)
+        shown.begin_progress_bar(logs)
         did = replay_logs_of_fleet(
             logs,
             fleet,
@@ -313,7 +313,9 @@ def _replay_fleet_with_other_settings(
     from replay.fleet.compare_results import RunCallbacks, replay_fleet_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(shown.begin_bar, shown.count_finished_log, shown.note_engine_slots)
+        told = RunCallbacks(
+            shown.begin_progress_bar, shown.count_finished_log, shown.note_engine_slots
+        )
         other, did, gone = replay_fleet_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer at their old paths and were left out", err=True)

@@ -37,7 +37,7 @@ class FleetProgress:
         self._task = self._bar.add_task("recordings", total=None, left="")
         self._slots = 1
 
-    def begin_bar(self, fleet_logs: "Sequence[FleetLog]") -> None:
+    def begin_progress_bar(self, fleet_logs: "Sequence[FleetLog]") -> None:
         """Start the bar with the known logs."""
         self._left = TimeLeft([log.size_bytes for log in fleet_logs])
         self._bar.update(self._task, total=len(fleet_logs))

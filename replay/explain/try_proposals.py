@@ -287,7 +287,7 @@ def list_untried_findings(progress: ProposalProgress) -> list[Finding]:
     return [
         each
         for each in shown
-        if _make_key_of_finding(each) not in progress.tried
+        if _make_cause_and_channel_key(each) not in progress.tried
         and split_finding_to_proposal_per_key(each)
     ]
 
@@ -301,8 +301,8 @@ def find_causes_explained_by_others(progress: ProposalProgress) -> dict[str, str
     from analysis.findings import CAUSES
 
     shown = read_findings_of_run(progress.run)
-    untried = {_make_key_of_finding(each) for each in list_untried_findings(progress)}
-    stays = {each.cause for each in shown if _make_key_of_finding(each) not in untried}
+    untried = {_make_cause_and_channel_key(each) for each in list_untried_findings(progress)}
+    stays = {each.cause for each in shown if _make_cause_and_channel_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
     return {
@@ -324,7 +324,7 @@ class _FindingKey(NamedTuple):
     channel: str | None
 
 
-def _make_key_of_finding(finding: Finding) -> _FindingKey:
+def _make_cause_and_channel_key(finding: Finding) -> _FindingKey:
     return _FindingKey(finding.cause, finding.channel)
 
 
@@ -332,7 +332,7 @@ def try_proposal_of_finding(
     progress: ProposalProgress, finding: Finding, replays: ProposalReplays
 ) -> None:
     """Replay with a proposal, and accept or reject it."""
-    progress.tried.add(_make_key_of_finding(finding))
+    progress.tried.add(_make_cause_and_channel_key(finding))
     changes = list(split_finding_to_proposal_per_key(finding))
     try:
         replayed = replays.replay_log_with_proposals([*progress.changes, *changes])

@@ -30,7 +30,7 @@ from replay.calibration.apply_evidence import (
 from replay.fleet.last_run import NamedFiles, TaskLimits
 from replay.inputs.channel_inputs import (
     collect_versions_of_packages,
-    machine_without_settings_as_dict,
+    convert_machine_without_settings_to_dict,
 )
 from replay.machines.machine_file import load_machine
 from replay.machines.toml_file import read_toml_file, validate_toml_content
@@ -113,7 +113,7 @@ def make_setups_of_machine(
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
                 f"{folder}: is {by.signed_by}; if the signer gave you this key in person, keep it "
-                f"with {by.signed_by.add_key_command}"
+                f"with {by.signed_by.command_to_add_key}"
             )
         try:
             weighing = by.require_calibrated_machine(by.make_weighing_machine(machine), files.file)
@@ -141,7 +141,7 @@ def _make_setup_with_digest(
         "format": FORMAT,
         "tables": list(TABLES),
         "name": name,
-        "machine": machine_without_settings_as_dict(machine),
+        "machine": convert_machine_without_settings_to_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "calibration": "" if calibration is None else calibration.document.id,
         "versions": collect_versions_of_packages(),

@@ -59,7 +59,7 @@ class ObjectStore:
         """All objects below a prefix, by name, without unfinished ones."""
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
-        batches = self._run_storage_operation(
+        batches = self._run_with_one_line_storage_errors(
             prefix, lambda: list(self._store_client.list(prefix or None))
         )
         found = (_make_stored_object(each) for batch in batches for each in batch)
@@ -85,7 +85,7 @@ class ObjectStore:
         """Object of this name; None if it does not exist."""
         try:
             return _make_stored_object(
-                self._run_storage_operation(name, lambda: self._store_client.head(name))
+                self._run_with_one_line_storage_errors(name, lambda: self._store_client.head(name))
             )
         except FileNotFoundError:
             return None
@@ -97,7 +97,9 @@ class ObjectStore:
             FileNotFoundError: the object does not exist.
         """
         return bytes(
-            self._run_storage_operation(name, lambda: self._store_client.get(name).bytes())
+            self._run_with_one_line_storage_errors(
+                name, lambda: self._store_client.get(name).bytes()
+            )
         )
 
     def iter_object_contents(self, names: Iterable[str]) -> Iterator[bytes]:
@@ -119,11 +121,11 @@ class ObjectStore:
 
     def write_object(self, name: str, data: bytes) -> None:
         """Write an object atomically, replacing an existing one."""
-        self._run_storage_operation(name, lambda: self._store_client.put(name, data))
+        self._run_with_one_line_storage_errors(name, lambda: self._store_client.put(name, data))
 
     def upload_file(self, name: str, path: Path) -> None:
         """Write a file's content as an object."""
-        self._run_storage_operation(name, lambda: self._store_client.put(name, path))
+        self._run_with_one_line_storage_errors(name, lambda: self._store_client.put(name, path))
 
     def download_object_to_file(self, name: str, target: Path) -> None:
         """Copy an object to a file in parts."""
@@ -133,14 +135,16 @@ class ObjectStore:
                 for part in self._store_client.get(name).stream(min_chunk_size=LIMITS.chunk_bytes):
                     file.write(part)
 
-        self._run_storage_operation(name, copy_parts)
+        self._run_with_one_line_storage_errors(name, copy_parts)
 
     def delete_objects(self, names: list[str]) -> None:
         """Remove objects."""
         if names:
-            self._run_storage_operation(names[0], lambda: self._store_client.delete(names))
+            self._run_with_one_line_storage_errors(
+                names[0], lambda: self._store_client.delete(names)
+            )
 
-    def _run_storage_operation(self, name: str, operation: Any) -> Any:
+    def _run_with_one_line_storage_errors(self, name: str, operation: Any) -> Any:
         """Run an operation, and raise its error as a message of one line."""
         from obstore.exceptions import BaseError
 

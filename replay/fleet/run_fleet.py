@@ -128,7 +128,7 @@ def replay_logs_of_fleet(
     }
     results.store_last_run(LastRun(fleet=plan.name, limits=plan.task_limits, machines=machines))
     _store_calibrations_in_use(results, setups)
-    left, there = split_tasks_to_do_and_finished(tasks, results)
+    left, there = split_tasks_into_pending_and_finished(tasks, results)
     for task, outcome in there:
         did.count_outcome_of_recording(task.log.source, outcome)
         on_done(task.log, outcome)
@@ -186,7 +186,7 @@ class _SplitTasks(NamedTuple):
     finished: list[tuple[ReplayTask, TaskOutcome]]
 
 
-def split_tasks_to_do_and_finished(
+def split_tasks_into_pending_and_finished(
     tasks: Sequence[ReplayTask], results: FleetResults
 ) -> _SplitTasks:
     """Tasks to do, and those whose log has not changed since its result was made.

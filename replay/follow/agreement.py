@@ -141,13 +141,13 @@ class FollowedDigests:
             ):
                 if gate is not None:
                     code = np.array([_REASONS[gate.reason]], np.float64)
-                    self._get_or_make_digests(_make_digest_name(GATE, axis)).add_row_to_minute(
-                        row.t_ns, code
-                    )
+                    self._find_or_add_minute_digests(
+                        _make_digest_name(GATE, axis)
+                    ).add_row_to_minute(row.t_ns, code)
                 for method, (t_ns, estimate) in estimates.items():
-                    self._get_or_make_digests(_make_digest_name(method, axis)).add_row_to_minute(
-                        t_ns, estimate.theta
-                    )
+                    self._find_or_add_minute_digests(
+                        _make_digest_name(method, axis)
+                    ).add_row_to_minute(t_ns, estimate.theta)
 
     def compare_with_replayed_frames(
         self, replayed_frames: Mapping[str, pl.DataFrame]
@@ -158,7 +158,7 @@ class FollowedDigests:
             for name, replayed in _digest_replayed_frames(replayed_frames).items()
         ]
 
-    def _get_or_make_digests(self, name: str) -> _MinuteDigests:
+    def _find_or_add_minute_digests(self, name: str) -> _MinuteDigests:
         return self._minutes.setdefault(name, _MinuteDigests())
 
 

@@ -31,7 +31,7 @@ from replay.follow.report_file import (
     format_reports_markdown,
     format_utc_time,
 )
-from replay.inputs.channel_inputs import machine_without_settings_as_dict
+from replay.inputs.channel_inputs import convert_machine_without_settings_to_dict
 from replay.logs import ACTIVE
 
 
@@ -270,7 +270,7 @@ def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool
     then = {each.name.removesuffix(ACTIVE): each.size_bytes for each in about.inputs}
     return (
         about.settings.filter.causal
-        and about.machine == machine_without_settings_as_dict(machine)
+        and about.machine == convert_machine_without_settings_to_dict(machine)
         and all(size <= sizes.get(name, 0) for name, size in then.items())
         and sum(sizes.values()) > sum(then.values())
     )

@@ -136,7 +136,7 @@ def draft_campaign_file(
             with open_log(
                 path, time=find_time_axis_of_machine(machine) if machine else None
             ) as log:
-                blocks += _iter_campaign_run_blocks(
+                blocks += _iter_toml_blocks_of_campaign_runs(
                     log, _make_relative_path(campaign_path.parent, path), machine
                 )
         except PayscopeError as fault:
@@ -162,7 +162,9 @@ def draft_campaign_file(
     return CampaignDraft("\n".join([head, *blocks]), said)
 
 
-def _iter_campaign_run_blocks(log: Log, log_name: str, machine: Machine | None) -> Iterator[str]:
+def _iter_toml_blocks_of_campaign_runs(
+    log: Log, log_name: str, machine: Machine | None
+) -> Iterator[str]:
     """A block for each run: the whole log, or a load state."""
     topics = log.topics()
     start_ns = topics["start_ns"].min()

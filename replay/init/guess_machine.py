@@ -22,7 +22,7 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import format_toml
 from replay.recognise.joints import recognise_joints_of_log
-from replay.recognise.profile import FieldProfile, list_effort_questions, profile_fields
+from replay.recognise.profile import FieldProfile, ask_about_joint_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.table import recognise_channels_of_table, recognise_fields_of_messages
 from replay.recognise.words import interpret_column_name
@@ -95,7 +95,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    by_type = [*_choose_best_guesses(topics)]
+    by_type = [*_keep_first_guess_of_each_channel(topics)]
     told = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics, by_type)
     guesses = [*_make_channel_guesses(told), *by_type]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
@@ -165,7 +165,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
     is_unsure = any(_make_wheel_comment(guess) for guess in guesses)
     profiles = profile_fields(log)
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *list_effort_questions(used, profiles)]
+    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_joint_efforts(used, profiles)]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
     rest = [*_make_unused_column_comments(profiles, used), *iter_topic_notes(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
@@ -251,7 +251,7 @@ def _recognise_fields(log: Log, topics: pl.DataFrame, by_type: list["ChannelGues
     return recognise_fields_of_messages(log, found)
 
 
-def _choose_best_guesses(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
+def _keep_first_guess_of_each_channel(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
     taken: set[str] = set()
     for guess in _iter_guesses_by_message_type(topics):
         if guess.column not in taken:

@@ -69,7 +69,7 @@ def read_channel_fields_and_losses(logs: Sequence[Log], machine: Machine) -> Cha
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
-            if topic not in has[log] and _has_log_accompanying_topic(log, topic, has, wanted)
+            if topic not in has[log] and _has_log_companion_of_topic(log, topic, has, wanted)
         ]
     losses += [
         Loss(source=log.path.name, what="has no topic of the machine file: nothing is read from it")
@@ -107,7 +107,7 @@ def read_channel_fields_and_losses(logs: Sequence[Log], machine: Machine) -> Cha
     return ChannelInputs(raw, losses)
 
 
-def _has_log_accompanying_topic(
+def _has_log_companion_of_topic(
     log: Log,
     topic: str,
     topics_of_logs: Mapping[Log, set[str]],
@@ -187,7 +187,7 @@ def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> 
             )
 
 
-def rename_raw_frames(raw_frames: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def name_raw_frames_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """Frames by their names in a run: `raw_frames/imu/data` for topic `/imu/data`.
 
     If there is a topic `imu/data` as well, it gets that name, and `/imu/data` keeps its slash:
@@ -211,7 +211,7 @@ def make_provenance_of_inputs(
     """Hash the inputs and record everything that the result depends on."""
     return Provenance(
         inputs=tuple(file for log in logs for file in list_input_files(log)),
-        machine=machine_without_settings_as_dict(machine),
+        machine=convert_machine_without_settings_to_dict(machine),
         settings=machine.settings,
         versions=collect_versions_of_packages(),
         t0_unix_ns=t0_unix_ns,
@@ -230,7 +230,7 @@ def list_input_files(log: Log) -> list[InputFile]:
     ]
 
 
-def machine_without_settings_as_dict(machine: Machine) -> dict[str, Any]:
+def convert_machine_without_settings_to_dict(machine: Machine) -> dict[str, Any]:
     """Machine file without its settings, as JSON-compatible values."""
     plain = machine.model_dump(mode="json")
     del plain["settings"]

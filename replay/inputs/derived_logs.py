@@ -160,7 +160,7 @@ class NamedTopics(NamedTuple):
     machine: Machine
 
 
-def give_parallel_tables_own_topics(logs: Sequence[Log], machine: Machine) -> NamedTopics:
+def assign_own_topics_to_parallel_tables(logs: Sequence[Log], machine: Machine) -> NamedTopics:
     """Give tables that share no column of the channels topics of their own.
 
     Args:
@@ -285,7 +285,9 @@ class MemoryLog(Log):
         return ()
 
 
-def with_channels_of_simulation(machine: Machine, simulated_log: "SimulatedLog") -> Machine:
+def copy_machine_with_simulated_channels(
+    machine: Machine, simulated_log: "SimulatedLog"
+) -> Machine:
     """The machine with its channels read from the topics of a simulation."""
     topic_of = {
         name: topic

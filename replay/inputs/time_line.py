@@ -12,7 +12,7 @@ from replay.inputs.input_limits import LIMITS
 from replay.logs import TABLE, Log
 
 #: A topic and its fields that channels name.
-_Has = frozenset[tuple[str, str]]
+_TopicsAndFields = frozenset[tuple[str, str]]
 
 
 def compute_log_offsets_ns(
@@ -139,7 +139,7 @@ def describe_log_order(offsets_ns: Mapping[Log, int]) -> list[str]:
 
 def _find_topics_with_wanted_fields(
     topic_table: pl.DataFrame, wanted_fields: Mapping[str, Sequence[str]]
-) -> _Has:
+) -> _TopicsAndFields:
     """Topics of a log with the wanted fields; for a table, its columns."""
     return frozenset(
         (topic, field)

@@ -175,19 +175,19 @@ class ConvertedLog(Log):
         self._columns = {
             str(each.summary["topic"]): ConvertedTopics(path, each) for each in self._about.topics
         }
-        missing = [part for part in self._parts if not (path / part).is_file()]
+        missing = [part for part in self._part_files if not (path / part).is_file()]
         if missing:
             named = join_first_names([f"'{part}'" for part in missing], 1)
             raise LogError(f"{path}: {named} is missing; convert the log again")
 
     @cached_property
-    def _parts(self) -> list[str]:
+    def _part_files(self) -> list[str]:
         return [part.file for topic in self._about.topics for part in topic.parts]
 
     @property
     def files(self) -> tuple[Path, ...]:
         """The description and every part."""
-        return (self.path / DESCRIPTION, *(self.path / part for part in self._parts))
+        return (self.path / DESCRIPTION, *(self.path / part for part in self._part_files))
 
     def topics(self) -> pl.DataFrame:
         """Topics of the original log; see `Log.topics`."""

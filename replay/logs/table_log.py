@@ -321,7 +321,7 @@ class TableLog(Log):
                 )
         self._scan_rows_and_note_losses(fields)
         cells = self._read_cells(list(dict.fromkeys(fields)))
-        columns = [self._convert_cells(cells.pop(field)) for field in dict.fromkeys(fields)]
+        columns = [self._cast_cells_by_dtype(cells.pop(field)) for field in dict.fromkeys(fields)]
         times = self._log_times_of_topic(topic)
         no_stamps = pl.repeat(None, times.len(), dtype=pl.Int64, eager=True)
         frame = pl.DataFrame([times, no_stamps.alias("header_stamp_ns"), *columns])
@@ -334,7 +334,7 @@ class TableLog(Log):
             inside &= pl.col("log_time_ns") <= end_ns
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
 
-    def _convert_cells(self, cells: pl.Series) -> pl.Series:
+    def _cast_cells_by_dtype(self, cells: pl.Series) -> pl.Series:
         """Cells as numbers, times in ns or text, whichever they are."""
         if isinstance(self._columns, CsvColumns):
             return self._convert_text_to_likely_type(cells) if cells.dtype == pl.String else cells
@@ -381,7 +381,7 @@ class TableLog(Log):
         for name in self._columns.names:
             try:
                 column = self._read_cells([name])[name]
-                column = self._convert_cells(column) if name in fields else column
+                column = self._cast_cells_by_dtype(column) if name in fields else column
             except LogError as error:
                 self._losses.add_loss(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
             else:

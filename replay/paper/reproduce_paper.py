@@ -11,12 +11,12 @@ from analysis.paper.simulated_sources import (
     Extracts,
     Repetition,
     StudySettings,
+    copy_machine_with_paper_noise,
     plan_repetitions,
-    with_paper_noise,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.paper.paper_items import Item, ItemResult, compute_paper_item
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 
@@ -38,7 +38,7 @@ class Reproduction:
         self._digests = Extracts()
         study = StudySettings(
             scenario=Scenario().with_seed(seed),
-            machine=with_paper_noise(load_machine("cat262c.toml")),
+            machine=copy_machine_with_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
             campaigns=campaigns,
             replay=replay_simulated_campaign_in_memory,
@@ -77,7 +77,9 @@ def replay_simulated_campaign_in_memory(
         transform_log: applied to the signals before they are recorded.
     """
     logs = [transform_log(log) for log in simulate_campaign(scenario)]
-    replayed = run([MemoryLog(log) for log in logs], with_channels_of_simulation(machine, logs[0]))
+    replayed = run(
+        [MemoryLog(log) for log in logs], copy_machine_with_simulated_channels(machine, logs[0])
+    )
     return ReplayedCampaign(
         scenario,
         replayed,

@@ -15,7 +15,7 @@ from replay.recognise.words import (
     ColumnMeaning,
     interpret_column_name,
     is_side_prefix_confirmed,
-    put_side_first,
+    move_trailing_side_to_front,
 )
 
 #: What a column is whose unit is of this dimension, whatever its name.
@@ -58,7 +58,7 @@ _AXES_BY_LENGTH: Final = {3: ("x", "y", "z")}
 _SIDES_BY_LENGTH: Final = {2: ("left", "right")}
 
 
-def find_elements_of_lists(
+def find_list_elements_in_first_message(
     log: Log, topic: str, fields: Sequence[str], start_ns: int
 ) -> dict[str, tuple[str, ...]]:
     """Elements of each list of numbers in the first message of a topic, such as `accel_g[0]`.
@@ -102,7 +102,9 @@ def _list_named_fields(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedFie
         names = [name for name in names if name not in grouped]
     else:
         names = [name for name in names if not _STAMPS_AND_RECORDS.search(name)]
-        elements = find_elements_of_lists(log, topic_row["topic"], names, topic_row["start_ns"])
+        elements = find_list_elements_in_first_message(
+            log, topic_row["topic"], names, topic_row["start_ns"]
+        )
         names = [name for name in names if not name.endswith("[]")]
     fields = [*map(_NamedField, names)]
     for list_name, found in elements.items():
@@ -143,7 +145,7 @@ def list_columns_of_log(log: Log) -> list[LogColumn]:
             continue
         names = frozenset(row["fields"])
         for field, named_by, side, axis in _list_named_fields(log, row):
-            name = _extract_name_of_field(topic, named_by or field)
+            name = _choose_field_name_with_side_first(topic, named_by or field)
             unit = (
                 units.get(field)
                 or _find_unit_of_standard_name(name)
@@ -177,13 +179,15 @@ def _can_message_have_own_field_names(message_type: str) -> bool:
     return package not in _STANDARD_PACKAGES or (package == "std_msgs" and kind in _NUMBERS)
 
 
-def _extract_name_of_field(topic: str | None, field: str) -> str:
+def _choose_field_name_with_side_first(topic: str | None, field: str) -> str:
     """Last part of a field's name, with its side in front; that of its topic if it has no other."""
     if topic is None or field == "data":
-        return put_side_first(field if topic is None else topic.rstrip("/").rpartition("/")[2])
+        return move_trailing_side_to_front(
+            field if topic is None else topic.rstrip("/").rpartition("/")[2]
+        )
     *_, record, last = ["", *field.split(".")]
     # of `torque_Nm.left` the record says what it is
-    whole = put_side_first(f"{record}.{last}")
+    whole = move_trailing_side_to_front(f"{record}.{last}")
     return last if whole.startswith(f"{record}.") else whole
 
 

@@ -163,7 +163,7 @@ def propose_force_from_motors_of_both_sides(
         recognition.propose_derived_channel_as_comment(
             "force_x_N", f"({' + '.join(names)}){factor} * GEAR / wheel_radius_m", reason
         )
-        add_questions_on_gear_and_factor(recognition, factor)
+        add_questions_on_gear_and_motor_factor(recognition, factor)
         return True
     return False
 
@@ -176,7 +176,7 @@ def add_question_on_gear_ratios(columns: Sequence[LogColumn], recognition: Recog
         recognition.add_question_of_subject("column", _GEAR_RATIOS.format(gear.source_text))
 
 
-def add_questions_on_gear_and_factor(recognition: Recognition, factor: str) -> None:
+def add_questions_on_gear_and_motor_factor(recognition: Recognition, factor: str) -> None:
     """Ask for what makes a force of a motor's output.
 
     Args:
@@ -223,7 +223,7 @@ def propose_force_from_motor(columns: Sequence[LogColumn], recognition: Recognit
         recognition.propose_derived_channel_as_comment(
             "force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason
         )
-        add_questions_on_gear_and_factor(recognition, factor)
+        add_questions_on_gear_and_motor_factor(recognition, factor)
         return True
     return False
 

@@ -56,7 +56,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
             )
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
-            for field in list_joint_fields_having_values(log, topic, array, names, start_ns):
+            for field in select_array_fields_with_values(log, topic, array, names, start_ns):
                 _fill_channel_with_joint_field(recognition, column, topic, field)
 
 
@@ -70,7 +70,7 @@ def list_joint_fields_with_values(log: Log, topic: str, start_ns: int) -> list[s
     return [
         each
         for array in arrays
-        for each in list_joint_fields_having_values(log, topic, array, names, start_ns)
+        for each in select_array_fields_with_values(log, topic, array, names, start_ns)
     ]
 
 
@@ -105,22 +105,22 @@ def _propose_torque_and_speed_of_side(
     is_rotating: bool,
 ) -> None:
     """Fill torque and speed of one side from its joints."""
-    efforts = list_joint_fields_having_values(log, topic, "effort", joints, start_ns)
+    efforts = select_array_fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in recognition.recognised_channels:
-        parts = fill_channel_or_numbered_parts(recognition, topic, efforts, torque)
+        parts = fill_one_or_numbered_channels(recognition, topic, efforts, torque)
         if len(parts) > 1:
             _propose_formula_as_comment(
                 recognition, torque, " + ".join(parts), f"the {side} wheels' torques"
             )
-    velocities = list_joint_fields_having_values(log, topic, "velocity", joints, start_ns)
+    velocities = select_array_fields_with_values(log, topic, "velocity", joints, start_ns)
     if speed in recognition.recognised_channels or not velocities:
         return
     if not is_rotating:
         _fill_channel_with_joint_field(recognition, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
-    parts = fill_channel_or_numbered_parts(recognition, topic, velocities, source)
+    parts = fill_one_or_numbered_channels(recognition, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
     _propose_formula_as_comment(
         recognition, speed, f"{mean} * wheel_radius_m", "a wheel's angular speed; needs its radius"
@@ -135,7 +135,7 @@ def _propose_torque_and_speed_of_side(
     )
 
 
-def fill_channel_or_numbered_parts(
+def fill_one_or_numbered_channels(
     recognition: Recognition, topic: str, joint_fields: Sequence[str], channel: str
 ) -> list[str]:
     """Fill a channel with one field, or numbered channels with several; return their names."""
@@ -164,7 +164,7 @@ def _propose_formula_as_comment(
     recognition.channels.append(ChannelProposal(channel, None, None, None, reason, formula))
 
 
-def list_joint_fields_having_values(
+def select_array_fields_with_values(
     log: Log, topic: str, array_name: str, joints: Sequence[str], start_ns: int
 ) -> list[str]:
     """Fields of an array that have values in the first message."""

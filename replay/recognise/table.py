@@ -89,12 +89,12 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
         fill_only_candidate_or_add_question(reader, channel, each, recognition)
-    _add_question_if_other_wheels_drive(columns, recognition)
+    _add_question_on_other_driven_wheels(columns, recognition)
     propose_columns_by_unit(columns, recognition)
     propose_columns_without_unit(columns, recognition)
     propose_force_and_speed_of_drives(columns, recognition)
     add_question_on_gear_ratios(columns, recognition)
-    _add_question_if_place_gives_side(recognition)
+    _add_question_if_list_order_gives_side(recognition)
     return add_correlations_with_slope_as_remarks(reader, columns, recognition)
 
 
@@ -123,7 +123,7 @@ def fill_only_candidate_or_add_question(
     )
 
 
-def _add_question_if_other_wheels_drive(
+def _add_question_on_other_driven_wheels(
     columns: Sequence[LogColumn], recognition: Recognition
 ) -> None:
     """Ask whether other wheels drive too if a left and a right torque make the force."""
@@ -144,7 +144,7 @@ def _add_question_if_other_wheels_drive(
         )
 
 
-def _add_question_if_place_gives_side(recognition: Recognition) -> None:
+def _add_question_if_list_order_gives_side(recognition: Recognition) -> None:
     """Ask whether the first element of a list of two is the left one."""
     firsts = [
         f"'{each.source_text}'"

@@ -95,7 +95,7 @@ def is_side_prefix_confirmed(name: str, all_names: Collection[str]) -> bool:
     return f"{name[: match.start()]}{other}{name[match.end() :]}" in all_names
 
 
-def put_side_first(column_name: str) -> str:
+def move_trailing_side_to_front(column_name: str) -> str:
     """The name with a side at its end put in front, so that a unit is last: `torque_nm.left`."""
     *rest, last = re.split(r"[._ ](?=[^._ ]*$)", column_name)
     is_side = any(last.lower() in words for words in _SIDES.values())

@@ -36,7 +36,7 @@ from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    make_thinned_track,
+    decimate_position_track,
     write_review_files,
 )
 
@@ -215,7 +215,7 @@ def recount_review_with_verdicts(folder: Path, verdicts: GivenVerdicts) -> Shift
             if file_sha256(recording) != state.recording_sha256:
                 raise RecordingError(f"{recording} was replaced by another recording")
             summary = read_frame(recording, "shift")
-            track = make_thinned_track(read_frame(recording, "aligned"))
+            track = decimate_position_track(read_frame(recording, "aligned"))
             rows = pl.read_parquet(folder / PARQUET)
             cycles = make_cycles_frame(rows, state.t0_unix_ns)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:

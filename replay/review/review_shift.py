@@ -43,9 +43,9 @@ from replay.calibration.apply_evidence import (
 )
 from replay.inputs.channel_inputs import (
     collect_versions_of_packages,
+    convert_machine_without_settings_to_dict,
     list_channel_fields,
     list_input_files,
-    machine_without_settings_as_dict,
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs_in_parallel
@@ -58,7 +58,7 @@ from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
     ShiftReview,
-    make_thinned_track,
+    decimate_position_track,
     write_review_files,
 )
 
@@ -207,7 +207,7 @@ def _replay_opened_shift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
-        make_thinned_track(frames["aligned"]),
+        decimate_position_track(frames["aligned"]),
         made,
         make_mixed_machines_warning(made, opened_logs, machine),
     )
@@ -240,7 +240,7 @@ def read_replay_of_earlier_review(
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
-        track = make_thinned_track(read_frame(recording, "aligned"))
+        track = decimate_position_track(read_frame(recording, "aligned"))
     except RecordingError:
         return None
     return ReplayedShift(cycles, shift, earlier_review.t0_unix_ns, track)
@@ -289,7 +289,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, is_full_recording
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in list_input_files(log)],
-        "machine": machine_without_settings_as_dict(machine),
+        "machine": convert_machine_without_settings_to_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": collect_versions_of_packages(),
         "full": is_full_recording,
@@ -302,7 +302,7 @@ def _convert_review_inputs_to_dict(
 ) -> dict[str, Any]:
     """Everything but the logs that a review depends on."""
     return {
-        **machine_without_settings_as_dict(machine),
+        **convert_machine_without_settings_to_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": collect_versions_of_packages(),
         "target_kg": options.target_kg,

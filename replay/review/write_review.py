@@ -29,7 +29,7 @@ from recordings.review.shift_ledger import (
     CSV,
     PARQUET,
     add_motion_columns,
-    make_ids_of_cycles,
+    make_cycle_ids,
     make_ledger_frame,
     write_ledger_parquet_and_csv,
 )
@@ -131,7 +131,7 @@ class ShiftCount:
             ReviewError: the file says something else, or a verdict is about no cycle.
         """
         verdicts = parse_verdicts(verdict_text, folder)
-        by_row = assign_verdicts_to_rows(verdicts, make_ids_of_cycles(cycles, t0_unix_ns), folder)
+        by_row = assign_verdicts_to_rows(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
         rows = make_ledger_frame(cycles, t0_unix_ns, by_row, verdicts.find_labels_at_dump)
         totals = {
@@ -183,7 +183,7 @@ def write_review_files(review_page: ReviewPage, folder: Path) -> None:
     )
 
 
-def make_thinned_track(aligned: pl.DataFrame) -> pl.DataFrame | None:
+def decimate_position_track(aligned: pl.DataFrame) -> pl.DataFrame | None:
     """Thinned positions of the frame `aligned`; None if it has none."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):

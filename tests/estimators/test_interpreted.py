@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from estimators import compile_cache, interpreted
-from estimators.interpreted import Loop, compiled_unless_short_log, force_compilation
+from estimators.interpreted import CompiledLoop, compiled_unless_short_log, force_compilation
 from estimators.numerics import group_mean, group_sums, rolling, sandwich, small_systems
 from estimators.numerics.fit_loss import compute_fit_loss
 from tests.golden.golden import LOGS, replay
@@ -39,7 +39,7 @@ def bits(value: Any) -> Iterator[Any]:
         yield "nan" if value != value else value
 
 
-def both_ways(loop: Loop, *arguments: Any) -> Any:
+def both_ways(loop: CompiledLoop, *arguments: Any) -> Any:
     """Call it both ways; what it returns and what it wrote must agree."""
     own = tuple(map(copied, arguments))
     by_python = loop._run_in_python(own)
@@ -53,13 +53,13 @@ def both_ways(loop: Loop, *arguments: Any) -> Any:
 def test_every_call_of_a_replay(log: str, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: set[str] = set()
 
-    def call(loop: Loop, *arguments: Any) -> Any:
+    def call(loop: CompiledLoop, *arguments: Any) -> Any:
         asked.add(loop.__name__)
         # those that read are asked in their own test, with memory that nothing has been written to
         ahead = not loop._at_first
         return both_ways(loop, *arguments) if ahead else loop.compiled(*arguments)
 
-    monkeypatch.setattr(Loop, "__call__", call)
+    monkeypatch.setattr(CompiledLoop, "__call__", call)
     replay(log)
     assert len(asked) > 30
 
@@ -118,18 +118,18 @@ def test_samples_before_the_first(begin: int) -> None:
 
 
 def test_a_fit_shorter_than_its_lags(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Loop, "__call__", both_ways)
+    monkeypatch.setattr(CompiledLoop, "__call__", both_ways)
     A = np.random.default_rng(5).normal(size=(12, 2))
     assert compute_fit_loss(A, np.repeat([0, 1, -1, 2], [5, 3, 1, 3]), 4).shape == (4, 4)
 
 
 @pytest.fixture
-def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Loop]:
+def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., CompiledLoop]:
     """Makes a loop of which nothing is kept."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     compile_cache.known_folder_of.cache_clear()
 
-    def make() -> Loop:
+    def make() -> CompiledLoop:
         made = compiled_unless_short_log(small_systems.find_packed_index._function)
         made.__dict__["compiled"] = lambda *_: "compiled"
         return made
@@ -137,18 +137,18 @@ def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Loop]
     return make
 
 
-def test_little_is_interpreted_where_nothing_is_kept(loop: Callable[..., Loop]) -> None:
+def test_little_is_interpreted_where_nothing_is_kept(loop: Callable[..., CompiledLoop]) -> None:
     assert loop()(0, 1, 2) == 1
 
 
-def test_much_is_compiled(loop: Callable[..., Loop]) -> None:
+def test_much_is_compiled(loop: Callable[..., CompiledLoop]) -> None:
     rows = np.zeros(interpreted.MOST_COLD_ROWS + 1)
     assert loop()(rows, 1, 2) == "compiled"
     assert loop()((0, rows), 1, 2) == "compiled"
 
 
 def test_a_loop_that_has_taken_long_is_compiled(
-    loop: Callable[..., Loop], monkeypatch: pytest.MonkeyPatch
+    loop: Callable[..., CompiledLoop], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(interpreted, "MOST_COLD_SECONDS", 1e-9)
     mine = loop()
@@ -156,7 +156,7 @@ def test_a_loop_that_has_taken_long_is_compiled(
     assert mine(0, 1, 2) == "compiled"
 
 
-def test_what_another_process_has_compiled_is_used(loop: Callable[..., Loop]) -> None:
+def test_what_another_process_has_compiled_is_used(loop: Callable[..., CompiledLoop]) -> None:
     before = loop()
     assert before(0, 1, 2) == 1
     code = (
@@ -169,7 +169,7 @@ def test_what_another_process_has_compiled_is_used(loop: Callable[..., Loop]) ->
     assert loop()(0, 1, 2) == "compiled"
 
 
-def test_everything_is_compiled_when_that_is_asked_for(loop: Callable[..., Loop]) -> None:
+def test_everything_is_compiled_when_that_is_asked_for(loop: Callable[..., CompiledLoop]) -> None:
     with force_compilation():
         assert loop()(0, 1, 2) == "compiled"
     assert loop()(0, 1, 2) == 1

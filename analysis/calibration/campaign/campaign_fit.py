@@ -90,7 +90,7 @@ def fit_campaign_line(
         options: options of the fit.
         responses: responses of runs to errors of learnt means.
     """
-    known, covariance_kg2 = make_references_and_covariance(campaign, body)
+    known, covariance_kg2 = tabulate_reference_masses_and_covariance(campaign, body)
     rule = make_decision_rule(campaign, known)
     try:
         fitted = fit_calibration_line(readings, known, covariance_kg2, options, responses)
@@ -210,7 +210,7 @@ def average_readings_of_runs(
     )
 
 
-def make_references_and_covariance(
+def tabulate_reference_masses_and_covariance(
     campaign: CalibrationCampaign, body: Body
 ) -> tuple[pl.DataFrame, NDArray[np.float64]]:
     """Reference of each load, and covariance of the references.
@@ -275,7 +275,7 @@ def check_single_load_by_calibration(
     Returns:
         The calibration with the points of this campaign, and the result of the check.
     """
-    known, covariance_kg2 = make_references_and_covariance(campaign, body)
+    known, covariance_kg2 = tabulate_reference_masses_and_covariance(campaign, body)
     (point, *_) = average_readings_of_runs(readings, known)
     drift = compare_known_mass_with_calibration(
         calibration,

@@ -61,7 +61,7 @@ class CampaignRun(BaseModel):
         """The name of what is on board."""
         return "+".join(sorted(self.loads)) or EMPTY
 
-    def does_contain_middle_of_stretch(self, start_s: float, end_s: float) -> bool:
+    def contains_middle_of_span(self, start_s: float, end_s: float) -> bool:
         """Whether the middle of a stretch of its log lies in the run."""
         middle = (start_s + end_s) / 2.0
         return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
@@ -267,11 +267,13 @@ class CalibrationCampaign(BaseModel):
         for table, model, names in asked:
             found += [f"{table}.{name}" for name in names if not getattr(model, name)]
         for name in _CONDITION_KEYS:
-            if any(self.find_run_conditions(run)[name] in ("", None) for run in self.runs):
+            if any(
+                self.fill_run_conditions_from_campaign(run)[name] in ("", None) for run in self.runs
+            ):
                 found.append(f"conditions.{name}")
         return tuple(found)
 
-    def find_run_conditions(self, run: CampaignRun) -> dict[str, Any]:
+    def fill_run_conditions_from_campaign(self, run: CampaignRun) -> dict[str, Any]:
         """Conditions of a run: its own, or else those of all runs."""
         own, common = run.conditions.model_dump(), self.conditions.model_dump()
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}

@@ -71,9 +71,7 @@ def make_readings_of_campaign_runs(
     rows: list[dict[str, Any]] = []
     for run in runs:
         inside = [
-            each
-            for each in said
-            if run.does_contain_middle_of_stretch(each["start_s"], each["end_s"])
+            each for each in said if run.contains_middle_of_span(each["start_s"], each["end_s"])
         ]
         about = {
             "run_id": run.id,
@@ -115,9 +113,7 @@ def make_run_responses_to_learnt_means(
             inside := [
                 e
                 for e in said
-                if run.does_contain_middle_of_stretch(
-                    e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S
-                )
+                if run.contains_middle_of_span(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
             ]
         )
     }
@@ -204,11 +200,11 @@ def _make_reading_row(
     mass_kg: float | None,
     std_kg: Any,
     common_uncertainty_kg: float | None,
-    withheld: str,
+    withholding_reason: str,
 ) -> dict[str, Any]:
     """Row of a reading; without a finite mass, with the reason."""
     known = mass_kg is not None and bool(np.isfinite(mass_kg))
-    reason = withheld or ("" if known else _NOTHING)
+    reason = withholding_reason or ("" if known else _NOTHING)
     return {
         "start_s": row["start_t_ns"] / NS_PER_S,
         "end_s": row["end_t_ns"] / NS_PER_S,

@@ -60,7 +60,7 @@ class EvidenceSubject(BaseModel):
     remark: Text = Field("", description="for the reader, such as repairs since the last")
 
     @model_validator(mode="after")
-    def _require_replacement_reason(self) -> Self:
+    def _require_reason_with_replaced_evidence(self) -> Self:
         if bool(self.replaces) != bool(self.replaces_reason):
             raise ValueError(
                 "replaces and replaces_reason must be given together: the id of the evidence, and "
@@ -121,7 +121,7 @@ class ReferenceMass(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _refuse_part_beyond_whole(self) -> Self:
+    def _refuse_shared_u_above_total_u(self) -> Self:
         if self.shared_u_kg > self.u_kg:
             raise ValueError(
                 f"'{self.id}': shared_u_kg exceeds u_kg, of which it is a part; correct one of them"

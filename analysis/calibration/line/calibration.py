@@ -247,12 +247,12 @@ class Calibration:
     responses: tuple[LineResponse, ...] = ()
 
     @property
-    def has_single_day(self) -> bool:
+    def has_runs_of_one_day_only(self) -> bool:
         """Whether no data determine how the machine changes from day to day."""
-        return self.days_of_unknown_scatter == 1
+        return self.day_count_with_unknown_scatter == 1
 
     @property
-    def days_of_unknown_scatter(self) -> int:
+    def day_count_with_unknown_scatter(self) -> int:
         """Days of the runs where these are too few to tell how the machine changes; else 0."""
         if self.day_kg is not None and self.day_freedom is None:
             return 0
@@ -273,7 +273,7 @@ class Calibration:
             scatters=np.array([float(part.scatters) for part in parts]),
             estimated=np.flatnonzero([part.estimated for part in parts]).astype(np.int64),
             covariance=np.array(self.variance_covariance),
-            extra_kg2=sum_unobserved_variance_kg2(
+            extra_kg2=sum_variance_absent_from_points_kg2(
                 self.stated, self.common_kg if self.common_counts else 0.0
             ),
             few_dof={} if self.few_days is None else {DAY: self.few_days},
@@ -347,7 +347,9 @@ class Calibration:
             raise DataError(f"calibration: {where}: {what}") from error
 
 
-def sum_unobserved_variance_kg2(stated_parts: tuple[StatedPart, ...], common_kg: float) -> float:
+def sum_variance_absent_from_points_kg2(
+    stated_parts: tuple[StatedPart, ...], common_kg: float
+) -> float:
     """Variance of every later m̂ that the points do not show."""
     anew = (one.u_kg for one in stated_parts if not one.absorbed and one.u_kg is not None)
     return common_kg**2 + sum(u_kg**2 for u_kg in anew)

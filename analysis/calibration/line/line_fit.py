@@ -14,7 +14,7 @@ from analysis.calibration.line.calibration import (
     Component,
     LackOfFit,
     Reference,
-    sum_unobserved_variance_kg2,
+    sum_variance_absent_from_points_kg2,
 )
 from analysis.calibration.line.calibration_budget import make_calibration_budget
 from analysis.calibration.line.calibration_points import Campaign, average_used_readings_by_run
@@ -27,7 +27,7 @@ from analysis.calibration.line.line_model import (
     RUN,
     FittedLine,
     Points,
-    choose_estimable_effects,
+    choose_estimable_random_effects,
     fit_line_and_variances,
     make_covariance_structure,
 )
@@ -59,7 +59,7 @@ def compute_lack_of_fit_test(points: Points, known_day_std_kg: float | None) -> 
     """
     design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
     loads, count = design.shape[1], points.y_kg.size
-    names = choose_estimable_effects(
+    names = choose_estimable_random_effects(
         points, loads, is_day_variance_known=known_day_std_kg is not None
     )
     above = loads - 2
@@ -134,7 +134,7 @@ def fit_calibration_line(
     common_kg = largest_common_u_kg(campaign.readings)
     counted_kg = common_kg if day_unknown else 0.0
     inversion = LineInversion.from_line(
-        line, sum_unobserved_variance_kg2(options.stated, counted_kg)
+        line, sum_variance_absent_from_points_kg2(options.stated, counted_kg)
     )
     components = list_variance_components(line, campaign)
     low, high = float(points.x_kg.min()), float(points.x_kg.max())
@@ -199,7 +199,7 @@ def fit_calibration_line(
             line.centre_kg,
         ),
     )
-    return replace(calibration, says=write_calibration_notes(calibration))
+    return replace(calibration, says=list_calibration_notes(calibration))
 
 
 def fit_line_and_test_lack_of_fit(
@@ -286,9 +286,9 @@ def compute_beta_confidence_interval_kg(
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)
 
 
-def write_calibration_notes(calibration: Calibration) -> tuple[str, ...]:
+def list_calibration_notes(calibration: Calibration) -> tuple[str, ...]:
     """One sentence per matter, the most important first."""
-    found = [*_write_notes_on_days(calibration), *_write_notes_on_line(calibration)]
+    found = [*_list_notes_on_days(calibration), *_list_notes_on_line(calibration)]
     found += [
         f"{one.test}: {one.about} stands out (p = {one.p_1:.2g}); it is in the fit"
         for one in calibration.outliers
@@ -296,7 +296,7 @@ def write_calibration_notes(calibration: Calibration) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _write_notes_on_days(calibration: Calibration) -> list[str]:
+def _list_notes_on_days(calibration: Calibration) -> list[str]:
     """Notes on what the runs' days show of changes from day to day."""
     days = len({point.day for point in calibration.points if point.readings})
     if calibration.day_freedom is None and calibration.day_kg is not None:
@@ -319,7 +319,7 @@ def _write_notes_on_days(calibration: Calibration) -> list[str]:
     return []
 
 
-def _write_notes_on_line(calibration: Calibration) -> list[str]:
+def _list_notes_on_line(calibration: Calibration) -> list[str]:
     """Notes on a large offset, an undetermined slope, lack of fit and attenuation."""
     found: list[str] = []
     middle_kg = sum(calibration.range_kg) / 2.0

@@ -272,7 +272,7 @@ class LineInversion:
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)
         return np.array(
             [
-                variances.degrees_of_freedom(row[self.estimated], float(all_kg2))
+                variances.satterthwaite_dof(row[self.estimated], float(all_kg2))
                 for row, all_kg2 in zip(gradients, total_variances, strict=True)
             ]
         )

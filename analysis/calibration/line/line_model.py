@@ -109,7 +109,7 @@ class FittedLine:
     most_readings: int
 
 
-def choose_estimable_effects(
+def choose_estimable_random_effects(
     points: Points, parameter_count: int, *, is_day_variance_known: bool
 ) -> tuple[str, ...]:
     """Effects whose variances the points determine, given the number of fitted parameters.
@@ -230,7 +230,9 @@ def fit_line_and_variances(
         known_day_std_kg: known deviation between days, in kg of m̂; None if unknown.
         lack_of_fit: whether each load has its own deviation from the line.
     """
-    names = choose_estimable_effects(points, 2, is_day_variance_known=known_day_std_kg is not None)
+    names = choose_estimable_random_effects(
+        points, 2, is_day_variance_known=known_day_std_kg is not None
+    )
     scatter = make_covariance_structure(
         points, (*names, LACK_OF_FIT) if lack_of_fit else names, known_day_std_kg
     )

@@ -115,7 +115,7 @@ class ExchangedRuns:
         )
 
 
-def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
+def find_runs_with_exchanged_loads(calibration: Calibration) -> ExchangedRuns | None:
     """Find the two runs that most likely have each other's load; None if none stand out.
 
     The difference of two runs is a column with a size of its own, as of an outlier. It must show
@@ -126,21 +126,21 @@ def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
     freedom = len(points) - 2
     if freedom < 2:
         return None
-    whiten = _whitening_matrix(calibration, points)
+    whiten = _compute_whitening_matrix(calibration, points)
     x_kg = np.array([point.reference_kg for point in points])
     y = whiten @ np.array([point.mean_kg for point in points])
-    project = _residual_projector(whiten, x_kg)
+    project = _compute_residual_projector(whiten, x_kg)
     residual = project @ y
     squares = float(residual @ residual)
     unit = project @ whiten
     along, gram = residual @ unit, unit.T @ unit
-    least = squares - float(_squares_of_columns(along, np.diagonal(gram)).max())
+    least = squares - float(_compute_squares_removed_by_columns(along, np.diagonal(gram)).max())
     # of all pairs at once, the squares that their difference takes off
     first, second = np.triu_indices(len(points), 1)
     unlike = x_kg[first] != x_kg[second]
     first, second = first[unlike], second[unlike]
     size = gram[first, first] + gram[second, second] - 2.0 * gram[first, second]
-    taken = _squares_of_columns(along[first] - along[second], size)
+    taken = _compute_squares_removed_by_columns(along[first] - along[second], size)
     # of readings that rounding alone scatters nothing is told
     floor = np.finfo(float).eps * float(y @ y)
     variance = np.maximum(squares - taken, floor) / (freedom - 1)
@@ -149,7 +149,7 @@ def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
     for n in np.flatnonzero(p < LIMITS.exchange_probability).tolist():
         swapped_kg = x_kg.copy()
         swapped_kg[[first[n], second[n]]] = x_kg[[second[n], first[n]]]
-        rest = _residual_projector(whiten, swapped_kg) @ y
+        rest = _compute_residual_projector(whiten, swapped_kg) @ y
         if float(rest @ rest) < least:
             best, least = n, float(rest @ rest)
     if best is None:
@@ -165,7 +165,7 @@ def find_exchanged_runs(calibration: Calibration) -> ExchangedRuns | None:
     )
 
 
-def _whitening_matrix(calibration: Calibration, points: list[Point]) -> Floats:
+def _compute_whitening_matrix(calibration: Calibration, points: list[Point]) -> Floats:
     """(points, points) matrix that gives all points unit variance, up to a common factor."""
     day = np.array([point.day for point in points])
     readings = np.array([point.readings for point in points])
@@ -178,17 +178,23 @@ def _whitening_matrix(calibration: Calibration, points: list[Point]) -> Floats:
     return solve_triangular(root, np.eye(len(points)), lower=True)
 
 
-def _residual_projector(whiten: Floats, x_kg: Floats) -> Floats:
+def _compute_residual_projector(whitening_matrix: Floats, x_kg: Floats) -> Floats:
     """(points, points) projection of whitened points on what a line leaves of them."""
-    q = np.linalg.qr(whiten @ np.column_stack([np.ones_like(x_kg), x_kg - x_kg.mean()]))[0]
+    q = np.linalg.qr(whitening_matrix @ np.column_stack([np.ones_like(x_kg), x_kg - x_kg.mean()]))[
+        0
+    ]
     return np.eye(x_kg.size) - q @ q.T
 
 
-def _squares_of_columns(along: Floats, size: Floats) -> Floats:
+def _compute_squares_removed_by_columns(
+    products_with_residual: Floats, squared_norms: Floats
+) -> Floats:
     """(columns,) sum of squares that each column alone takes off a residual.
 
     Args:
-        along: (columns,) its scalar products with the residual.
-        size: (columns,) its sum of squares.
+        products_with_residual: (columns,) its scalar products with the residual.
+        squared_norms: (columns,) its sum of squares.
     """
-    return along**2 / np.where(size > 1e-9 * size.max(initial=0.0), size, np.inf)
+    return products_with_residual**2 / np.where(
+        squared_norms > 1e-9 * squared_norms.max(initial=0.0), squared_norms, np.inf
+    )

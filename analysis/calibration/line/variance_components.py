@@ -37,7 +37,7 @@ class Variances:
         """Variances of the linear combinations `coefficients` @ value."""
         return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
-    def degrees_of_freedom(self, weights: Floats, total_variance: float) -> float:
+    def satterthwaite_dof(self, weights: Floats, total_variance: float) -> float:
         """Degrees of freedom of `total_variance`, whose estimated part is `weights` @ value.
 
         Source:
@@ -85,7 +85,7 @@ def estimate_variances_by_reml(
         score, information = compute_reml_score_and_information(
             residual, design, effects, known_covariance, within_run, value
         )
-        stepped = take_scoring_step(value, score, information, floor)
+        stepped = take_fisher_scoring_step(value, score, information, floor)
         settled = np.abs(stepped - value).max() <= LIMITS.scoring_tolerance * max(
             stepped.sum(), 1e-300
         )
@@ -170,7 +170,7 @@ def compute_reml_score_and_information(
     return score, compute_fisher_information(through, within_run, variances)
 
 
-def take_scoring_step(
+def take_fisher_scoring_step(
     variances: Floats, score: Floats, information: Floats, min_fraction: float
 ) -> Floats:
     """Variances (effects,) after a scoring step, each at least a fraction of what it was."""

@@ -131,7 +131,7 @@ def _make_calibrated_columns(
     if one.mass_kg is None:
         return said
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
-    days = calibration.days_of_unknown_scatter
+    days = calibration.day_count_with_unknown_scatter
     unseen = later_log.unseen.get(load_row["load_id"], "")
     if days and unseen and not drift_was_checked:
         said["calibrated_said"] = (

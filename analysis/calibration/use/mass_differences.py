@@ -54,7 +54,7 @@ class DifferenceOnLine:
 def calibrate_mass_differences(
     calibration: Calibration,
     shared_errors: SharedErrors | None,
-    kinds_and_numbers: Sequence[tuple[str, int]],
+    payload_kinds_and_numbers: Sequence[tuple[str, int]],
     payload_kg: Floats,
 ) -> DifferenceOnLine:
     """Calibrate payloads by a line.
@@ -62,37 +62,41 @@ def calibrate_mass_differences(
     Args:
         calibration: calibration of masses, or of payloads with a level.
         shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
-        kinds_and_numbers: (n,) kind (`MOVED`) and number of each payload.
+        payload_kinds_and_numbers: (n,) kind (`MOVED`) and number of each payload.
         payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
     gain = (
-        make_mass_difference_gain_by_slope(calibration)
+        make_difference_gain_by_slope(calibration)
         if absolute
-        else combine_slope_and_level_to_gain(calibration, shared_errors)
+        else estimate_difference_gain_by_slope_and_level(calibration, shared_errors)
     )
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
-    none = np.zeros(len(kinds_and_numbers))
+    none = np.zeros(len(payload_kinds_and_numbers))
     off_kg, taken_kg, unlike_u_kg, shared_u_kg = none, none, none, none
     if shared_errors is not None and calibration.responses:
         centre_kg = calibration.centre_kg if absolute else 0.0
         nothing = np.zeros(len(shared_errors.terms))
-        moved = np.array([shared_errors.moved_kg.get(each, nothing) for each in kinds_and_numbers])
+        moved = np.array(
+            [shared_errors.moved_kg.get(each, nothing) for each in payload_kinds_and_numbers]
+        )
         of_level = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
         of_slope = shared_errors.compute_line_shifts_kg(calibration.responses, 0.0, 1.0)
         each = (1.0 - gain.by_level_1) * of_slope
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
         told = np.array(
-            [each in shared_errors.moved_kg for each in kinds_and_numbers]
+            [each in shared_errors.moved_kg for each in payload_kinds_and_numbers]
         ) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
         off = [shared_errors.line_offset_and_u_kg(*each) for each in zip(moved, line, strict=True)]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
-        scale_kg = np.array([shared_errors.scale_kg.get(each, 0.0) for each in kinds_and_numbers])
+        scale_kg = np.array(
+            [shared_errors.scale_kg.get(each, 0.0) for each in payload_kinds_and_numbers]
+        )
         taken_kg = np.hypot(
             share * shared_errors.shared_part_of_log_u_kg(moved.sum(axis=0)), scale_kg
         )
@@ -127,17 +131,17 @@ class DifferenceGain:
     by_level_1: float
 
 
-def make_mass_difference_gain_by_slope(calibration: Calibration) -> DifferenceGain:
+def make_difference_gain_by_slope(calibration: Calibration) -> DifferenceGain:
     """Gain by the slope of the line alone."""
     return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
-def combine_slope_and_level_to_gain(
+def estimate_difference_gain_by_slope_and_level(
     calibration: Calibration, shared_errors: SharedErrors | None
 ) -> DifferenceGain:
     """Gain of mass differences: slope and level of the line, weighted by uncertainty."""
     if shared_errors is None or not calibration.responses:
-        return make_mass_difference_gain_by_slope(calibration)
+        return make_difference_gain_by_slope(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
@@ -150,7 +154,7 @@ def combine_slope_and_level_to_gain(
         [by_level_kg2 / at_kg**2, slope_variance + (LIMITS.slope_by_load_std_1 * slope) ** 2]
     )
     if abs(by_level - slope) > LIMITS.slope_gain_max_std * float(np.sqrt(variances.sum())):
-        return make_mass_difference_gain_by_slope(calibration)
+        return make_difference_gain_by_slope(calibration)
     share = float(variances[1] / variances.sum())
     variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])
     return DifferenceGain(share * by_level + (1.0 - share) * slope, variance, share)

@@ -146,7 +146,9 @@ class ShiftSimulation:
             start_ns + np.rint(begins * 1e9).astype(np.int64),
             subtract_cycle_begins(mine, begins),
             _ShiftTimeline(motion, start_ns).sample,
-            _PositionAndBoom(motion, tuple(driver.angles), start_ns).sample_hints,
+            _PositionAndBoom(
+                motion, tuple(driver.angles), start_ns
+            ).sample_position_boom_and_bucket,
         )
         topics = list_recorded_topics(scenario)
         return SimulatedLog(
@@ -178,7 +180,7 @@ class _PositionAndBoom(NamedTuple):
     angles: tuple[BoomAngle, ...]
     start_ns: int
 
-    def sample_hints(self, time_ns: NDArray[np.int64]) -> Hints:
+    def sample_position_boom_and_bucket(self, time_ns: NDArray[np.int64]) -> Hints:
         time_s: Floats = (time_ns - self.start_ns) * np.float64(1e-9)
         known, boom, bucket = np.array(self.angles).T
         rows = self.motion.rows

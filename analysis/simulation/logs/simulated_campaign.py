@@ -20,7 +20,7 @@ from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.recorder import TOPICS, make_sample_times_ns, topic_phase_s
 from analysis.simulation.sensors.sensors import simulate_topics_of_log
 from analysis.simulation.trials.solve_trial import solve_motion
-from analysis.simulation.trials.switches import find_key_needing_integration
+from analysis.simulation.trials.switches import find_scenario_key_needing_integration
 from analysis.simulation.trials.trial_limits import refuse_undrivable_scenario
 from estimators.errors import ScenarioError
 
@@ -109,7 +109,7 @@ def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
 
 def _make_timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
     """Time line of a load's log: one exact trial repeated if possible, else integrated."""
-    if find_key_needing_integration(scenario) is None:
+    if find_scenario_key_needing_integration(scenario) is None:
         return make_timeline_of_repeated_trial(
             scenario, load_kg, solve_motion(scenario, load_kg), start_ns
         )

@@ -95,7 +95,7 @@ class RigidBody:
             return self.uphill_m_s2 * math.cos(heading), -self.uphill_m_s2 * math.sin(heading)
         return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)
 
-    def net_drive(
+    def subtract_friction_and_gravity(
         self, applied_force_and_torque: AxisPair, rate: AxisPair, heading: Values
     ) -> AxisPair:
         """Force and torque that remain for acceleration and Coulomb friction.
@@ -140,7 +140,9 @@ class RigidBody:
         self, rate: AxisPair, acceleration: AxisPair, heading: Values, friction_signs: AxisPair
     ) -> AxisPair:
         """Drive F, T of a motion; `friction_signs` are those of Coulomb friction on each axis."""
-        left = self.net_drive(AxisPair(0.0 * rate.x, 0.0 * rate.z), rate, heading)
+        left = self.subtract_friction_and_gravity(
+            AxisPair(0.0 * rate.x, 0.0 * rate.z), rate, heading
+        )
         dv, turn = acceleration
         mc_y = self.first_moment_y_kg_m
         return AxisPair(

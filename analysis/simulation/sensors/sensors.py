@@ -319,7 +319,10 @@ def simulate_boom_readings(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
     """Angles of boom and bucket, positive up, in rad."""
-    hints, noise = _require_hints_of_samples(timeline, at_ns), _boom_angle_noise_std_rad(scenario)
+    hints, noise = (
+        _sample_position_boom_and_bucket(timeline, at_ns),
+        _boom_angle_noise_std_rad(scenario),
+    )
     return {
         "boom_rad": hints.boom_rad + random_streams.draw_white_noise("boom_rad", noise),
         "bucket_rad": hints.bucket_rad + random_streams.draw_white_noise("bucket_rad", noise),
@@ -338,7 +341,7 @@ def simulate_odometry_readings(
         "odometry_yaw", sensors.gyro_noise_rad_s
     )
     return {
-        "position_x_m": _require_hints_of_samples(timeline, at_ns).position_m,
+        "position_x_m": _sample_position_boom_and_bucket(timeline, at_ns).position_m,
         "heading_rad": motion.heading_rad,
         "speed_x_m_s": speed,
         "yaw_rate_rad_s": rate,
@@ -352,7 +355,7 @@ def simulate_gnss_readings(
     shift = scenario.shift
     assert shift is not None
     bearing = math.radians(shift.bearing_deg)
-    along = _require_hints_of_samples(timeline, at_ns).position_m
+    along = _sample_position_boom_and_bucket(timeline, at_ns).position_m
     north = along * math.cos(bearing) + random_streams.draw_white_noise(
         "gnss_north", shift.gnss_noise_m
     )
@@ -366,7 +369,7 @@ def simulate_gnss_readings(
     }
 
 
-def _require_hints_of_samples(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
+def _sample_position_boom_and_bucket(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
     assert timeline.hints is not None
     return timeline.hints(at_ns)
 

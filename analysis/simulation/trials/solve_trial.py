@@ -28,7 +28,7 @@ from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from analysis.simulation.trials.arc import make_arc_phases_and_times
 from analysis.simulation.trials.stiction import RATES, Commands, Stiction
-from analysis.simulation.trials.switches import find_key_needing_integration
+from analysis.simulation.trials.switches import find_scenario_key_needing_integration
 from analysis.simulation.trials.trial_limits import refuse_undrivable_scenario
 from estimators.arrays import Floats
 from estimators.errors import DataError, ScenarioError
@@ -52,7 +52,7 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
         ScenarioError: the machine cannot be driven as requested.
     """
     refuse_undrivable_scenario(scenario, [load_kg])
-    asked = find_key_needing_integration(scenario)
+    asked = find_scenario_key_needing_integration(scenario)
     if asked is not None:
         raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
     trial = _TrialSolver(scenario, RigidBody.make_loaded_body(scenario, load_kg))
@@ -96,7 +96,9 @@ class _TrialSolver:
             case Excite():
                 return self._solve_excitation(manoeuvre, begin_s, heading_rad)
             case Travel():
-                raise AssertionError("needs a whole log, which `find_key_needing_integration` says")
+                raise AssertionError(
+                    "needs a whole log, which `find_scenario_key_needing_integration` says"
+                )
 
     def stand_at_heading(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Phase of standing at a heading, held by the brakes."""

@@ -50,7 +50,7 @@ class Stiction:
         v, drive_x, brake_x, omega, drive_z, brake_z, heading = state
         applied = AxisPair(drive_x - brake_x, drive_z - brake_z)
         body, grip = self.body, self.grip
-        net_x, net_z = body.net_drive(applied, AxisPair(v, omega), heading)
+        net_x, net_z = body.subtract_friction_and_gravity(applied, AxisPair(v, omega), heading)
         return AxisPair(
             net_x - body.max_holding_force_and_torque[0] * (grip[0] or 0.0),
             net_z - body.max_holding_force_and_torque[1] * (grip[1] or 0.0),

@@ -16,7 +16,7 @@ _CHANGES_ALONG: Final = {
 }
 
 
-def find_key_needing_integration(scenario: Scenario) -> str | None:
+def find_scenario_key_needing_integration(scenario: Scenario) -> str | None:
     """First key of the scenario that needs the integrated plant; None if trials are exact."""
     if scenario.shift is not None:
         return "shift"
@@ -56,7 +56,7 @@ def refuse_settings_without_plant_support(scenario: Scenario) -> None:
             "drivetrain.relaxation_length_m: needs slipping tyres; give machine.slip_stiffness_N "
             "as well"
         )
-    asked = find_key_needing_integration(scenario)
+    asked = find_scenario_key_needing_integration(scenario)
     if asked is None:
         return
     terrain = scenario.terrain

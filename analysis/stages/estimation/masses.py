@@ -198,7 +198,7 @@ def explain_why_gate_accepted_nothing(
     if settings.gate.exclude_braking:
         stretches.append(("braking", whole & (phase != "braking")))
     for what, good in stretches:
-        longest_s = count_longest_run(good.fill_null(False)) / settings.align.rate_hz
+        longest_s = count_rows_of_longest_true_run(good.fill_null(False)) / settings.align.rate_hz
         if longest_s < window_s:
             return (
                 f"the longest stretch without {what} is {longest_s:.2f} s, "
@@ -216,7 +216,7 @@ def _describe_braking_remedy(rejection_reason: str) -> str:
     return "; if the force sensor measures the brakes, set settings.gate.exclude_braking = false"
 
 
-def count_longest_run(flags: pl.Series) -> int:
+def count_rows_of_longest_true_run(flags: pl.Series) -> int:
     """Longest run of true values, in rows."""
     first, last = find_flagged_runs(flags.to_numpy())
     lengths = last + 1 - first

@@ -25,7 +25,7 @@ from analysis.stages.motion.forces import (
 )
 from analysis.stages.noise.grid_noise import (
     ColumnResponse,
-    flag_columns_hidden_by_grid,
+    flag_columns_with_noise_hidden_by_grid,
     list_column_responses,
     simulate_noise_covariances_on_grid,
 )
@@ -37,6 +37,7 @@ from analysis.stages.noise.noise_spectra import (
     choose_overlapping_block_ends,
     choose_relative_noise_band,
     compute_cross_spectra,
+    compute_mean_block_spectrum,
     convert_spectra_to_covariances,
     cut_into_detrended_pieces,
     estimate_lag_covariances,
@@ -44,7 +45,6 @@ from analysis.stages.noise.noise_spectra import (
     find_true_runs,
     list_block_frequencies_per_sample,
     list_spectrum_frequencies,
-    mean_block_spectrum,
     quantisation_covariances,
     trim_stretch_to_settled_rows,
 )
@@ -84,12 +84,12 @@ class NoiseSamples:
     rate_hz: float
 
     @property
-    def lowest_noise_frequency(self) -> float:
+    def min_relative_frequency(self) -> float:
         """Lowest frequency at which everything is noise, over the rate."""
         return choose_relative_noise_band(self.rate_hz)[0]
 
     @property
-    def noise_band_upper_frequency(self) -> float:
+    def max_relative_frequency(self) -> float:
         """Top of the band above it, whose level extends to lower frequencies, over the rate."""
         return choose_relative_noise_band(self.rate_hz)[1]
 
@@ -163,7 +163,7 @@ def replace_noise_hidden_by_grid(
     beyond = [source == "differences" for source in sources]
     unseen = (
         np.array(
-            flag_columns_hidden_by_grid(
+            flag_columns_with_noise_hidden_by_grid(
                 [list_channels_of_column(name, machine) for name in column_names], machine, channels
             )
         )
@@ -247,8 +247,8 @@ def estimate_covariances_and_sources(
     found = estimate_lag_covariances(cut) if cut else np.zeros((p, p, LAGS))
     live = [bool(cut) and has_noise_at_standstill(samples, cut, column) for column in range(p)]
     powers = [
-        mean_block_spectrum(
-            samples.x[:, column], samples.moving_blocks, samples.lowest_noise_frequency
+        compute_mean_block_spectrum(
+            samples.x[:, column], samples.moving_blocks, samples.min_relative_frequency
         )
         for column in range(p)
     ]
@@ -260,8 +260,8 @@ def estimate_covariances_and_sources(
         if not live[column]:
             power = powers[column]
             if power is None:
-                power = mean_block_spectrum(
-                    samples.x[:, column], samples.every_block, samples.lowest_noise_frequency
+                power = compute_mean_block_spectrum(
+                    samples.x[:, column], samples.every_block, samples.min_relative_frequency
                 )
             if power is not None:
                 # one that mostly keeps its reading has the noise of rounding at least
@@ -332,8 +332,8 @@ def estimate_fast_change_spectrum(
     """
     at, wanted = list_block_frequencies_per_sample(), list_spectrum_frequencies()
     response = column_response.power_response(at)
-    fast = samples.lowest_noise_frequency
-    band = (at >= fast) & (at <= samples.noise_band_upper_frequency) & (response > 0.0)
+    fast = samples.min_relative_frequency
+    band = (at >= fast) & (at <= samples.max_relative_frequency) & (response > 0.0)
     level = float(np.mean(block_power[band] / response[band]))
     seen = np.interp(wanted, at[1:], average_over_neighbouring_frequencies(block_power, 1)[1:])
     return np.where(wanted < fast, level * column_response.power_response(wanted), seen)
@@ -344,19 +344,19 @@ def estimate_noise_growth_in_motion(
 ) -> Floats:
     """Power in motion over that at standstill, at least 1, at `list_spectrum_frequencies`."""
     at, wanted = list_block_frequencies_per_sample(), list_spectrum_frequencies()
-    resting = mean_block_spectrum(
-        samples.x[:, column], samples.still_blocks, samples.lowest_noise_frequency
+    resting = compute_mean_block_spectrum(
+        samples.x[:, column], samples.still_blocks, samples.min_relative_frequency
     )
     if moving is None or resting is None:
         return np.ones(wanted.size)
     still = resting[0]
-    told = (at >= samples.lowest_noise_frequency) & (
+    told = (at >= samples.min_relative_frequency) & (
         still > LIMITS.growth_stop_band_fraction * np.nanmax(still)
     )
     ratio = np.where(told, moving[0] / np.where(told, still, 1.0), np.nan)
     # half-overlapping blocks are worth three quarters; so are neighbouring frequencies two thirds
     error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
-    band = told & (at <= samples.noise_band_upper_frequency)
+    band = told & (at <= samples.max_relative_frequency)
     below = float(np.median(ratio[band])) if band.any() else 1.0
     below = (
         below
@@ -365,7 +365,7 @@ def estimate_noise_growth_in_motion(
     )
     near = np.where(told, average_over_neighbouring_frequencies(ratio, 2), 1.0)
     near = np.where(near > 1.0 + LIMITS.growth_min_std * error * np.sqrt(1.5 / 5.0), near, 1.0)
-    return np.where(wanted < samples.lowest_noise_frequency, below, np.interp(wanted, at, near))
+    return np.where(wanted < samples.min_relative_frequency, below, np.interp(wanted, at, near))
 
 
 def override_noise_by_settings(

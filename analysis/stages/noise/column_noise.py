@@ -65,14 +65,16 @@ class ColumnNoise:
         """(p, p) covariance of trailing means of `mean_samples`."""
         lag = np.arange(self.covariances.shape[2])
         pairs = np.maximum(mean_samples - lag, 0) / mean_samples**2
-        return find_nearest_semidefinite_matrix(self._sum_lags(pairs))
+        return find_nearest_semidefinite_matrix(self._sum_covariances_over_lags(pairs))
 
     def power_at_zero_frequency(self) -> Floats:
         """(p, p) power at 0 Hz: variance per sample of long sums."""
         lags = self.covariances.shape[2]
-        return find_nearest_semidefinite_matrix(self._sum_lags(1.0 - np.arange(lags) / lags))
+        return find_nearest_semidefinite_matrix(
+            self._sum_covariances_over_lags(1.0 - np.arange(lags) / lags)
+        )
 
-    def _sum_lags(self, weights: Floats) -> Floats:
+    def _sum_covariances_over_lags(self, weights: Floats) -> Floats:
         """Sum of the covariances at positive and negative lags, weighted by `weights` (lags,)."""
         # summed without BLAS, whose last bits depend on its threads: on board they are the replay's
         later = np.einsum("ijk,k->ij", self.covariances[:, :, 1:], weights[1:])
@@ -100,7 +102,7 @@ def collect_axis_noise(
         noise: frame `noise` of the log; without it the settings must give all columns.
     """
     known = ColumnNoise.select_axis_noise(axis, noise, settings.noise)
-    usual = _make_noise_ratios_by_settings(axis, settings.noise)
+    usual = _make_tls_options_by_settings(axis, settings.noise)
     if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
         return AxisNoise(usual, None, None)
     mean, lasting = (
@@ -120,7 +122,7 @@ def collect_axis_noise(
     return AxisNoise(ratios, mean, lasting)
 
 
-def _make_noise_ratios_by_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
+def _make_tls_options_by_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
     """Default noise ratios, overridden by the settings."""
     usual = _USUAL[axis.letter]
     given = [getattr(settings, name) for name in NOISE_COLUMNS[axis.letter].values()]
@@ -135,7 +137,7 @@ def compute_column_stds_after_moving_mean(
     """Noise of each column after the moving mean, by name; the default if unknown."""
     stds: dict[str, float] = {}
     for axis in (X, Z):
-        usual = _make_noise_ratios_by_settings(axis, settings.noise)
+        usual = _make_tls_options_by_settings(axis, settings.noise)
         each = (*usual.noise_A[:2], usual.noise_f)
         for name, std in zip(NOISE_COLUMNS[axis.letter], each, strict=True):
             stds[name] = std / float(np.sqrt(settings.smooth.samples))

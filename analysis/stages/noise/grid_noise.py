@@ -22,9 +22,9 @@ from analysis.stages.noise.noise_spectra import (
     LAGS,
     choose_overlapping_block_ends,
     choose_relative_noise_band,
+    compute_mean_block_spectrum,
     find_resolution_of_column,
     list_block_frequencies_per_sample,
-    mean_block_spectrum,
 )
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.align import align_channels_on_grid
@@ -82,7 +82,7 @@ class ColumnResponse:
         return self.rate_hz * 1j * np.sin(2.0 * np.pi * relative_frequency)
 
 
-def flag_columns_hidden_by_grid(
+def flag_columns_with_noise_hidden_by_grid(
     columns: list[tuple[str, ...]], machine: Machine, channels: Mapping[str, mounting.Series]
 ) -> list[bool]:
     """Whether the grid hides the noise of each column.
@@ -154,7 +154,7 @@ def simulate_noise_covariances_on_grid(
         if name not in UNFILTERED
     }
     longest_ns = max(filters.gap_threshold_ns(t, settings) for t, _ in channels.values())
-    part = repeat_stamps(
+    part = repeat_short_log_stamps(
         select_stamps_of_simulated_rows(channels, settings.rate_hz), settings.rate_hz, longest_ns
     )
     rng = np.random.default_rng(LIMITS.simulation_seed)
@@ -178,7 +178,9 @@ def select_stamps_of_simulated_rows(
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in channels.items()}
 
 
-def repeat_stamps(stamps: Mapping[str, Ints], rate_hz: float, max_gap_ns: float) -> dict[str, Ints]:
+def repeat_short_log_stamps(
+    stamps: Mapping[str, Ints], rate_hz: float, max_gap_ns: float
+) -> dict[str, Ints]:
     """Repeat the stamps of a short log, separated by gaps, to the full number of rows."""
     last = max(int(t[-1]) for t in stamps.values())
     lasts_ns = last - min(int(t[0]) for t in stamps.values())
@@ -225,7 +227,7 @@ def estimate_white_noise_std(t_ns: Ints, readings: Floats, max_gap_ns: float) ->
     whole = np.ones(t_ns.size, np.bool_)
     whole[1:] = np.diff(t_ns) <= max_gap_ns
     fast, top = choose_relative_noise_band(1e9 / filters.median_period_ns(t_ns))
-    power = mean_block_spectrum(readings, choose_overlapping_block_ends(whole), fast)
+    power = compute_mean_block_spectrum(readings, choose_overlapping_block_ends(whole), fast)
     if power is None:
         second = np.diff(readings, 2)[whole[1:-1] & whole[2:]]
         variance = float((second**2).mean()) / _SECOND_DIFFERENCES if second.size else 0.0

@@ -147,7 +147,9 @@ def choose_overlapping_block_ends(flags: Bools) -> Ints:
     return ends[:: max(ends.size // LIMITS.max_blocks, 1)]
 
 
-def mean_block_spectrum(x: Floats, block_ends: Ints, min_frequency: float) -> BlockSpectrum | None:
+def compute_mean_block_spectrum(
+    x: Floats, block_ends: Ints, min_frequency: float
+) -> BlockSpectrum | None:
     """Power of noise by the frequency of a block, and number of blocks; None if they are too few.
 
     It is of second differences, so that smooth signals do not leak, divided by their response, so
@@ -187,7 +189,7 @@ def mean_block_spectrum(x: Floats, block_ends: Ints, min_frequency: float) -> Bl
 
 
 def list_block_frequencies_per_sample() -> Floats:
-    """Frequencies of `mean_block_spectrum`, over the rate."""
+    """Frequencies of `compute_mean_block_spectrum`, over the rate."""
     return np.arange(LIMITS.block_samples // 2 + 1) / LIMITS.block_samples
 
 
@@ -226,15 +228,15 @@ def find_resolution_of_column(column: Floats, chosen_rows: Bools) -> float | Non
     """
     held = chosen_rows.copy()
     held[1:] &= column[1:] == column[:-1]
-    step = find_step_of_repeated_readings(column[held], int(chosen_rows.sum()))
+    step = find_quantisation_step_of_readings(column[held], int(chosen_rows.sum()))
     return (
-        find_step_of_repeated_readings(column[chosen_rows], int(chosen_rows.sum()))
+        find_quantisation_step_of_readings(column[chosen_rows], int(chosen_rows.sum()))
         if step is None
         else step
     )
 
 
-def find_step_of_repeated_readings(readings: Floats, total_readings: int) -> float | None:
+def find_quantisation_step_of_readings(readings: Floats, total_readings: int) -> float | None:
     """Step that frequently repeated readings are multiples of."""
     every = max(readings.size // LIMITS.quantisation_samples, 1)
     readings, total_readings = readings[::every], total_readings // every

@@ -136,30 +136,34 @@ def select_required_series(series: Mapping[str, ChannelSeries]) -> dict[str, Cha
 
 
 def align_channels_at_instants(
-    raw: Mapping[str, ChannelSeries],
+    full_rate_series: Mapping[str, ChannelSeries],
     series: Mapping[str, ChannelSeries],
-    grid: Ints,
+    grid_instants_ns: Ints,
     origin: Origin,
     machine: Machine,
 ) -> pl.DataFrame:
     """`aligned` at the given instants (rows,) of the grid."""
     is_causal = machine.settings.filter.causal
-    chosen = KnownInstants(series, grid, origin.late_ns, machine) if is_causal else None
-    gap = np.zeros(grid.size, np.bool_)
+    chosen = KnownInstants(series, grid_instants_ns, origin.late_ns, machine) if is_causal else None
+    gap = np.zeros(grid_instants_ns.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
         instants, stale = (
-            chosen.newest_known_instants_and_staleness(name) if chosen else (grid, np.False_)
+            chosen.newest_known_instants_and_staleness(name)
+            if chosen
+            else (grid_instants_ns, np.False_)
         )
         x = each.interpolate_values(instants)
-        if each is not raw[name]:
+        if each is not full_rate_series[name]:
             # between two stamps of the slowest channel, a faster one may have a gap
-            stale = stale | np.isnan(raw[name].interpolate_values(instants))
+            stale = stale | np.isnan(full_rate_series[name].interpolate_values(instants))
         columns[name] = np.where(stale, np.nan, rates.wrap_angle_of_channel(name, x))
         if name not in HINTS:
             gap |= np.isnan(columns[name])
     columns = mounting.transfer_acceleration_to_origin(columns, machine.machine.imu)
-    return build_frame("aligned", {"t_ns": grid - origin.start_ns, **columns, "gap": gap})
+    return build_frame(
+        "aligned", {"t_ns": grid_instants_ns - origin.start_ns, **columns, "gap": gap}
+    )
 
 
 def list_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:

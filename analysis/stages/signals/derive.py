@@ -16,7 +16,7 @@ from analysis.expressions.parse import (
     iter_channel_names,
     iter_differentiated_channels,
 )
-from analysis.expressions.values import evaluate_and_count_near_zero
+from analysis.expressions.values import evaluate_and_count_near_zero_divisors
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
@@ -70,7 +70,7 @@ def derive_channels_in_si(
             t, x = compute_arithmetic_channel(name, series, machine, notes)
         else:
             continue
-        series[name] = _fill_unresolved_samples(name, t, x * channel.scale + channel.offset)
+        series[name] = _zero_unresolved_samples(name, t, x * channel.scale + channel.offset)
     # of what arithmetic alone needed, a causal grid takes when it was known
     whole, series = series, {name: each for name, each in series.items() if name in _SI}
     t, speed = series["speed_x_m_s"]
@@ -156,7 +156,7 @@ def compute_arithmetic_channel(
     for each in BODY_NUMBERS:
         number = getattr(machine.machine, each)
         values[each] = np.full(at.size, np.nan if number is None else number)
-    x, near_zero = evaluate_and_count_near_zero(tree, values, at.size)
+    x, near_zero = evaluate_and_count_near_zero_divisors(tree, values, at.size)
     if near_zero:
         notes.append(
             f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly zero (below "
@@ -238,7 +238,7 @@ def low_pass_fast_channels(
     for name in (each for each in rates_hz if each not in slow):
         t, x = measured[name]
         longest_ns = filters.gap_threshold_ns(t, settings.align)
-        out[name] = _fill_unresolved_samples(
+        out[name] = _zero_unresolved_samples(
             name, *filters.apply_low_pass(t, x, cutoff_hz, longest_ns, causal=causal)
         )
     return out
@@ -293,7 +293,7 @@ def select_usable_readings(
     delay_ns = round(channel.delay_s * 1e9)
     if t.size > 1 and (np.abs(readings) <= LIMITS.largest_si).all() and (np.diff(t) > 0).all():
         # nothing to leave out: what a follower has at nearly every look
-        return t - delay_ns, set_unresolved_to_zero(readings)
+        return t - delay_ns, set_values_below_resolution_to_zero(readings)
     finite = np.isfinite(readings)
     if not finite.any():
         raise NoReadingError(f"{name}: {where} holds no number in {readings.size} samples")
@@ -327,19 +327,19 @@ def select_usable_readings(
     t, readings = t[told][last], readings[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - delay_ns, set_unresolved_to_zero(readings)
+    return t - delay_ns, set_values_below_resolution_to_zero(readings)
 
 
-def _fill_unresolved_samples(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
+def _zero_unresolved_samples(name: str, t_ns: filters.Ints, x: filters.Floats) -> mounting.Series:
     """A derived channel with unresolved samples filled; an error if it is empty."""
-    if t.size == 0:
+    if t_ns.size == 0:
         raise DataError(
             f"{name}: no stretch of the log without gaps is long enough to derive this channel"
         )
-    return t, set_unresolved_to_zero(x)
+    return t_ns, set_values_below_resolution_to_zero(x)
 
 
-def set_unresolved_to_zero(values: filters.Floats) -> filters.Floats:
+def set_values_below_resolution_to_zero(values: filters.Floats) -> filters.Floats:
     """Values (n,) with those below any sensor's resolution set to 0: filters ring down long."""
     return np.where(np.abs(values) < LIMITS.smallest_si, 0.0, values)
 

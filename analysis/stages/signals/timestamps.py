@@ -80,7 +80,7 @@ def assign_timestamps(raw_frames: Mapping[str, pl.DataFrame]) -> StampedTopics:
         labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
         # of a shift each copy is hundreds of megabytes
         kept = frame.filter(pl.col(column).is_not_null()) if frame[column].has_nulls() else frame
-        scatter = measure_relative_step_scatter(frame) if headers[topic] else None
+        scatter = measure_relative_sampling_jitter(frame) if headers[topic] else None
         if scatter is not None:
             labels[topic] = "log"
             kept = kept.with_columns(
@@ -121,7 +121,7 @@ def assign_timestamps(raw_frames: Mapping[str, pl.DataFrame]) -> StampedTopics:
     return StampedTopics(placed, labels, losses)
 
 
-def measure_relative_step_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
+def measure_relative_sampling_jitter(frame: pl.DataFrame) -> tuple[float, float] | None:
     """Scatter of the steps of header stamps and of log time, relative to their period.
 
     Args:

@@ -18,9 +18,9 @@ from replay.logs.decoding.decoder import (
     make_frame_schema,
     run_work_immediately,
 )
-from replay.logs.decoding.direct_fields import DirectFields, select_direct_fields
+from replay.logs.decoding.direct_fields import DirectFields, select_fields_at_fixed_offsets
 from replay.logs.decoding.field_columns import Columns
-from replay.logs.decoding.one_pass import allocate_gathered_rows, walk_and_gather
+from replay.logs.decoding.one_pass import allocate_gathered_rows, locate_and_gather_fields
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.walk_program import (
     FAULTS,
@@ -88,11 +88,11 @@ class BatchPass:
         room[0] = rows
         self._notes = _allocate_walk_notes(program, room)
 
-    def walk_and_gather_batch(self) -> None:
+    def locate_and_gather_fields_of_batch(self) -> None:
         """Walk and gather; repeat if there was too little memory for the marks."""
         program, wire = self._program, self._program.wire
         while True:
-            walk_and_gather(
+            locate_and_gather_fields(
                 self._messages, Encoding(wire.cdr, self._swap, wire.length_alignment),
                 program.steps, self._notes, allocate_message_layout_template(program.nodes),
                 self._direct.gather_plan, self._gathered, self._outcome,
@@ -172,7 +172,7 @@ class DecodePlan:
         """Program for an encoding, compiled when a message first uses it."""
         if wire not in self._programs:
             program = compile_decode_program(self._record, self._wanted, wire)
-            direct = select_direct_fields(program.root, self._read_fields)
+            direct = select_fields_at_fixed_offsets(program.root, self._read_fields)
             place_of = {steps: place for place, steps in enumerate(direct.field_paths)}
             places = tuple(place_of.get(field.steps) for field in self._read_fields)
             self._programs[wire] = program, direct, places
@@ -252,7 +252,7 @@ class DecodePlan:
             batch.lengths - wire.encapsulation_bytes,
             swap=wire.cdr and encapsulation % 2 == 0,
         )
-        wait = submit(batch_pass.walk_and_gather_batch)
+        wait = submit(batch_pass.locate_and_gather_fields_of_batch)
 
         def finish_part() -> _DecodedPart:
             wait()

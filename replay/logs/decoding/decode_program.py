@@ -1,4 +1,4 @@
-"""A message definition as a program for `walk_messages`: order of fields, and what to note.
+"""A message definition as a program of `locate_fields_in_messages`: fields in order, what to note.
 
 Only requested fields are noted. The whole message is walked, since whether it is complete must not
 depend on the requested fields; consecutive numbers are one step.
@@ -141,7 +141,9 @@ class _Compiler:
         if field_type == Scalar("string"):
             self._close_span_and_append_step(Op.TEXT)
             return (
-                None if wanted_subfields is None else TextField(self._reserve_marks_of_last_step(2))
+                None
+                if wanted_subfields is None
+                else TextField(self._reserve_position_notes_of_last_step(2))
             )
         if make_span_of_fixed_size_element(field_type, self.wire) is not None:
             return self._append_to_span(field_type, wanted_subfields)
@@ -172,7 +174,9 @@ class _Compiler:
         assert self.span is not None
         self.steps[-1][Operand.SIZE] = self.span.size
         return (
-            None if wanted_subfields is None else InSpan(self._reserve_marks_of_last_step(1), value)
+            None
+            if wanted_subfields is None
+            else InSpan(self._reserve_position_notes_of_last_step(1), value)
         )
 
     def _compile_list_of_type(
@@ -202,7 +206,7 @@ class _Compiler:
         return (
             None
             if wanted_subfields is None
-            else StridedList(self._reserve_marks_of_last_step(2), stride, value)
+            else StridedList(self._reserve_position_notes_of_last_step(2), stride, value)
         )
 
     def _compile_list_of_varying_elements(
@@ -213,7 +217,7 @@ class _Compiler:
         wanted_subfields: Wanted | None,
     ) -> WalkedList | None:
         head = self._close_span_and_append_step(Op.LIST, size=min_element_bytes, length=length)
-        mark = -1 if wanted_subfields is None else self._reserve_marks_of_last_step(1)
+        mark = -1 if wanted_subfields is None else self._reserve_position_notes_of_last_step(1)
         above, self.node = self.node, -1 if wanted_subfields is None else self.nodes
         self.nodes += wanted_subfields is not None
         self.depth += 1
@@ -242,7 +246,7 @@ class _Compiler:
         self.steps.append([operation, alignment, size, stride, length, -1, self.node, jump])
         return len(self.steps) - 1
 
-    def _reserve_marks_of_last_step(self, count: int) -> int:
+    def _reserve_position_notes_of_last_step(self, count: int) -> int:
         """Reserve marks for the last step; returns the first one."""
         step = self.steps[-1]
         if step[Operand.MARK] < 0:

@@ -64,7 +64,9 @@ class _FixedField:
     value: InlineField | InlineArray | TextField
 
 
-def select_direct_fields(message_layout: NestedMessage, fields: Iterable[Field]) -> DirectFields:
+def select_fields_at_fixed_offsets(
+    message_layout: NestedMessage, fields: Iterable[Field]
+) -> DirectFields:
     """Select the fields that are at the same place in every message."""
     places = {field.steps: _find_fixed_field(message_layout, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []

@@ -23,7 +23,7 @@ from replay.logs.decoding.walk_program import (
     LayoutTemplate,
     WalkNotes,
     WalkOutcome,
-    walk_messages,
+    locate_fields_in_messages,
 )
 
 #: Messages that a thread takes at once.
@@ -61,7 +61,7 @@ def allocate_gathered_rows(gather_plan: GatherPlan, row_count: int) -> GatheredR
 
 
 @compiled_without_refcounts
-def walk_and_gather(
+def locate_and_gather_fields(
     messages: EncodedMessages,
     encoding: Encoding,
     steps: Ints,
@@ -88,7 +88,9 @@ def walk_and_gather(
     for first in range(0, count, _ROWS_AT_ONCE):
         row = filled[0]
         end = min(first + _ROWS_AT_ONCE, count)
-        walk_messages(messages, first, end, encoding, steps, walk_notes, template, outcome)
+        locate_fields_in_messages(
+            messages, first, end, encoding, steps, walk_notes, template, outcome
+        )
         _gather_columns(
             messages.data, walk_notes, gather_plan, gathered_rows, encoding.swap, row, filled[0]
         )

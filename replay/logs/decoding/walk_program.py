@@ -125,7 +125,7 @@ def allocate_message_layout_template(node_count: int) -> LayoutTemplate:
 
 
 @compiled_without_refcounts
-def walk_messages(
+def locate_fields_in_messages(
     messages: EncodedMessages,
     first: int,
     end: int,
@@ -157,7 +157,7 @@ def walk_messages(
         _prefetch_message(data, begins, sizes, message)
         is_known = check_count >= 0 and size == other_size
         if is_known and has_same_layout_bytes(data, begin, other, checks, check_count):
-            _repeat_layout_marks(table, marks, filled, notes, note_count, begin)
+            _note_positions_by_repeated_layout(table, marks, filled, notes, note_count, begin)
             _count_message_and_its_elements(filled, elements)
             faults[message] = 0
             places[message] = other_end
@@ -168,7 +168,7 @@ def walk_messages(
         _copy_filled_counts(filled, kept)
         at = step = depth = fault = note_count = 0
         while step < steps.shape[0]:
-            place, count, told, stop, at, fault = read_walk_step(
+            place, count, told, stop, at, fault = read_decode_step(
                 data, begin, at, size, steps, step, encoding
             )
             if fault != 0:
@@ -181,7 +181,7 @@ def walk_messages(
                 check_count, note_count = _add_note_to_template(
                     notes, check_count, note_count, mark, element - int(kept[node]), place, count
                 )
-                _write_marks(table, marks, mark, element, place, count, begin)
+                _note_position_and_count(table, marks, mark, element, place, count, begin)
             step, depth = find_next_step(steps, step, filled, left, depth, count)
         if fault == 0 and size - at > (3 if encoding.cdr else 0):
             fault = _GOES_ON
@@ -228,20 +228,20 @@ def has_same_layout_bytes(
 
 
 @compiled_inline
-def _repeat_layout_marks(
+def _note_positions_by_repeated_layout(
     table: Ints, marks: Ints, filled_counts: Ints, template_notes: Ints, count: int, begin: int
 ) -> None:
     """Write the marks of a message that repeats another's layout."""
     for number in range(count):
         mark = template_notes[number, 0]
         element = filled_counts[table[mark, 0]] + template_notes[number, 1]
-        _write_marks(
+        _note_position_and_count(
             table, marks, mark, element, template_notes[number, 2], template_notes[number, 3], begin
         )
 
 
 @compiled_inline
-def _write_marks(
+def _note_position_and_count(
     table: Ints, marks: Ints, mark: int, element: int, position: int, count: int, begin: int
 ) -> None:
     """Write position and count of an element, each unless it is -1, if there is room."""
@@ -322,7 +322,7 @@ def find_next_step(
 
 
 @compiled_inline
-def read_walk_step(
+def read_decode_step(
     data: Bytes, begin: int, offset: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
     """Read what a step describes.

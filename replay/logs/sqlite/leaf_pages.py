@@ -213,14 +213,14 @@ def scan_leaf_pages(
         contents = base + _LEAF_HEAD + 2 * cells
         if data[base] != LEAF or cells == 0 or contents > end:
             cells = 0
-            _open_gap(gaps, state)
+            _begin_row_id_gap(gaps, state)
         while state[AT_CELL] < cells:
             at = base + read_big_endian(data, base + _LEAF_HEAD + 2 * int(state[AT_CELL]), 2)
             what, row_id, topic, time, begin, length, local, stop = parse_row_cell(
                 data, at, contents, end, layout, row_filter.with_data
             )
             if what == UNUSUAL:
-                _close_gap(gaps, state, row_id)
+                _end_row_id_gap(gaps, state, row_id)
                 return found, spilled, used, False
             in_time = row_filter.first_ns <= time <= row_filter.last_ns
             if (
@@ -251,11 +251,11 @@ def scan_leaf_pages(
             elif what == NO_MESSAGE:
                 _count_row_without_message(state, row_id)
             if what == DAMAGED:
-                _open_gap(gaps, state)
+                _begin_row_id_gap(gaps, state)
             else:
                 state[LAST_ID] = row_id
                 if state[IN_GAP]:
-                    _close_gap(gaps, state, row_id)
+                    _end_row_id_gap(gaps, state, row_id)
             state[AT_CELL] += 1
         state[AT_LEAF] += 1
         state[AT_CELL] = 0
@@ -284,7 +284,7 @@ def _count_row_without_message(state: NDArray[np.int64], row_id: int) -> None:
 
 
 @compiled_without_refcounts
-def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
+def _begin_row_id_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
     """Begin a gap in which nothing can be read."""
     if state[IN_GAP] == 0:
         if state[GAPS] < gaps.shape[1]:
@@ -295,7 +295,7 @@ def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
 
 
 @compiled_without_refcounts
-def _close_gap(gaps: NDArray[np.int64], state: NDArray[np.int64], row_id: int) -> None:
+def _end_row_id_gap(gaps: NDArray[np.int64], state: NDArray[np.int64], row_id: int) -> None:
     """End a gap at a row."""
     if state[IN_GAP] == 1 and state[GAPS] <= gaps.shape[1]:
         gaps[1, state[GAPS] - 1] = row_id

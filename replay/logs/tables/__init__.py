@@ -7,7 +7,7 @@ it.
 
 from typing import TYPE_CHECKING
 
-from estimators.late_names import make_late_getattr
+from estimators.late_names import make_lazy_import_getattr
 
 # every log takes a `TimeAxis`; what reads tables is imported when one is opened
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
@@ -38,7 +38,7 @@ __all__ = [
     "sniff_dialect",
 ]
 
-__getattr__ = make_late_getattr(
+__getattr__ = make_lazy_import_getattr(
     "replay.logs.tables",
     {
         "NS_PER_UNIT": "replay.logs.tables.times",

@@ -21,8 +21,8 @@ from replay.logs.tables.dates import (
 )
 from replay.logs.tables.header import (
     ColumnName,
+    does_name_state_multiple_of_unit,
     find_zone_offset_s,
-    has_multiple_of_unit,
     name_column_before_dash,
     name_column_by_last_part,
     split_unit_from_column_name,
@@ -291,7 +291,7 @@ def find_time_unit(column_name: ColumnName) -> str | None:
     Raises:
         DialectError: the name states a multiple of a unit.
     """
-    if has_multiple_of_unit(column_name.name):
+    if does_name_state_multiple_of_unit(column_name.name):
         raise DialectError(
             f"column '{column_name.name}' counts multiples of a unit of time; set [log] rate_hz = "
             "the rows in a second"

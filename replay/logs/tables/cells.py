@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import polars as pl
 
-from analysis.model.physical_units import find_pint_name
+from analysis.model.physical_units import find_pint_unit_name
 from replay.logs.tables.table_limits import LIMITS
 
 _EXPONENT: Final = r"(?:[eEdD][+-]?\d+)?"
@@ -105,7 +105,7 @@ def find_unit_in_cell(cell: str, decimal_sign: str) -> str | None:
     match = _MEASURE.fullmatch(cell)
     if match is None or not _NUMBERS[decimal_sign].fullmatch(match["number"]):
         return None
-    return match["unit"] if find_pint_name(match["unit"]) else None
+    return match["unit"] if find_pint_unit_name(match["unit"]) else None
 
 
 def find_common_unit_of_cells(cells: Sequence[str], decimal_sign: str) -> str | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from analysis.model.physical_units import (
-    find_pint_name,
+    find_pint_unit_name,
     gain_and_offset_to_si,
     split_unit_from_name,
 )
@@ -65,7 +65,7 @@ def make_column_names(cells: Sequence[str], unit_cells: Sequence[str] = ()) -> l
         unit_cells: cells of the row of units; () without one.
     """
     over = [_OVER.fullmatch(cell.strip()) for cell in cells]
-    is_over = len(cells) > 1 and all(match and find_pint_name(match["unit"]) for match in over)
+    is_over = len(cells) > 1 and all(match and find_pint_unit_name(match["unit"]) for match in over)
     found: list[ColumnName] = []
     taken: dict[str, int] = {}
     for number, cell in enumerate(cells, start=1):
@@ -77,9 +77,9 @@ def make_column_names(cells: Sequence[str], unit_cells: Sequence[str] = ()) -> l
         taken[stated], taken[name] = again, taken.get(name, 0)
         bare, unit = split_unit_from_column_name(stated)
         if is_over and (match := over[number - 1]):
-            bare, unit = match["name"], find_pint_name(match["unit"])
+            bare, unit = match["name"], find_pint_unit_name(match["unit"])
         row_unit = unit_cells[number - 1] if number <= len(unit_cells) else ""
-        found.append(ColumnName(name, bare, find_pint_name(row_unit) or unit))
+        found.append(ColumnName(name, bare, find_pint_unit_name(row_unit) or unit))
     return found
 
 
@@ -92,7 +92,10 @@ def refuse_contradicting_units(cells: Sequence[str], unit_cells: Sequence[str], 
         DialectError: a column has two units.
     """
     for cell, stated in zip(cells, unit_cells, strict=False):
-        name, row = split_unit_from_column_name(" ".join(cell.split()))[1], find_pint_name(stated)
+        name, row = (
+            split_unit_from_column_name(" ".join(cell.split()))[1],
+            find_pint_unit_name(stated),
+        )
         if name is None or row is None or name == row:
             continue
         with suppress(MachineError):
@@ -118,16 +121,16 @@ def split_unit_from_column_name(name: str) -> NameAndUnit:
     name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
         return NameAndUnit(match["name"], None)
-    if has_multiple_of_unit(name):
+    if does_name_state_multiple_of_unit(name):
         return NameAndUnit(name, None)
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
-        unit = find_pint_name(match["unit"]) if match and match["name"] else None
+        unit = find_pint_unit_name(match["unit"]) if match and match["name"] else None
         if match and unit:
             rest = match["rest"] if form is _MIDDLE else ""
             return NameAndUnit(f"{match['name'].strip()} {rest}".strip(), unit)
     if (match := _REMARK.fullmatch(name)) and (remarked := _BEHIND.fullmatch(match["name"])):
-        unit = find_pint_name(remarked["unit"])
+        unit = find_pint_unit_name(remarked["unit"])
         if unit:
             return NameAndUnit(remarked["name"].strip(), unit)
     # of an element, the name of its list states the unit
@@ -147,10 +150,10 @@ def name_column_before_dash(column_name: ColumnName) -> ColumnName:
     return replace(column_name, bare=bare, unit=unit)
 
 
-def has_multiple_of_unit(name: str) -> bool:
+def does_name_state_multiple_of_unit(column_name: str) -> bool:
     """Whether a name states a multiple of a unit: `Time [0.1 ms]`."""
-    match = _MULTIPLE.fullmatch(name)
-    return match is not None and find_pint_name(match["unit"]) is not None
+    match = _MULTIPLE.fullmatch(column_name)
+    return match is not None and find_pint_unit_name(match["unit"]) is not None
 
 
 def find_zone_offset_s(name: str) -> int | None:
@@ -165,7 +168,7 @@ def find_zone_offset_s(name: str) -> int | None:
 def is_row_of_units(cells: Sequence[str], *, is_half_enough: bool = False) -> bool:
     """Whether a row contains only units, most of them known (half with `is_half_enough`)."""
     said = [cell.strip() for cell in cells if cell.strip()]
-    known = sum(find_pint_name(cell) is not None for cell in said)
+    known = sum(find_pint_unit_name(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
     short = sum(len(cell) <= LIMITS.unit_characters or cell[0] in "[(" for cell in said)

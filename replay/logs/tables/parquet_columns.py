@@ -15,7 +15,7 @@ import polars as pl
 import pyarrow as pa
 from pyarrow.parquet import ParquetFile
 
-from analysis.model.physical_units import find_pint_name
+from analysis.model.physical_units import find_pint_unit_name
 from estimators.errors import format_count
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.tables.header import ColumnName, split_unit_from_column_name
@@ -248,7 +248,7 @@ def _make_column_name(
     """Column with the unit from its metadata, the schema's metadata, or its name."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
     bare, unit = split_unit_from_column_name(name)
-    own = find_pint_name(stated.decode("utf-8", "replace"))
+    own = find_pint_unit_name(stated.decode("utf-8", "replace"))
     return ColumnName(name, bare, own or schema_unit or unit)
 
 
@@ -261,7 +261,7 @@ def find_schema_units(metadata: Mapping[str, str], names: Sequence[str]) -> dict
     """
     found: dict[str, str] = {}
     for name, text in _iter_units_in_metadata(metadata, names):
-        unit = find_pint_name(text)
+        unit = find_pint_unit_name(text)
         if unit is not None:
             found.setdefault(name, unit)
     return found

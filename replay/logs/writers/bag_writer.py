@@ -45,7 +45,7 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
     for name, number in numbers.items():
         definition, digest = store.generate_msgdef(TOPICS[name].msgtype)
         connections.append(_encode_connection_record(number, name, definition, digest))
-    topics = make_recorded_topics(log, store, numbers, _make_envelope, ros1=True)
+    topics = make_recorded_topics(log, store, numbers, _make_bag_message_envelope, ros1=True)
     with path.open("xb") as file:
         file.write(_MAGIC + _encode_bag_header(0, 0, 0))
         whole = split_into_chunks(
@@ -59,7 +59,7 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
         file.write(_encode_bag_header(index_at, len(connections), len(written)))
 
 
-def _make_envelope(connection: int, times: Ints) -> Envelope:
+def _make_bag_message_envelope(connection: int, times: Ints) -> Envelope:
     head = encode_bag_record_header(_MESSAGE, conn=struct.pack("<L", connection), time=bytes(8))[
         :-8
     ]

@@ -63,7 +63,7 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
     with path.open("xb") as file:
         made = ColumnMcap(file, channels)
         made.write_all_messages(
-            make_recorded_topics(log, store, numbers, make_envelope, ros1=False)
+            make_recorded_topics(log, store, numbers, make_mcap_message_envelope, ros1=False)
         )
         machine_id = log.scenario.log.machine_id
         made.write_summary_and_close(
@@ -71,7 +71,7 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
         )
 
 
-def make_envelope(channel: int, times: Ints) -> Envelope:
+def make_mcap_message_envelope(channel: int, times: Ints) -> Envelope:
     """Bytes before the messages of a channel, recorded at times (n,)."""
 
     def record_head(size: int) -> list[bytes | tuple[str, Ints]]:

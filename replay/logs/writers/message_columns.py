@@ -47,25 +47,29 @@ class RaggedColumn:
 def number_messages_by_list_lengths(column: Column) -> Ints | None:
     """Numbers (n,) that are equal for messages of equal lengths; None if all lengths are equal."""
     if isinstance(column, RaggedColumn):
-        return _number_list_shapes(column)
+        return _number_shapes_of_nested_lists(column)
     if isinstance(column, Mapping):
-        return combine_shape_numbers(
+        return number_combinations_of_list_shapes(
             [number_messages_by_list_lengths(each) for each in column.values()]
         )
     if isinstance(column, list | tuple):
-        return combine_shape_numbers([number_messages_by_list_lengths(each) for each in column])
+        return number_combinations_of_list_shapes(
+            [number_messages_by_list_lengths(each) for each in column]
+        )
     return None
 
 
-def combine_shape_numbers(shape_numbers: Sequence[Ints | None]) -> Ints | None:
+def number_combinations_of_list_shapes(
+    shape_numbers_of_columns: Sequence[Ints | None],
+) -> Ints | None:
     """Number the combinations of shapes of several columns."""
-    known = [each for each in shape_numbers if each is not None]
+    known = [each for each in shape_numbers_of_columns if each is not None]
     if len(known) < 2:
         return known[0] if known else None
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _number_list_shapes(column: RaggedColumn) -> Ints:
+def _number_shapes_of_nested_lists(column: RaggedColumn) -> Ints:
     inside, lengths = number_messages_by_list_lengths(column.content), column.lengths
     if inside is None:
         return lengths

@@ -16,7 +16,7 @@ from replay.logs.writers.mcap_writer import (
     ChannelRecord,
     ColumnMcap,
     make_channel_record,
-    make_envelope,
+    make_mcap_message_envelope,
 )
 from replay.logs.writers.recorded_order import RecordedTopic, iter_records_in_time_order
 from replay.logs.writers.ros_messages import TOPICS, make_recorded_topics
@@ -46,7 +46,9 @@ def write_db3(log: SimulatedLog, path: Path) -> None:
 
 def _write_rosbag2_with_plugin(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
-    before = make_envelope if plugin is StoragePlugin.MCAP else make_empty_envelope
+    before = (
+        make_mcap_message_envelope if plugin is StoragePlugin.MCAP else make_empty_message_envelope
+    )
     with _ColumnWriter(path, version=Writer.VERSION_LATEST, storage_plugin=plugin) as bag:
         numbers = {
             name: bag.add_connection(TOPICS[name].name, TOPICS[name].msgtype, typestore=store).id
@@ -57,7 +59,7 @@ def _write_rosbag2_with_plugin(log: SimulatedLog, path: Path, plugin: StoragePlu
             bag.set_custom_data("machine_id", log.scenario.log.machine_id)
 
 
-def make_empty_envelope(_connection: int, _times: Ints) -> Envelope:
+def make_empty_message_envelope(_connection: int, _times: Ints) -> Envelope:
     """Empty envelope: databases store nothing before a message."""
     return lambda _size: ()
 

@@ -14,7 +14,7 @@ import pytest
 
 from analysis.model.machine_body import Body
 from analysis.model.run_record import Run
-from analysis.weighing.empty_mass_datum import list_outdated_ticket_notes
+from analysis.weighing.empty_mass_datum import list_notes_on_outdated_tickets
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from estimators.errors import MachineError
 from replay import load_machine
@@ -193,7 +193,7 @@ def test_a_ticket_of_another_day_says_how_far_apart_they_are(day: str, said: str
             "timezone": "America/Santiago",
         }
     )
-    notes = list_outdated_ticket_notes(body, begin_ns)
+    notes = list_notes_on_outdated_tickets(body, begin_ns)
     assert [said in note for note in notes] == [True] if said else not notes
 
 
@@ -206,7 +206,7 @@ def test_a_log_without_a_clock_has_no_day_to_compare():
             "empty_mass_day": "2023-11-14",
         }
     )
-    assert not list_outdated_ticket_notes(body, 5 * 10**9)
+    assert not list_notes_on_outdated_tickets(body, 5 * 10**9)
 
 
 def test_the_day_of_a_ticket_is_kept_with_the_run():

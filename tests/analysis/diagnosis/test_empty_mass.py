@@ -5,11 +5,11 @@ from functools import cache
 import polars as pl
 import pytest
 
-from analysis.diagnosis import withhold_by_findings
+from analysis.diagnosis import add_check_of_invalidating_findings
 from analysis.model.machine import Machine
 from analysis.simulation import Scenario, simulate_campaign
 from replay import load_machine
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.analysis.weighing.weighed import Weighed
 
@@ -42,7 +42,7 @@ def scaled(times: float, *body: str, before_start: int = 0) -> Weighed:
     overrides = ['settings.trace.methods=["pooled"]', *(f"machine.{key}" for key in body)]
     machine: Machine = load_machine("cat262c.toml", overrides)
     return Weighed(
-        run([MemoryLog(log)], with_channels_of_simulation(machine, log)), TRUE_KG, machine
+        run([MemoryLog(log)], copy_machine_with_simulated_channels(machine, log)), TRUE_KG, machine
     )
 
 
@@ -101,7 +101,7 @@ def test_without_an_empty_mass_nothing_is_judged():
     (log,) = _logs(0)
     machine = load_machine("cat262c.toml", ['settings.trace.methods=["pooled"]'])
     body = machine.machine.model_copy(update={"empty_mass_kg": None})
-    own = with_channels_of_simulation(machine.model_copy(update={"machine": body}), log)
+    own = copy_machine_with_simulated_channels(machine.model_copy(update={"machine": body}), log)
     replayed = Weighed(run([MemoryLog(log)], own), TRUE_KG, own)
     assert replayed.check("negative_payload").passed is None
     assert replayed.check("empty_mass").passed is None
@@ -116,6 +116,6 @@ def test_a_cause_that_makes_a_mass_worthless_withholds_it_too():
     row = dict.fromkeys(found.columns) | {"cause": "sign_flipped"}
     grave = pl.concat([found, pl.DataFrame([row | {"severity": "withhold"}], schema=found.schema)])
     others = judged.filter(pl.col("check") != "invalidating_causes")
-    with_it = withhold_by_findings(others, grave, log.machine)
+    with_it = add_check_of_invalidating_findings(others, grave, log.machine)
     assert with_it.filter(pl.col("passed").not_())["check"].to_list() == ["invalidating_causes"]
     assert with_it["check"].to_list() == judged["check"].to_list()

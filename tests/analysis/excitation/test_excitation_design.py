@@ -15,10 +15,10 @@ from analysis.excitation.error_prediction import (
 from analysis.excitation.excitation_design import (
     choose_best_waveform_score,
     compute_settling_time_s,
+    copy_scenario_with_manoeuvres,
     count_parameters_determined_by_motion,
     design_excitation,
     score_waveform,
-    with_trial_of_manoeuvres,
 )
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
@@ -53,7 +53,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     filters, noise = Filters(10, made.sensors.rate_hz), compute_sensor_noise(made)
     samples = round(window_s * filters.rate_hz) + filters.margin_samples
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
-    motion = solve_motion(with_trial_of_manoeuvres(made, longer), 0.0)
+    motion = solve_motion(copy_scenario_with_manoeuvres(made, longer), 0.0)
     truth = MeasuredSignals.from_motion(
         motion.sample_channels(score.start_s + np.arange(samples) / filters.rate_hz)
     )
@@ -155,7 +155,7 @@ def test_speed_and_yaw_rate_in_step_would_leave_rank_five():
     wave = {"waveform": "triangular", "period_s": 15.0}
     excite = {"kind": "excite", "force": {**wave, "highest_N": 3000.0}}
     excite["torque"] = {**wave, "highest_N_m": 2250.0}
-    motion = solve_motion(with_trial_of_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
+    motion = solve_motion(copy_scenario_with_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
     assert (
         count_parameters_determined_by_motion(motion.sample_channels(np.arange(15.0, 30.0, 0.01)))
         == 5

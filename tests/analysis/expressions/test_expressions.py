@@ -16,7 +16,7 @@ from analysis.expressions.parse import (
     format_expression,
     parse_expression,
 )
-from analysis.expressions.values import evaluate_and_count_near_zero
+from analysis.expressions.values import evaluate_and_count_near_zero_divisors
 from analysis.model.physical_units import unit_registry
 
 UNITS = {
@@ -90,7 +90,7 @@ def test_what_is_written_is_parsed_to_the_same_tree(tree: Expression) -> None:
 
 @given(trees)
 def test_values_are_those_of_polars(tree: Expression) -> None:
-    found, _ = evaluate_and_count_near_zero(tree, X, 5)
+    found, _ = evaluate_and_count_near_zero_divisors(tree, X, 5)
     expected = FRAME.select(by_polars(tree).cast(pl.Float64).alias("x"))["x"].to_numpy()
     expected = np.broadcast_to(expected, 5)
     np.testing.assert_allclose(found, np.where(np.isfinite(expected), expected, np.nan), rtol=1e-12)
@@ -142,7 +142,7 @@ def test_what_is_no_arithmetic_is_refused_in_a_line(text: str) -> None:
 
 def test_division_near_zero_is_missing_and_counted() -> None:
     v = np.array([0.0, 0.001, 1.0, 2.0, -2.0])
-    found, near = evaluate_and_count_near_zero(
+    found, near = evaluate_and_count_near_zero_divisors(
         parse_expression("p / v"), {"p": np.full(5, 6.0), "v": v}, 5
     )
     np.testing.assert_allclose(found, [np.nan, np.nan, 6.0, 3.0, -3.0])

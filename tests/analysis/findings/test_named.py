@@ -7,7 +7,7 @@ from analysis.findings import CAUSES
 from analysis.simulation import Scenario, simulate_campaign
 from benchmarks.findings_rows import AXES, design, needed, replayed
 from benchmarks.weighed import DERIVED, machine
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.analysis.findings.conftest import BY_NAME, Named
 from tests.analysis.findings.kept import OR, PLAIN, UPDATE, log_name, read_kept
@@ -225,7 +225,7 @@ def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Name
 def test_without_an_accelerometer_a_late_speed_may_be_an_early_force() -> None:
     late = merged(RUNS, RICH, {"sensors": {"speed_delay_s": 0.06}})
     (log,) = simulate_campaign(Scenario.model_validate(late))
-    replay = run([MemoryLog(log)], with_channels_of_simulation(machine(DERIVED), log))
+    replay = run([MemoryLog(log)], copy_machine_with_simulated_channels(machine(DERIVED), log))
     row = replay.frames["findings"].row(0, named=True)
     assert row["cause"] == "delay"
     assert "ms late against force, or the force is early" in row["evidence"]

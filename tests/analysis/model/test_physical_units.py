@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.model.physical_units import find_pint_name, gain_and_offset_to_si, unit_registry
+from analysis.model.physical_units import find_pint_unit_name, gain_and_offset_to_si, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS
 from estimators.errors import MachineError
 
@@ -40,7 +40,7 @@ def test_units_become_si(unit, si, gain):
     ],
 )
 def test_units_become_si_as_people_write_them(written, si, gain):
-    unit = find_pint_name(written)
+    unit = find_pint_unit_name(written)
     assert unit is not None
     assert gain_and_offset_to_si(unit, si) == (pytest.approx(gain, rel=1e-12), 0.0)
 
@@ -53,7 +53,8 @@ def test_every_channels_own_unit_is_one_to_one():
 def test_a_unit_that_is_no_other_is_one_to_one_as_pint_has_it():
     """Pint is not asked: each is a unit of pint's, which gives the number back bit for bit."""
     units = {
-        find_pint_name(text) for text in ("N", "m/s", "m/s2", "rad/s", "Nm", "%", "°C", "t", "g")
+        find_pint_unit_name(text)
+        for text in ("N", "m/s", "m/s2", "rad/s", "Nm", "%", "°C", "t", "g")
     }
     for unit in {column.unit for column in CHANNEL_COLUMNS} | {*filter(None, units)}:
         spelt = unit.replace("·", "*").replace("²", "**2").replace("°", "degree")

@@ -15,7 +15,7 @@ _DRIVE = """
 import gc
 from analysis.online import on_board
 from analysis.online.rehearsal import rehearse
-from estimators.interpreted import Loop, force_compilation
+from estimators.interpreted import CompiledLoop, force_compilation
 from tests.analysis import plane_drives as plane
 from tests.analysis.settings_by_name import settings_of
 
@@ -25,7 +25,7 @@ if {rehearsed}:
     rehearse(settings)
 
 def loaded():
-    loops = (each for each in gc.get_objects() if isinstance(each, Loop))
+    loops = (each for each in gc.get_objects() if isinstance(each, CompiledLoop))
     return {{
         (each.__name__, len(getattr(each.compiled, "signatures", ())))
         for each in loops

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.growing_load import LoadFilling, list_mean_payload_coefficients
+from analysis.weighing.growing_load import LoadFilling, list_coefficients_of_mean_payloads
 from analysis.weighing.mass_budget import list_uncertainty_by_failed_checks_kg
 from tests.analysis.weighing.weighed import RICH, weighed
 
@@ -48,7 +48,7 @@ def test_a_growth_is_judged_by_the_payload_as_well_whose_uncertainty_is_smaller(
     """Ten starts without and with a load that all fill: the masses of both have common causes."""
     fills = {"loading": {"fill_kg_s": FILLS_KG_S[0]}, "campaign": {"loads_kg": (0.0, 400.0)}}
     shift = weighed(fills | {"starts": {"directions": "alternating"}}).weighing
-    (weights,) = list_mean_payload_coefficients(shift.fit)
+    (weights,) = list_coefficients_of_mean_payloads(shift.fit)
     assert weights.sum() == pytest.approx(0.0, abs=1e-12)
     payload_kg = float(weights @ shift.fit.masses_kg)
     assert payload_kg == pytest.approx(400.0, abs=60.0)

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from replay import load_machine
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import brought_to_size, draw_design, join_designs
 from tests.trials.situations import SITUATIONS, sections
@@ -43,7 +43,7 @@ def weighed(scenario, machine):
         "force_share": scenario.machine.force_share,
     }
     own = machine.model_copy(update={"machine": machine.machine.model_copy(update=body)})
-    replayed = run(MemoryLog(log), with_channels_of_simulation(own, log))
+    replayed = run(MemoryLog(log), copy_machine_with_simulated_channels(own, log))
     return replayed.frames["loads"].row(0, named=True), float(log.trials["mass_kg"][0])
 
 

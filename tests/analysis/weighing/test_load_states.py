@@ -12,7 +12,7 @@ from analysis.weighing import joint_fit
 from analysis.weighing.load_states import (
     AlternativePartition,
     LoadStates,
-    label_load_change_evidence,
+    classify_load_change_evidence,
 )
 from analysis.weighing.weigh import weigh
 from analysis.weighing.weighing_limits import LIMITS
@@ -21,7 +21,7 @@ from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
 from estimators.joint.group_effects import HINTED, NAMED
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
 from tests.twins import mark_slow_after
@@ -49,7 +49,7 @@ def loaded(loads_kg, runs, overrides=POOLED, **body):
     share = Scenario.model_validate(LOADER).machine.force_share
     stated = {"empty_mass_kg": 3614.0, "force_share": share, **body}
     own = own.model_copy(update={"machine": own.machine.model_copy(update=stated)})
-    return run([MemoryLog(log) for log in logs], with_channels_of_simulation(own, logs[0]))
+    return run([MemoryLog(log) for log in logs], copy_machine_with_simulated_channels(own, logs[0]))
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +196,7 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
         found = weigh(hinted, *rest, machine(POOLED))
         assert found is not None
         motion, states = found.fit.motion, found.fit.states
-        assert label_load_change_evidence(motion).tolist() == [HINTED if raised_rad else 1] * 4
+        assert classify_load_change_evidence(motion).tolist() == [HINTED if raised_rad else 1] * 4
         assert states is not None
         probable[raised_rad] = states.single_probability
     # so few starts do not settle it: it then says "states or scatter"
@@ -212,7 +212,7 @@ def test_no_load_changes_while_the_machine_is_named_as_empty():
     named = (f"settings.loads.empty_to_s={empty_to_s}", "settings.loads.empty_from_s=0.0")
     found = weigh(aligned, *rest, machine((*POOLED, *named)))
     assert found is not None
-    assert label_load_change_evidence(found.fit.motion).tolist() == [0, NAMED, 1, 1]
+    assert classify_load_change_evidence(found.fit.motion).tolist() == [0, NAMED, 1, 1]
 
 
 def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
@@ -259,7 +259,8 @@ def filling():
     sections = {**LOADER, "campaign": campaign, "loading": {"fill_kg_s": 200.0}}
     logs[1] = list(simulate_campaign(Scenario.model_validate(sections)))[1]
     return run(
-        [MemoryLog(log) for log in logs], with_channels_of_simulation(machine(POOLED), logs[0])
+        [MemoryLog(log) for log in logs],
+        copy_machine_with_simulated_channels(machine(POOLED), logs[0]),
     )
 
 

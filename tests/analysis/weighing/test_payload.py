@@ -10,7 +10,7 @@ from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.nuisances import LoadProportionalShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.trials.drawn_designs import join_designs
 
@@ -51,7 +51,9 @@ def weighed(sections: str, settings: tuple[str, ...] = (), load_kg: float = LOAD
     own = machine((POOLED, *named, *settings))
     body = {"empty_mass_kg": 3614.0, "force_share": scenario.machine.force_share}
     own = own.model_copy(update={"machine": own.machine.model_copy(update=body)})
-    frames = run([MemoryLog(log) for log in logs], with_channels_of_simulation(own, logs[0])).frames
+    frames = run(
+        [MemoryLog(log) for log in logs], copy_machine_with_simulated_channels(own, logs[0])
+    ).frames
     (load,) = frames["loads"].filter(~frames["loads"]["empty"]).to_dicts()
     return load, dict(frames["nuisances"].select("term", "posterior").iter_rows())
 
@@ -93,7 +95,9 @@ def test_one_load_has_no_terms_that_differ_by_load():
     scenario = Scenario.model_validate(join_designs(LOADER, {"campaign": {"runs": 3}}))
     logs = list(simulate_campaign(scenario))
     own = machine((POOLED,))
-    found = run([MemoryLog(log) for log in logs], with_channels_of_simulation(own, logs[0]))
+    found = run(
+        [MemoryLog(log) for log in logs], copy_machine_with_simulated_channels(own, logs[0])
+    )
     by_load = {"weight_const", "weight_direction", "weight_viscous"}
     assert not by_load & set(found.frames["nuisances"]["term"])
 

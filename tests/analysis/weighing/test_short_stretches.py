@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing.load_states import find_manoeuvre_of_stretches, label_load_change_evidence
+from analysis.weighing.load_states import classify_load_change_evidence, find_manoeuvre_of_stretches
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.joint.group_effects import FILLED, HINTED, TURNED
 
@@ -65,9 +65,11 @@ def test_it_goes_with_the_one_behind_where_the_boom_dumps_before_it(
 
 
 def test_digging_between_manoeuvres_is_a_filling_and_a_boom_a_hint() -> None:
-    assert label_load_change_evidence(manoeuvres([0.8, 0.8], [False, True])).tolist() == [FILLED]
-    assert label_load_change_evidence(manoeuvres([0.8, 0.0], [False, False])).tolist() == [HINTED]
-    assert label_load_change_evidence(manoeuvres([0.0, 0.0], [False, False])).tolist() == [1]
+    assert classify_load_change_evidence(manoeuvres([0.8, 0.8], [False, True])).tolist() == [FILLED]
+    assert classify_load_change_evidence(manoeuvres([0.8, 0.0], [False, False])).tolist() == [
+        HINTED
+    ]
+    assert classify_load_change_evidence(manoeuvres([0.0, 0.0], [False, False])).tolist() == [1]
 
 
 @pytest.mark.parametrize(
@@ -87,4 +89,4 @@ def test_backing_out_of_where_it_arrived_is_a_hint_where_no_boom_is(
 ) -> None:
     motion = manoeuvres([0.0, boom_rad], [False, False])
     motion = replace(motion, direction=np.array(directions)[motion.unit])
-    assert label_load_change_evidence(motion).tolist() == [kind]
+    assert classify_load_change_evidence(motion).tolist() == [kind]

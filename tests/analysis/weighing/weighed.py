@@ -14,7 +14,7 @@ from analysis.model.verdict import Check, Verdict
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing.weigh import Weighing, weigh
 from replay import load_machine
-from replay.inputs.derived_logs import MemoryLog, with_channels_of_simulation
+from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.made_once import make_value_once
 
@@ -130,5 +130,5 @@ def simulate_and_weigh(
     true_kg = float(logs[0].trials["mass_kg"][0])
     if changed is not None:
         logs = [replace(log, topics=changed(log.topics)) for log in logs]
-    machine = with_channels_of_simulation(machine, logs[0])
+    machine = copy_machine_with_simulated_channels(machine, logs[0])
     return Weighed(run([MemoryLog(log) for log in logs], machine), true_kg, machine)

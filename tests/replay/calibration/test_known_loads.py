@@ -7,7 +7,10 @@ import pytest
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.line.procedure import PROCEDURES
 from replay import load_machine
-from replay.calibration.campaign_runs import describe_refusal, state_single_load
+from replay.calibration.campaign_runs import (
+    copy_machine_with_single_load_if_stated,
+    describe_why_log_cannot_weigh,
+)
 from tests.analysis.weighing.test_gain_by_direction import to_and_fro
 from tests.analysis.weighing.weighed import weighed
 
@@ -34,7 +37,10 @@ def test_a_whole_log_of_one_known_load_has_no_other(
 ) -> None:
     machine = load_machine("cat262c.toml")
     assert not machine.settings.loads.single_load
-    assert state_single_load(machine, runs).settings.loads.single_load is is_single
+    assert (
+        copy_machine_with_single_load_if_stated(machine, runs).settings.loads.single_load
+        is is_single
+    )
 
 
 def test_evidence_of_earlier_procedures_seeks_loads_as_it_did() -> None:
@@ -43,14 +49,14 @@ def test_evidence_of_earlier_procedures_seeks_loads_as_it_did() -> None:
 
 
 def test_a_refusal_says_its_cause_in_words_and_what_mends_it() -> None:
-    said = describe_refusal(to_and_fro(0.05).replayed)
+    said = describe_why_log_cannot_weigh(to_and_fro(0.05).replayed)
     assert said.startswith("gain by direction: the force reads ")
     assert "settings.loads.single_load" in said
     assert "invalidating_causes" not in said
 
 
 def test_a_refusal_by_a_check_says_its_number_its_limit_and_its_remedy() -> None:
-    said = describe_refusal(weighed({"sensors": {"force_delay_s": 0.15}}).replayed)
+    said = describe_why_log_cannot_weigh(weighed({"sensors": {"force_delay_s": 0.15}}).replayed)
     assert said.startswith("force_delay_s 0.1")
     assert "(limit ≤ 0.1)" in said
     assert said.endswith("Remedy: channels.force_x_N.delay_s (or of both torques)")

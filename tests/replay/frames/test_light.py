@@ -97,7 +97,7 @@ def test_both_ways_find_the_same_of_damaged_bytes(
 
 
 def test_large_work_is_compiled_though_there_is_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    loop = interpreted.Loop(len, "compiled", lambda size: size)
+    loop = interpreted.CompiledLoop(len, "compiled", lambda size: size)
     loop.__dict__["is_cached"] = True
     called: list[str] = []
     loop.__dict__["compiled"] = lambda _: called.append("compiled")
@@ -114,7 +114,7 @@ def test_large_work_is_compiled_though_there_is_time_left(monkeypatch: pytest.Mo
 def test_small_work_is_compiled_where_a_replay_needs_numba_anyway(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    loop = interpreted.Loop(len, "compiled", lambda size: size)
+    loop = interpreted.CompiledLoop(len, "compiled", lambda size: size)
     loop.__dict__["is_cached"] = True
     loop.__dict__["compiled"] = lambda _: "compiled"
     loop.__dict__["interpreted"] = lambda _: "interpreted"

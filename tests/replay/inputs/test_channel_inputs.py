@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from estimators.errors import LogError
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.inputs.channel_inputs import read_channel_fields_and_losses, rename_raw_frames
+from replay.inputs.channel_inputs import name_raw_frames_by_topic, read_channel_fields_and_losses
 from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, sledge
 
@@ -32,7 +32,7 @@ def read(machine_file: Path, *tables: pl.DataFrame) -> pl.DataFrame:
 
 @given(st.sets(st.text("/ab", max_size=4)))
 def test_topics_have_distinct_names_in_a_run_whatever_they_are(topics: set[str]) -> None:
-    named = rename_raw_frames({topic: pl.DataFrame({"of": [topic]}) for topic in topics})
+    named = name_raw_frames_by_topic({topic: pl.DataFrame({"of": [topic]}) for topic in topics})
     assert {frame.item() for frame in named.values()} == topics
     assert all(name.startswith("raw/") for name in named)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.model.physical_units import find_pint_name
+from analysis.model.physical_units import find_pint_unit_name
 from benchmarks.dialects.dialect_file import DRIVE, RATE_HZ, DialectFile
 from benchmarks.dialects.every_file import SETS, readable_files_of_set
 from estimators.errors import LogError
@@ -72,4 +72,4 @@ def test_units_in_names_and_rows_are_known() -> None:
         ("[Nm]", "N*m"), ("km/h", "km/h"), ("(m/s²)", "m/s**2"), ("1/min", "rpm"), ("°/s", "deg/s"),
         ("mN", None), ("banana", None),
     ):  # fmt: skip
-        assert find_pint_name(text) == unit
+        assert find_pint_unit_name(text) == unit

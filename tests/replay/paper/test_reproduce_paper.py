@@ -96,7 +96,7 @@ def test_tables_3_and_4_have_every_printed_value_and_no_pooled_error_below_the_b
     table = found[name].frame
     assert table[setting].unique(maintain_order=True).to_list() == list(printed)
     for row in table.iter_rows(named=True):
-        beside = printed_numbers.name_table_values_by_method(printed[row[setting]]).get(
+        beside = printed_numbers.pair_table_values_with_methods(printed[row[setting]]).get(
             row["method"]
         )
         assert row["paper_kg"] == beside

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from recordings.rrd.viewer import take_screenshots_of_file
+from recordings.rrd.viewer import take_screenshots_of_recording_or_log
 from tests.viewer_needed import VIEWER
 
 REPO = Path(__file__).resolve().parents[3]
@@ -209,6 +209,8 @@ class TestViewer:
     ) -> None:
         # no other importer of ours, nor any else's
         monkeypatch.setenv("PATH", f"{script.parent}:/usr/bin:/bin")
-        drawn = take_screenshots_of_file(data_in_kind / "logs/husky_asphalt.bag", tmp_path)
+        drawn = take_screenshots_of_recording_or_log(
+            data_in_kind / "logs/husky_asphalt.bag", tmp_path
+        )
         assert [each.tab for each in drawn] == ["Log", "/imu/data", "/drives"]
         assert [error for each in drawn for error in each.errors] == []

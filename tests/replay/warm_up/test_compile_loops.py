@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from estimators import compile_cache
-from estimators.interpreted import Loop
+from estimators.interpreted import CompiledLoop
 from replay.commands.cli import app
 from replay.warm_up.compile_loops import compile_all_loops
 from tests.golden.golden import LOGS, replay
@@ -34,11 +34,11 @@ def test_a_run_compiles_nothing_that_was_not_compiled_ahead(
 ) -> None:
     asked: set[tuple[str, str]] = set()
 
-    def call(loop: Loop, *arguments: Any) -> Any:
+    def call(loop: CompiledLoop, *arguments: Any) -> Any:
         asked.add((loop.__name__, str(tuple(map(numba.typeof, arguments)))))
         return loop.compiled(*arguments)
 
-    monkeypatch.setattr(Loop, "__call__", call)
+    monkeypatch.setattr(CompiledLoop, "__call__", call)
     compile_all_loops()
     ready = asked.copy()
     for log in LOGS:

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.logs.shift_logs import ShiftSimulation
-from analysis.simulation.trials.switches import find_key_needing_integration
+from analysis.simulation.trials.switches import find_scenario_key_needing_integration
 from tests.analysis.simulation.quiet import FRICTION_N_S_M, MASS_KG, G, drive, log, scenario
 
 #: Nothing else slows the machine down.
@@ -67,7 +67,7 @@ def test_a_coasting_machine_slows_down_by_c_g_whatever_its_mass(load_kg, directi
 )
 def test_plant_and_exact_solution_agree(sections):
     sections = {**sections, "rolling": {"coefficient": 0.03}}
-    assert find_key_needing_integration(scenario(**sections)) is None
+    assert find_scenario_key_needing_integration(scenario(**sections)) is None
     made, exact = drive(500.0, **sections), solve_motion(scenario(**sections), 500.0)
     time_s = np.arange(0.0, exact.duration_s - 1e-3, 0.0037)
     run, truth = made.sample_channels(time_s), exact.sample_channels(time_s)
