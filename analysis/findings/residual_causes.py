@@ -14,6 +14,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.weighing.force_hysteresis import HYSTERESIS
+from analysis.weighing.missing_terms import ELASTICITY
 from estimators.arrays import Bools, Floats
 
 
@@ -112,7 +113,22 @@ def _median_power_in_band(hz: Floats, spectrum: Floats, low_hz: float, high_hz: 
 
 
 def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
-    """Find a peak of the spectrum in motion over that at standstill."""
+    """Find a mass on a spring, or a peak of the spectrum in motion over that at standstill."""
+    fit = inputs.log_only_fit
+    springs = [each for each in inputs.reportable_missing_terms if each.term is ELASTICITY]
+    if fit is not None and springs:
+        (spring,) = springs
+        effect_kg = float(spring.effect_kg[fit.most_frequent_state])
+        return [
+            Symptom(
+                spring.t / LIMITS.named_term_min_std,
+                f"the mass swings at {1.0 / (2.0 * np.pi * np.sqrt(spring.value)):.1f} Hz against "
+                "the place where its motion is measured: something between them gives way; with "
+                f"it the mass changes by {effect_kg:+.3g} kg, and it is not corrected",
+                channel=next(iter(inputs.speed_channels), None),
+                change=lambda: MassChange(0.0, abs(effect_kg)),
+            )
+        ]
     found = residual_spectra(inputs)
     if found is None:
         return []
@@ -193,7 +209,8 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
 
 def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
     """Report the term with the largest effect on a mass among those that the model lacks."""
-    fit, named = inputs.log_only_fit, inputs.reportable_missing_terms
+    fit = inputs.log_only_fit
+    named = [each for each in inputs.reportable_missing_terms if each.term is not ELASTICITY]
     if fit is None or not named:
         return []
     found = named[0]

@@ -356,13 +356,17 @@ def make_columns_of_piece(
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
     wheels = motion.wheel_acceleration
     force_std = float(np.sqrt(noise.covariance_of_means(1)[2, 2]))
+    force_rate = differentiate_force(
+        force, motion.rate_hz, force_std, keep_small=wheels is not None
+    )
     raw = ColumnInputs(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
         compute_ground_to_wheel_speed_ratio(speed, acting, previous_estimates.slip_1_N),
         acting,
-        differentiate_force(force, motion.rate_hz, force_std, keep_small=wheels is not None),
+        force_rate,
+        np.gradient(force_rate) * motion.rate_hz,
         zeros
         if previous_estimates.play is None
         else trace_direction_of_force_change(force, previous_estimates.play),

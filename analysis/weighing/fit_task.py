@@ -29,6 +29,7 @@ from analysis.weighing.nuisances import (
     estimate_load_proportional_share_of_coulomb,
     split_constant_prior_into_error_and_force,
 )
+from analysis.weighing.slip_by_load import SLIP_BY_LOAD
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
@@ -272,6 +273,7 @@ class FitTask:
                 self._set_prior_proportional_to_slip(
                     at, slip_cost.mass_kg, self._estimate_slip_and_std_by_wheels(), mean, std
                 )
+                self._set_prior_of_slip_by_load(slip_cost, mean, std)
         for place, term in self._indices_of_learnt_terms():
             mean[place], std[place] = term.mean, term.std
         return mean, std
@@ -342,6 +344,21 @@ class FitTask:
             self._estimate_slip_and_std_by_wheels() or slip_cost.slip_1_N,
             prior_mean,
             prior_std,
+        )
+
+    def _set_prior_of_slip_by_load(
+        self, slip_cost: _SlipCost, prior_mean: Floats, prior_std: Floats
+    ) -> None:
+        """Set the prior of the slip that a load takes away to a share of the slip, if known."""
+        slip = self._estimate_slip_and_std_by_wheels() or slip_cost.slip_1_N
+        if slip is None or SLIP_BY_LOAD not in self.terms:
+            return
+        at = self.terms.index(SLIP_BY_LOAD)
+        share_kg = LIMITS.slip_stiffness_by_load_1 * slip_cost.mass_kg
+        # wheels that turn less than the ground moves do not slip the less for it
+        prior_mean[at] = share_kg * max(slip[0], 0.0)
+        prior_std[at] = max(
+            share_kg * float(np.hypot(*slip)), LIMITS.min_slip_std_fraction * prior_std[at]
         )
 
     def _estimate_slip_and_std_by_wheels(self) -> tuple[float, float] | None:

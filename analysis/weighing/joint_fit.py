@@ -24,6 +24,7 @@ from analysis.weighing.log_effects import MostProbableEffects
 from analysis.weighing.low_gears import LOW_GEARS
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import NUISANCES, Nuisance
+from analysis.weighing.slip_by_load import SLIP_BY_LOAD
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_comparison import (
@@ -130,7 +131,7 @@ def select_terms_of_motion(
     """Terms that apply to these samples; terms by load only with several loads."""
     return tuple(
         term
-        for term in (*NUISANCES, *PLACE, *LOW_GEARS, *GROUND)
+        for term in (*NUISANCES, SLIP_BY_LOAD, *PLACE, *LOW_GEARS, *GROUND)
         if term.applies(motion) and (has_several_loads or not term.by_load)
     )
 

@@ -16,6 +16,7 @@ from analysis.model.uncertainty_sources import (
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.low_gears import BY_GEAR
+from analysis.weighing.missing_terms import ELASTICITY
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weigh import Weighing
@@ -138,6 +139,12 @@ _PARTS: Final = {
         "or a speed that is not linear: this log shows one",
         "a force at the wheels from a sensor that is linear; starts at different throttles",
     ),
+    "elasticity": _FitPart(
+        "common",
+        "something that gives way between the mass and the place where its motion is measured, by "
+        "which it swings: this log shows one",
+        "the motion of the mass itself, by an accelerometer or encoder on it; starts without jerks",
+    ),
     "growth": _FitPart(
         "common",
         "a residual that grows evenly over every start, as if the load grew: a force that is late, "
@@ -258,13 +265,17 @@ def list_uncertainty_by_failed_checks_kg(
         abs(weighing.curvature.mass_change_kg) * share if weighing.curvature.is_significant else 0.0
     )
     # which of them is the true one is not known, and one fault shows in several
-    missing_kg = max(
-        (abs(float(coefficients @ each.effect_kg)) for each in weighing.missing_terms), default=0.0
-    )
+    missing_kg = [
+        (
+            "elasticity" if each.term is ELASTICITY else "missing_term",
+            abs(float(coefficients @ each.effect_kg)),
+        )
+        for each in weighing.missing_terms
+    ]
     grown_kg = abs(float(np.sum(coefficients * weighing.filling.significant_mass_changes_kg)))
     name, largest_kg = max(
         ("curvature", curved_kg),
-        ("missing_term", missing_kg),
+        *missing_kg,
         ("growth", grown_kg),
         key=lambda part: part[1],
     )

@@ -2,9 +2,10 @@
 
 A sensor may saturate softly, a gear or a converter may lose another share of its force at low
 speed, a wheel's radius may grow with the speed, a filter may follow a rising force faster than a
-falling one. The fit takes such a force for mass, friction and drag, which are then wrong by more
-than their uncertainty, with residuals that look like noise. A term that is significant and would
-move the mass widens it by as much: which of the terms is the true one, the log does not tell.
+falling one, a belt may give way between the mass and the encoder that tells its motion. The fit
+takes such a force for mass, friction and drag, which are then wrong by more than their uncertainty,
+with residuals that look like noise. A term that is significant and would move the mass widens it by
+as much: which of the terms is the true one, the log does not tell.
 """
 
 from collections.abc import Callable
@@ -25,6 +26,19 @@ from analysis.weighing.weighing_limits import LIMITS
 _LINEAR: Final = "a force sensor that is linear over its range; its calibration curve"
 _AT_ALL_SPEEDS: Final = (
     "a force at the wheels, behind gears and converters; starts that end at other speeds"
+)
+
+
+#: A mass m on a spring of stiffness c lags what pulls it by F / c: F = m a - (m / c) d²F/dt² of the
+#: acceleration a that is measured (Den Hartog, Mechanical Vibrations, chapter 2).
+ELASTICITY: Final = Nuisance(
+    "elasticity",
+    "s²",
+    lambda m: -m.force_bend,
+    lambda _, __: LIMITS.elasticity_prior_std_s2,
+    "a belt, rope, coupling or frame that gives way between the mass and where its motion is "
+    "measured",
+    "the motion of the mass itself; starts without jerks",
 )
 
 
@@ -56,11 +70,13 @@ class MissingTerm:
 
     Attributes:
         term: the term.
+        value: its estimate, in the term's unit.
         t: estimate over its standard deviation.
         effect_kg: (masses,) change of each mass with the term.
     """
 
     term: Nuisance
+    value: float
     t: float
     effect_kg: Floats
 
@@ -69,19 +85,25 @@ class MissingTerm:
         # the standard deviation of the effect is effect / t, and t may be 0
         largest_std_kg = LIMITS.missing_term_max_effect_std * np.abs(fit.masses_kg)
         determined = bool((np.abs(self.effect_kg) <= largest_std_kg * abs(self.t)).all())
+        if self.term is ELASTICITY:
+            # no stiffness is negative
+            return determined and self.t > LIMITS.elasticity_min_std
         return determined and abs(self.t) > LIMITS.missing_term_min_std
 
 
 def list_candidate_missing_terms(fit: JointFit) -> tuple[Nuisance, ...]:
     """Terms that the model does not have, scaled by the log's largest force and speed.
 
-    None over one short path, where a force depends on the place.
+    Over one short path, where a force depends on the place, only an elasticity.
     """
+    # an accelerometer sits on the mass, and a filter of its own has the same column
+    elastic = () if fit.motion.by_accelerometer else (ELASTICITY,)
     if any(term.source == BY_PLACE for term in fit.terms):
         # strokes over one path have the same speed at each place: a spring looks like such a gain
-        return ()
+        return elastic
     force_N, speed_m_s = fit.motion.force_95_percentile_newtons, fit.motion.speed_95_percentile_m_s
     return (
+        *elastic,
         Nuisance(
             "force_saturation",
             "1",
@@ -211,7 +233,8 @@ def find_missing_terms(
         # a term that is mostly noise is collinear with the others once its noise is taken off
         if other.solution.noise_share > LIMITS.max_noise_fraction:
             continue
-        lacking = MissingTerm(term, float(other.theta[-1] / other.map_fit.std[-1]), effect_kg)
+        value = float(other.theta[-1])
+        lacking = MissingTerm(term, value, value / float(other.map_fit.std[-1]), effect_kg)
         if lacking.is_significant(fit):
             found.append(lacking)
     return tuple(sorted(found, key=lambda each: -_largest_mass_change_over_u(each.effect_kg, fit)))

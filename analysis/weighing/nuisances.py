@@ -28,6 +28,7 @@ class ColumnInputs:
         ground_speed_ratio: ground speed over wheel speed, by the known slip.
         force: force on the ground in N, corrected for its delay.
         force_rate: derivative of the measured force in N/s; 0 within its noise.
+        force_bend: its second derivative in N/s², likewise.
         force_rises_1: 1 where the force rises, -1 where it falls; 0 if the fit has no hysteresis.
         direction: driving direction of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
@@ -52,6 +53,7 @@ class ColumnInputs:
     ground_speed_ratio: Floats
     force: Floats
     force_rate: Floats
+    force_bend: Floats
     force_rises_1: Floats
     direction: Floats
     progress: Floats

@@ -74,6 +74,10 @@ class WeighingLimits:
     min_slip_std_fraction: float = 0.05
     #: Share of its prior below which the wheels determine slip: of a third it was 2 σ off.
     slip_posterior_fraction: float = 0.1
+    #: Prior of the share of their slip stiffness that wheels or tracks have in proportion to the
+    #: load on them, and its standard deviation: tyres on asphalt and tracks on sand near 1
+    #: (Pacejka, chapter 4; Wong, Theory of Ground Vehicles, chapter 2), on clay near 0.
+    slip_stiffness_by_load_1: float = 0.5
     #: Fewest drives between stands or holes: fewer do not separate a drift from a change of load.
     drift_min_drives: int = 6
 
@@ -127,6 +131,11 @@ class WeighingLimits:
     # missing_terms
     #: Prior standard deviation of a gain that depends on speed or force: 7 to 12 % were tried.
     missing_term_prior_std: float = 0.1
+    #: Prior of an elasticity, in s²: a mass that swings at 5 Hz.
+    elasticity_prior_std_s2: float = 1e-3
+    #: Standard deviations from which it is one: what sampling, filters and slip leave in the second
+    #: derivative of the force reached 7, belts had 17 to 130.
+    elasticity_min_std: float = 10.0
     #: Standard deviations from which a term is significant: 99 % of sound logs have at most 3,
     missing_term_min_std: float = 3.0
     #: if the log determines what it moves a mass to this share, or it is collinear with others,

@@ -36,18 +36,20 @@ from analysis.weighing.stretch_means import (
     subtract_fitted_line,
 )
 from analysis.weighing.weighing_limits import LIMITS
-from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
+from analysis.weighing.wheel_kinematics import (
+    TERMS,
+    ComparisonRows,
+    WheelKinematics,
+    compute_parameter_std_bounds_by_noise,
+    estimate_gain_that_noise_mimics,
+)
 from estimators.interpreted import compiled_unless_short_log
 from estimators.joint import prior_fit
 from estimators.joint.map_fit import MapFit
 from estimators.joint.prior_fit import Grouping
 from estimators.numerics.autocorrelation import compute_autocovariance_loss
-from estimators.numerics.fit_loss import list_rows_by_group
 from estimators.numerics.group_sums import NoiseMoments
 from estimators.numerics.in_order import sum_in_order
-from estimators.numerics.small_systems import NOTHING
-
-_Rows = tuple[Floats, Floats, Ints, NoiseMoments]
 
 
 def compare_wheels_with_accelerometer(
@@ -192,7 +194,7 @@ def _fit_wheel_comparison(
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solve_rows(
-        rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
+        rows: ComparisonRows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
     ) -> prior_fit.PriorSolution | prior_fit.UndeterminedFit:
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
         return prior_fit.solve_with_priors(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
@@ -240,14 +242,22 @@ def _fit_wheel_comparison(
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     noise_m_s = max(float(np.sqrt(noise.covariance_of_means(MEAN)[1, 1])), rounding_m_s)
     free = wide.fit
+    least_1 = LIMITS.gain_min_std * estimate_gain_that_noise_mimics(
+        rows,
+        noise,
+        prior_stds(LIMITS.gain_search_std_1, about) / free.residual_rms,
+        1.0 / motion.rate_hz,
+    )
     if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
         narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
         stiff = prior_stds(LIMITS.gain_search_std_1, about, narrow_std)
         rolling = solve_rows(rows, stiff, delay_s, lines, loss).fit
-        if rolling.theta[0] < 0.0 and is_accelerometer_gain_significant(rolling, noise_m_s):
+        if rolling.theta[0] < 0.0 and is_accelerometer_gain_significant(
+            rolling, noise_m_s, least_1
+        ):
             free, slip_std = rolling, narrow_std
     mismatch = free.residual_rms / noise_m_s
-    counts = is_accelerometer_gain_significant(free, noise_m_s)
+    counts = is_accelerometer_gain_significant(free, noise_m_s, least_1)
     std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
@@ -271,53 +281,23 @@ def _fit_wheel_comparison(
     )
 
 
-def is_accelerometer_gain_significant(fit: MapFit, noise_m_s: float) -> bool:
+def is_accelerometer_gain_significant(fit: MapFit, noise_m_s: float, least_1: float) -> bool:
     """Whether a gain exceeds what its prior and the noise allow.
 
     Args:
         fit: fit of the comparison, with the gain first.
         noise_m_s: noise of the speed's means.
+        least_1: smallest gain that noise of the accelerometer does not mimic.
     """
     # where the two do not go together, deviations say nothing
     agrees = fit.residual_rms / noise_m_s <= LIMITS.max_kinematic_mismatch
     times = LIMITS.gain_min_std if agrees else 0.0
-    return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
-
-
-def compute_parameter_std_bounds_by_noise(
-    rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
-) -> Floats:
-    """Lower bound of the standard deviations from instrument noise alone, (4,).
-
-    The accelerometer's noise accumulates over a manoeuvre and the fit follows it, so few
-    manoeuvres' residuals show less of it.
-    """
-    X, _, group, _ = rows
-    of_mean = (
-        noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
-        * LIMITS.accumulated_noise_samples
-        * step_s**2
-        * EVERY
-    )
-    of_speed = noise.covariance_of_means(MEAN)[1, 1] * MEAN / EVERY
-    squares = (X**2).sum(axis=0)
-    # of a column of nothing its prior is all that is known
-    scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
-    X = X / scale
-    added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in list_rows_by_group(group)])
-    scores = of_mean * added.T @ added + of_speed * X.T @ X
-    gram = X.T @ X
-    variance = float(np.trace(scores)) / X.shape[1]
-    prior = np.diag((prior_std * scale) ** -2.0)
-    bread = np.linalg.pinv(gram / variance + prior)
-    covariance = bread @ (scores / variance**2 + prior) @ bread
-    # rounding may leave a variance of nearly nothing below 0
-    return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
+    return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0], least_1))
 
 
 def _make_comparison_rows(
     measured_acceleration: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
-) -> _Rows | None:
+) -> ComparisonRows | None:
     """Columns and response without each manoeuvre's line, and the noise in them."""
     spans = find_stretch_spans(motion.group)
     spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]

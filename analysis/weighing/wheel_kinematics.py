@@ -7,8 +7,12 @@ import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
-from analysis.weighing.motion_samples import Floats
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints
+from analysis.weighing.stretch_means import EVERY, MEAN
 from analysis.weighing.weighing_limits import LIMITS
+from estimators.numerics.fit_loss import list_rows_by_group
+from estimators.numerics.group_sums import NoiseMoments
+from estimators.numerics.small_systems import NOTHING
 
 #: What a calibration learns of them, in this order.
 TERMS: Final = ("wheel_slip", "gain", "speed_delay")
@@ -88,3 +92,67 @@ class WheelKinematics:
             mean_u=np.array([term.mean_u for term in terms]),
             own=self,
         )
+
+
+#: Columns, response and stretch of the rows, and the noise in them.
+ComparisonRows = tuple[Floats, Floats, Ints, NoiseMoments]
+
+
+def estimate_gain_that_noise_mimics(
+    rows: ComparisonRows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
+) -> float:
+    """Size of the gain by which noise in the integrated accelerometer shrinks what it tells.
+
+    A column with noise of its own has too small a coefficient (Fuller, Measurement Error Models,
+    section 1.1). The integral of white noise walks; without its line, N steps leave a mean square
+    of N/15 times that of a step.
+
+    Args:
+        rows: the comparison's rows.
+        noise: noise of the channels.
+        prior_std: (4,) prior standard deviations over the residual's.
+        step_s: step of the grid.
+    """
+    X, _, group, _ = rows
+    of_step = (
+        noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
+        * LIMITS.accumulated_noise_samples
+        * step_s**2
+    )
+    counts = np.bincount(group)
+    walked = of_step / 15.0 * float(counts @ ((counts - 1) * EVERY + MEAN))
+    squares = (X**2).sum(axis=0)
+    scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
+    precision = (X / scale).T @ (X / scale) + np.diag((prior_std * scale) ** -2.0)
+    return walked * float(np.linalg.pinv(precision)[0, 0]) / scale[0] ** 2
+
+
+def compute_parameter_std_bounds_by_noise(
+    rows: ComparisonRows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
+) -> Floats:
+    """Lower bound of the standard deviations from instrument noise alone, (4,).
+
+    The accelerometer's noise accumulates over a manoeuvre and the fit follows it, so few
+    manoeuvres' residuals show less of it.
+    """
+    X, _, group, _ = rows
+    of_mean = (
+        noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
+        * LIMITS.accumulated_noise_samples
+        * step_s**2
+        * EVERY
+    )
+    of_speed = noise.covariance_of_means(MEAN)[1, 1] * MEAN / EVERY
+    squares = (X**2).sum(axis=0)
+    # of a column of nothing its prior is all that is known
+    scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
+    X = X / scale
+    added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in list_rows_by_group(group)])
+    scores = of_mean * added.T @ added + of_speed * X.T @ X
+    gram = X.T @ X
+    variance = float(np.trace(scores)) / X.shape[1]
+    prior = np.diag((prior_std * scale) ** -2.0)
+    bread = np.linalg.pinv(gram / variance + prior)
+    covariance = bread @ (scores / variance**2 + prior) @ bread
+    # rounding may leave a variance of nearly nothing below 0
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale

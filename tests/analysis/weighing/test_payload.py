@@ -98,7 +98,7 @@ def test_one_load_has_no_terms_that_differ_by_load():
     found = run(
         [MemoryLog(log) for log in logs], copy_machine_with_simulated_channels(own, logs[0])
     )
-    by_load = {"weight_const", "weight_direction", "weight_viscous"}
+    by_load = {"slip_by_load", "weight_const", "weight_direction", "weight_viscous"}
     assert not by_load & set(found.frames["nuisances"]["term"])
 
 

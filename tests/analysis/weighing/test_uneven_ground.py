@@ -19,7 +19,7 @@ def moments(direction: float = 1.0, contrast: float = 1.0) -> ColumnInputs:
     """A stretch of 80 m, one way, of a machine with a load or without."""
     zeros = np.zeros(SAMPLES)
     return ColumnInputs(
-        *(zeros,) * 7,
+        *(zeros,) * 8,
         np.full(SAMPLES, direction),
         zeros,
         zeros,
