@@ -308,6 +308,8 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
         min(
             float(np.sqrt(pick.gain)) / LIMITS.likelihood_gain_root,
             abs(late_s) / LIMITS.trusted_stamp_s,
+            # at the end of the search the gain is of a step, not of the delay
+            abs(late_s) / (LIMITS.term_min_std * std_s),
         ),
         said,
         channel=next(iter(names), None),

@@ -75,7 +75,7 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "mm/s": "mm/s mm_s",
     "cm/s": "cm/s cm_s",
     "m/min": "m/min m_min",
-    "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 m_s2 m/s**2 m*s^-2 ms-2 м/с2 м/с^2",
+    "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 ms2 m_s2 m/s**2 m*s^-2 ms-2 м/с2 м/с^2",
     "ft/s**2": "ft/s2 ft/s^2 ft/s/s ft/sec2 ft/sec^2 ft_s2 fps2",
     "mm/s**2": "mm/s2 mm/s^2 mm_s2",
     "cm/s**2": "cm/s2 cm/s^2 cm_s2",

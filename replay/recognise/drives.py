@@ -150,7 +150,9 @@ def propose_force_from_motors_of_both_sides(
         sides = find_column_of_each_side(
             c
             for c in columns
-            if is_drive_output(c, quantity, unit) and c.name_meaning.part == "motor"
+            if is_drive_output(c, quantity, unit)
+            # a current of a side is that of its motor, a torque more often that of its wheels
+            and c.name_meaning.part in (("motor", None) if quantity == "current" else ("motor",))
         )
         if sides is None:
             continue

@@ -23,7 +23,8 @@ _QUANTITIES: Final = (
     ("current", ("current", "strom", "amps", "amp", "iq", "courant", "corriente")),
     ("power", ("power", "leistung", "puissance", "watts", "мощность", "güç")),
     ("pressure", ("pressure", "druck", "press", "presion", "pression")),
-    ("acceleration", ("acc", "accel", "acceleration", "beschleunigung", "longacc")),
+    ("acceleration", ("acc", "accel", "acceleration", "beschleunigung", "longacc", "ax",
+                      "ay", "az")),
     ("yaw rate", ("yawrate", "gyroz", "gierrate", "omegaz")),
     ("angular speed", ("omega", "angularspeed", "winkelgeschwindigkeit")),
     ("speed", ("speed", "velocity", "vel", "spd", "geschwindigkeit", "geschw", "velocidad",
@@ -44,8 +45,11 @@ _SIDES: Final = {
     "left": ("left", "l", "lh", "links", "izquierda", "gauche", "fl", "rl"),
     "right": ("right", "r", "rh", "rechts", "derecha", "droite", "fr", "rr"),
 }
-_AXES: Final = {"x": ("x", "longitudinal", "long", "längs", "laengs"), "y": ("y", "lateral", "lat"),
-                "z": ("z", "vertical", "vert")}  # fmt: skip
+_AXES: Final = {
+    "x": ("x", "ax", "longitudinal", "long", "längs", "laengs"),
+    "y": ("y", "ay", "lateral", "lat"),
+    "z": ("z", "az", "vertical", "vert"),
+}
 _MOTOR: Final = ("motor", "engine", "eng", "drive", "mot", "shaft", "input", "spindle")
 _SUPPLY: Final = ("battery", "batt", "input", "in", "supply", "bus", "dc", "pack", "batterie")
 _WITHOUT_GRAVITY: Final = ("linear", "gps", "calculated", "calc", "derived", "without", "kinematic")

@@ -38,6 +38,7 @@ def proposed(tmp_path: Path, **columns: object) -> tuple[dict[str, ChannelPropos
         *(("left_Mz_Nm", "torque_left_N_m"), ("Boom angle__deg", "boom_rad")),
         *(("odometer__m", "position_x_m"), ("gyro_z__dps", "yaw_rate_rad_s")),
         *(("F7__kN", "force_x_N"), ("c2__km/h", "speed_x_m_s")),
+        *(("imu_ax_mps2", "specific_force_x_m_s2"), ("imu_ay_ms2", "specific_force_y_m_s2")),
     ],
 )
 def test_a_column_is_recognised_by_its_name_and_unit(
@@ -199,6 +200,14 @@ def test_an_integer_that_jumps_by_all_of_its_bits_has_lost_its_sign(tmp_path: Pa
 def test_a_multiple_of_a_unit_is_not_the_unit(tmp_path: Path, name: str) -> None:
     channels, _ = proposed(tmp_path, **{name: A})
     assert channels["force_x_N"].unit == "?"
+
+
+def test_currents_of_both_sides_are_those_of_their_motors(tmp_path: Path) -> None:
+    channels, _ = proposed(tmp_path, left_current_A=A, right_current_A=A, omega_left_rad_s=V)
+    derivation = channels["force_x_N"].derive
+    assert derivation is not None
+    assert derivation.startswith("(left_motor_current_A + right_motor_current_A)")
+    assert channels["speed_x_m_s"].derive == "wheel_x_rpm * wheel_radius_m"
 
 
 def test_wheels_in_turns_need_the_radius_alone(tmp_path: Path) -> None:
