@@ -290,11 +290,15 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel, late_s = ("speed", -fitted_s) if is_speed_late else (fitted_channel, fitted_s)
     names = _list_log_channels_of_motion_channel(inputs, channel)
     setting, value = inputs.propose_delay_settings(names, late_s)
+    # what lies beyond the search, or is no delay but a filter, ends there as well
+    is_at_end = abs(late_s) >= LIMITS.longest_likelihood_delay_s
     beside = _list_other_motion_channels(inputs, channel)
     rivals = [each for each in beside if f"delay:{each}" in pick.rivals]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in beside)
-    said = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms {words} against {against}"
+    size = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms"
+    size = f"{1e3 * LIMITS.longest_likelihood_delay_s:.0f} ms or more" if is_at_end else size
+    said = f"{size} {words} against {against}"
     if not inputs.has_accelerometer:
         other = "early" if late_s > 0.0 else "late"
         said += f", or the {against} is {other}: two channels do not tell which"
@@ -313,11 +317,11 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
         ),
         said,
         channel=next(iter(names), None),
-        setting=setting if names else None,
-        value=value if names else None,
+        setting=setting if names and not is_at_end else None,
+        value=value if names and not is_at_end else None,
         # a low-pass is not mended by a delay
         change=None
-        if smooth
+        if smooth or is_at_end
         else lambda: refit_corrected(
             inputs,
             lambda motion: correct_channel_delay(motion, fitted_channel, fitted_s),

@@ -336,8 +336,12 @@ class TableLog(Log):
 
     def _cast_cells_by_dtype(self, cells: pl.Series) -> pl.Series:
         """Cells as numbers, times in ns or text, whichever they are."""
+        if cells.dtype == pl.String and (
+            isinstance(self._columns, CsvColumns) or self._suffix in ("jsonl", "ndjson")
+        ):
+            return self._convert_text_to_likely_type(cells)
         if isinstance(self._columns, CsvColumns):
-            return self._convert_text_to_likely_type(cells) if cells.dtype == pl.String else cells
+            return cells
         if cells.dtype.is_float() or cells.dtype.is_decimal():
             return cells.cast(pl.Float64)
         if cells.dtype.is_integer() and cells.dtype != pl.UInt64:

@@ -2,13 +2,16 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from typing import Any, Final, NamedTuple
 
+import polars as pl
+
 from analysis.model.physical_units import split_unit_from_name, unit_registry
+from estimators.errors import LogError
 from replay.logs import TABLE, Log
-from replay.recognise.joints import read_first_message
 from replay.recognise.proposals import LogColumn
 from replay.recognise.recognise_limits import LIMITS
 from replay.recognise.words import (
@@ -58,30 +61,40 @@ _AXES_BY_LENGTH: Final = {3: ("x", "y", "z")}
 _SIDES_BY_LENGTH: Final = {2: ("left", "right")}
 
 
-def find_list_elements_in_first_message(
-    log: Log, topic: str, fields: Sequence[str], start_ns: int
-) -> dict[str, tuple[str, ...]]:
-    """Elements of each list of numbers in the first message of a topic, such as `accel_g[0]`.
+def find_list_elements(log: Log, topic_row: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Elements of each short list of numbers in the first messages of a topic: `accel_g[0]`.
 
     Lists that are empty there, that are long, as of a scanner, and lists of records have none.
 
     Args:
         log: an opened log.
-        topic: topic of the message.
-        fields: fields of the topic; those of lists end in `[]`.
-        start_ns: time of its first message.
+        topic_row: row of the topic, as `Log.topics` gives it; fields of lists end in `[]`.
     """
-    most = LIMITS.list_max_elements
-    lists = [field for field in fields if field.endswith("[]") and field.count("[]") == 1]
-    places = [f"{field[:-1]}{k}]" for field in lists for k in range(most + 1)]
-    values = read_first_message(log, topic, places, start_ns)
+    start_ns, end_ns = topic_row["start_ns"], topic_row["end_ns"]
+    looked_at = min(1.0, LIMITS.list_messages / max(topic_row["messages"], 1))
+    until_ns = start_ns + int(looked_at * (end_ns - start_ns))
     found: dict[str, tuple[str, ...]] = {}
-    for place, field in enumerate(lists if values else []):
-        part = values[place * (most + 1) : (place + 1) * (most + 1)]
-        filled = sum(isinstance(value, int | float) for value in part)
-        if 0 < filled <= most:
-            found[field] = tuple(f"{field[:-1]}{k}]" for k in range(filled))
+    for field in topic_row["fields"]:
+        if not field.endswith("[]") or field.count("[]") > 1:
+            continue
+        elements = [f"{field[:-1]}{k}]" for k in range(LIMITS.list_max_elements + 1)]
+        frame = _read_elements(log, topic_row["topic"], elements, until_ns)
+        filled = [
+            place
+            for place, name in enumerate(elements)
+            if name in frame.columns and frame[name].dtype.is_numeric() and frame[name].count()
+        ]
+        if filled and filled[-1] < LIMITS.list_max_elements:
+            found[field] = tuple(elements[: filled[-1] + 1])
     return found
+
+
+def _read_elements(log: Log, topic: str, elements: Sequence[str], until_ns: int) -> pl.DataFrame:
+    """Those of the first elements that a list has; a list of fixed length refuses the others."""
+    for count in range(len(elements), 0, -1):
+        with suppress(LogError):
+            return log.read(topic, elements[:count], end_ns=until_ns)
+    return pl.DataFrame()
 
 
 class _NamedField(NamedTuple):
@@ -102,9 +115,9 @@ def _list_named_fields(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedFie
         names = [name for name in names if name not in grouped]
     else:
         names = [name for name in names if not _STAMPS_AND_RECORDS.search(name)]
-        elements = find_list_elements_in_first_message(
-            log, topic_row["topic"], names, topic_row["start_ns"]
-        )
+        elements = {
+            name: each for name, each in find_list_elements(log, topic_row).items() if name in names
+        }
         names = [name for name in names if not name.endswith("[]")]
     fields = [*map(_NamedField, names)]
     for list_name, found in elements.items():

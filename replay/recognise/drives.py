@@ -204,6 +204,12 @@ def propose_force_from_motor(columns: Sequence[LogColumn], recognition: Recognit
         if not fitting:
             continue
         column = fitting[0]
+        alike = [c for c in fitting if c.name_meaning.part == column.name_meaning.part]
+        if len(alike) > 1:
+            names = ", ".join(f"'{each.source_text}'" for each in alike)
+            recognition.add_question_of_subject(
+                "column", f"which of {names} drive the machine: their torques are added"
+            )
         if quantity == "torque" and column.name_meaning.part == "wheel":
             reason = f"{column.source_text}: at the wheels of both sides; needs their radius"
             recognition.propose_source_of_derived_channel(
@@ -214,12 +220,6 @@ def propose_force_from_motor(columns: Sequence[LogColumn], recognition: Recognit
             )
             recognition.add_question_of_subject("radius", _RADIUS)
             return True
-        motors = [c for c in fitting if c.name_meaning.part == column.name_meaning.part]
-        if len(motors) > 1:
-            names = ", ".join(f"'{each.source_text}'" for each in motors)
-            recognition.add_question_of_subject(
-                "column", f"which of {names} drive the machine: their torques are added"
-            )
         reason = f"{column.source_text}: measured at the motor; needs the gear ratio"
         recognition.propose_source_of_derived_channel(column, name, column.unit, reason)
         recognition.propose_derived_channel_as_comment(

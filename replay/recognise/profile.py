@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import Log
-from replay.recognise.columns import find_list_elements_in_first_message
+from replay.recognise.columns import find_list_elements
 from replay.recognise.joints import list_joint_fields_with_values
 from replay.recognise.recognise_limits import LIMITS
 
@@ -81,9 +81,7 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
         if row["type"].rpartition("/")[2] == "JointState":
             fields += list_joint_fields_with_values(log, row["topic"], row["start_ns"])
         else:
-            elements = find_list_elements_in_first_message(
-                log, row["topic"], names, row["start_ns"]
-            )
+            elements = find_list_elements(log, row)
             fields += [each for element in elements.values() for each in element]
         units = log.units(row["topic"])
         at_once = max(LIMITS.values_per_pass // row["messages"], LIMITS.fields_per_pass)

@@ -15,6 +15,8 @@ class RecogniseLimits:
     #: Elements of a list whose elements are columns, at most: four wheels, three axes; a matrix has
     #: nine, a scan hundreds.
     list_max_elements: int = 4
+    #: Messages whose lists are looked at: the first ones may be empty.
+    list_messages: int = 50
 
     # correlations
     #: Rows that correlations are taken over at most,

@@ -60,7 +60,8 @@ _NO_READING: Final = frozenset((
     "goal", "setpoint", "setpt", "soll", "sollwert", "target", "demand", "demanded", "desired",
     "wanted", "command", "commanded", "cmd", "request", "requested", "reference", "ref",
     "consigne", "limit", "limits", "min", "max", "minimum", "maximum", "peak", "threshold",
-    "error", "std", "deviation", "covariance", "grenze", "grenzwert",
+    "error", "std", "deviation", "covariance", "cov", "variance", "var", "sigma",
+    "grenze", "grenzwert",
 ))  # fmt: skip
 #: Beginnings of words for what is not the machine's motion nor what moves it: wind, brakes, tools.
 _ELSEWHERE: Final = re.compile(

@@ -169,8 +169,8 @@ def align_channels_at_instants(
 def list_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Notes on what `align` does to these channels."""
     raw = {n: rates.make_channel_series(n, frame, machine) for n, frame in channels.items()}
-    said = [str(each) for each in rates.list_rate_limited_regressors(raw, machine)]
-    said += _list_hole_notes(raw)
+    said = _list_hole_notes(raw)
+    said += [str(each) for each in rates.list_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:
         late_s = (
             choose_grid_latency_ns(_average_fast_channels_to_slowest(raw, machine), machine) / 1e9
@@ -258,16 +258,26 @@ def find_holes_ns(
 
 
 def _list_hole_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
-    """A note on the longest hole, if it is no mere pause; none if the channels share no span."""
+    """A note on the longest hole, with the channels that have it, if it is no mere pause."""
     required = select_required_series(series)
     holes = find_holes_ns(required, LIMITS.reported_hole_s)
     if not holes:
         return []
     opened, closed = max(holes, key=lambda hole: hole[1] - hole[0])
+    names = [
+        name
+        for name, each in required.items()
+        if any(
+            first < closed and opened < last
+            for first, last in find_holes_ns({name: each}, LIMITS.reported_hole_s)
+        )
+    ]
+    are_all = len(names) == len(required)
     from_s = (opened - max(int(each.t_ns[0]) for each in required.values())) / 1e9
     return [
-        f"no readings for {(closed - opened) / 3.6e12:.3g} h from {from_s:,.0f} s on: the load, "
-        "the ground and the sensors may have changed there"
+        f"no readings{'' if are_all else ' of ' + ', '.join(names)} for "
+        f"{(closed - opened) / 3.6e12:.3g} h from {from_s:,.0f} s on"
+        + (": the load, the ground and the sensors may have changed there" if are_all else "")
     ]
 
 

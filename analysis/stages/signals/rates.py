@@ -95,17 +95,9 @@ def make_channel_series(name: str, frame: pl.DataFrame, machine: Machine) -> Cha
 
 
 def mean_period_without_gaps_ns(t_ns: Ints, step_ns: float) -> float:
-    """Mean of a channel's steps that are not gaps on a grid of `step_ns`.
-
-    Of a channel that is even but for readings that are missing, the mean of the others.
-    """
+    """Mean of a channel's steps that are not gaps on a grid of `step_ns`."""
     gap_periods: float = AlignSettings.model_fields["gap_periods"].default
-    median_ns = filters.median_period_ns(t_ns)
-    steps = np.diff(t_ns)
-    is_even = np.abs(steps - median_ns) < LIMITS.even_step_ratio * median_ns
-    if steps.size and is_even.mean() > LIMITS.even_steps_fraction:
-        return float(steps[is_even].mean())
-    longest_ns = gap_periods * float(np.fmax(median_ns, step_ns))
+    longest_ns = gap_periods * float(np.fmax(filters.median_period_ns(t_ns), step_ns))
     return mean_step_up_to_max_gap_ns(t_ns, longest_ns, step_ns)
 
 

@@ -124,10 +124,6 @@ class SignalLimits:
     # rates
     #: Steps of so many ns are short compared with all that a machine does.
     fine_step_ns: float = 1e7
-    #: Deviation from the median step, as a fraction of it, within which a step is an even one,
-    even_step_ratio: float = 0.25
-    #: and fraction of the steps that are even in a channel from which only readings are missing.
-    even_steps_fraction: float = 0.8
 
     # speed_threshold
     #: Quantile of the readings beside those of 0 that is taken for the threshold,

@@ -3,12 +3,16 @@
 Polars may crash on damage.
 """
 
+import codecs
 import gzip
 import io
 import json
+import math
+from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import NoneType
 from typing import Any, Final
 
 import polars as pl
@@ -37,6 +41,11 @@ _ATTRIBUTES: Final = ("PANDAS_ATTRS", "attrs", "pandas")
 _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
 
 
+#: What polars raises of text that it cannot parse; a panic is no `Exception`.
+_POLARS_ERRORS: Final = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
+#: Words that Python writes and JSON does not have, and a character that names must not have.
+_NUL: Final = rb"\u0000"
+_NO_JSON: Final = (b"NaN", b"Infinity", _NUL)
 #: Suffixes of files with a JSON object per line.
 JSON_LINES: Final = ("jsonl", "ndjson")
 
@@ -109,6 +118,8 @@ class ParquetColumns:
             column.validate(full=True)
             getattr(column.type, "tz", None)
             series = pl.Series(name, column)
+        if isinstance(series.dtype, pl.Categorical | pl.Enum):
+            series = series.cast(pl.String)
         rows = self.rows
         if series.len() != rows:
             raise BrokenBytesError(f"{series.len():,} of {rows:,} rows were found")
@@ -168,33 +179,82 @@ class JsonLinesColumns(ParquetColumns):
             size = f"{LIMITS.json_max_bytes >> 30} GiB"
             raise BrokenBytesError(f"it is larger than {size}; save it as Parquet")
         try:
-            frame = pl.read_ndjson(io.BytesIO(text), infer_schema_length=None)
-        except pl.exceptions.PolarsError:
-            frame = self._parse_each_line(text)
-        try:
-            self._table = _flatten_columns(frame).to_arrow()
+            frame = self._parse_lines(text.removeprefix(codecs.BOM_UTF8))
+            self._table = self._flatten_columns(frame).to_arrow()
         except pl.exceptions.DuplicateError as error:
             raise BrokenBytesError(f"two values of a line have one name: {error}") from error
+        except (*_POLARS_ERRORS, pa.ArrowException, OverflowError) as error:
+            raise BrokenBytesError(error) from error
         return self._table.schema
 
-    def _parse_each_line(self, text: bytes) -> pl.DataFrame:
-        """Rows of the lines that are JSON objects, NaN and Infinity as Python writes them too."""
-        rows: list[dict[str, Any]] = []
+    def _parse_lines(self, text: bytes) -> pl.DataFrame:
+        """Rows of all lines at once; of lines that are objects where others are not."""
+        if _NUL not in text:  # a name with one makes polars panic
+            with suppress(*_POLARS_ERRORS):
+                return pl.read_ndjson(io.BytesIO(text), infer_schema_length=None)
+        lines: list[bytes] = []
         faults: list[int] = []
         for number, line in enumerate(text.split(b"\n"), start=1):
-            row = parse_json_or_none(line.decode("utf-8", "replace").strip())
-            if isinstance(row, dict):
-                rows.append(row)
-            elif line.strip():
-                faults.append(number)
-        if not rows:
+            line_text = line.decode("utf-8", "replace").strip()
+            row = parse_json_or_none(line_text)
+            if not isinstance(row, dict):
+                faults += [number] if line_text else []
+            elif any(word in line for word in _NO_JSON):
+                lines.append(json.dumps(replace_nan_by_none(row)).replace("\\u0000", "").encode())
+            else:
+                lines.append(line_text.encode())
+        if not lines:
             raise BrokenBytesError("no line is a JSON object")
         if faults:
-            self.losses = (
-                f"{format_count(len(faults), 'line')} that are no JSON objects were dropped; the "
-                f"first is line {faults[0]:,}",
-            )
-        return pl.from_dicts(rows, infer_schema_length=None, strict=False)
+            dropped = format_count(len(faults), "line")
+            self.losses += (f"{dropped} dropped: no JSON object; the first is line {faults[0]:,}",)
+        try:
+            return pl.read_ndjson(io.BytesIO(b"\n".join(lines)), infer_schema_length=None)
+        except _POLARS_ERRORS:
+            return self._parse_each_column([json.loads(line) for line in lines])
+
+    def _parse_each_column(self, rows: list[dict[str, Any]]) -> pl.DataFrame:
+        """Columns of the kind that most of their values have; the others are lost."""
+        columns: list[pl.Series] = []
+        for name in dict.fromkeys(name for row in rows for name in row):
+            values = [row.get(name) for row in rows]
+            kinds = Counter(_find_json_kind(value) for value in values if value is not None)
+            kind = kinds.most_common(1)[0][0] if kinds else None
+            if len(kinds) > 1:
+                count = format_count(kinds.total() - kinds[str(kind)], "value")
+                self.losses += (f"{count} of '{name}' lost: not of the kind of most, {kind}",)
+            own = [{name: value if _find_json_kind(value) == kind else None} for value in values]
+            columns.append(pl.from_dicts(own, infer_schema_length=None, strict=False)[name])
+        return pl.DataFrame(columns)
+
+    def _flatten_columns(self, frame: pl.DataFrame) -> pl.DataFrame:
+        """Objects and short lists as columns of their own; long lists are left out."""
+        columns: list[pl.Series] = []
+        waiting = frame.get_columns()[::-1]
+        while waiting:
+            column = waiting.pop()
+            name = column.name
+            if isinstance(column.dtype, pl.Struct):
+                inner = column.struct.unnest().get_columns()
+                waiting += [each.alias(f"{name}.{each.name}") for each in inner[::-1]]
+            elif isinstance(column.dtype, pl.List):
+                lengths = column.list.len().drop_nulls()
+                lengths = lengths.filter(lengths > 0)
+                count = int(lengths.mode().max() or 0)  # pyright: ignore[reportArgumentType] a length
+                if count > LIMITS.list_max_elements:
+                    self.notes += (f"'{name}' is left out: a list of {count} elements",)
+                    continue
+                if others := int((lengths != count).sum()):
+                    said = format_count(others, "row")
+                    self.losses += (f"'{name}' has other than {count} elements in {said}",)
+                waiting += [
+                    column.list.get(k, null_on_oob=True).alias(f"{name}[{k}]")
+                    for k in reversed(range(count))
+                ]
+            else:
+                wide = isinstance(column.dtype, pl.Int128 | pl.UInt128)
+                columns.append(column.cast(pl.Float64) if wide else column)
+        return pl.DataFrame(columns)
 
     @property
     def rows(self) -> int:
@@ -205,25 +265,19 @@ class JsonLinesColumns(ParquetColumns):
         return self._table[name]
 
 
-def _flatten_columns(frame: pl.DataFrame) -> pl.DataFrame:
-    """Objects and short lists as columns of their own."""
-    columns: list[pl.Series] = []
-    waiting = frame.get_columns()[::-1]
-    while waiting:
-        column = waiting.pop()
-        if isinstance(column.dtype, pl.Struct):
-            inner = column.struct.unnest().get_columns()
-            waiting += [each.alias(f"{column.name}.{each.name}") for each in inner[::-1]]
-            continue
-        count = column.list.len().max() if isinstance(column.dtype, pl.List) else None
-        if isinstance(count, int) and count <= LIMITS.list_max_elements:
-            waiting += [
-                column.list.get(k, null_on_oob=True).alias(f"{column.name}[{k}]")
-                for k in reversed(range(count))
-            ]
-            continue
-        columns.append(column)
-    return pl.DataFrame(columns)
+def _find_json_kind(value: Any) -> str | None:
+    """Kind of a JSON value: objects, lists, truths, texts or numbers; None of null."""
+    kinds = {dict: "objects", list: "lists", bool: "truths", str: "texts", NoneType: None}
+    return kinds.get(type(value), "numbers")
+
+
+def replace_nan_by_none(value: Any) -> Any:
+    """A JSON value without the NaN and infinities that Python writes."""
+    if isinstance(value, dict):
+        return {name: replace_nan_by_none(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [replace_nan_by_none(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _decode_metadata_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:

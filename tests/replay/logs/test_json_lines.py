@@ -66,11 +66,9 @@ def test_a_torn_line_is_a_loss_and_a_nan_a_gap(tmp_path: Path) -> None:
     path.write_text(text + '{"time_s": 2.0, "whe')
     frame = read_fields(path, "wheel.torque_Nm[0]")
     assert frame.height == 100
-    assert frame["wheel.torque_Nm[0]"].is_nan().arg_true().to_list() == [2]
+    assert frame["wheel.torque_Nm[0]"].is_null().arg_true().to_list() == [2]
     with open_log(path) as log:
-        assert "2 lines that are no JSON objects were dropped; the first is line 51" in str(
-            log.losses()[0]
-        )
+        assert "2 lines dropped: no JSON object; the first is line 51" in str(log.losses()[0])
 
 
 def test_a_time_may_be_text(tmp_path: Path) -> None:
@@ -88,6 +86,7 @@ def test_a_time_may_be_text(tmp_path: Path) -> None:
     [
         ("[1, 2]\nhello\n", "no line is a JSON object"),
         ('{"t": 1, "a": {"b": 1}, "a.b": 2}\n', "two values of a line have one name"),
+        ('{"t": 1, "größe": 2\n', "no line is a JSON object"),
         ('{"t": 1, "a": ' + "[" * 100_000 + "]" * 100_000 + "}\n", "no line is a JSON object"),
     ],
 )
@@ -97,3 +96,35 @@ def test_what_is_no_table_is_refused_in_a_line(tmp_path: Path, text: str, said: 
     with pytest.raises(LogError, match=said) as refused:
         read_fields(path, "b")
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("odd", "said"),
+    [
+        ({"force_N": [1.0]}, "1 value of 'force_N' lost: not of the kind of most, numbers"),
+        ({"force_N": {"a": 1.0}}, "1 value of 'force_N' lost: not of the kind of most, numbers"),
+        ({"force_N": "n/a"}, "1 cells of column 'force_N' are not numbers; the first is 'n/a'"),
+        ({"wheel": [1.0, 2.0, 3.0]}, "'wheel' has other than 2 elements in 1 row"),
+    ],
+)
+def test_a_value_of_another_kind_is_lost_alone(
+    tmp_path: Path, odd: dict[str, Any], said: str
+) -> None:
+    rows = [{"time_s": 0.02 * k, "force_N": 1.0, "wheel": [1.0, 2.0]} for k in range(100)]
+    path = write_lines(tmp_path / "log.jsonl", [*rows[:50], rows[50] | odd, *rows[51:]])
+    frame = read_fields(path, "force_N", "wheel[1]")
+    assert frame["force_N"].count() == 100 - ("force_N" in odd)
+    assert frame["wheel[1]"].to_list() == [2.0] * 100
+    with open_log(path) as log:
+        log.read(TABLE, ["force_N"])
+        assert [loss.what for loss in log.losses()] == [said]
+
+
+@pytest.mark.parametrize(
+    "first",
+    [b"\xef\xbb\xbf", b'{"time_s": -0.02, "big": 1180591620717411303424}\n', b'{"a\\u0000b": 1}\n'],
+)
+def test_a_byte_order_mark_a_huge_integer_and_a_nul_are_read(tmp_path: Path, first: bytes) -> None:
+    path = write_lines(tmp_path / "log.jsonl", ROWS)
+    path.write_bytes(first + path.read_bytes())
+    assert read_fields(path, "wheel.torque_Nm[1]").tail(100).height == 100

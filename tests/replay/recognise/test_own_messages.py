@@ -1,6 +1,7 @@
 """What `init` proposes for the fields of one's own messages, by their names and topics."""
 
 import json
+import struct
 import tomllib
 from pathlib import Path
 
@@ -138,3 +139,29 @@ def test_elements_of_short_lists_are_columns(tmp_path: Path) -> None:
     assert any(
         each.startswith("whether '/loader torque_Nm[0]'") and "left" in each for each in lacking
     )
+
+
+def test_arrays_of_a_fixed_length_are_columns(tmp_path: Path) -> None:
+    definition = b"float64[2] torque_Nm\nfloat64[4] quaternion\nuint8[3] flags\nfloat64 speed_m_s\n"
+    with (tmp_path / "fixed.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("own/msg/Wheels", "ros2msg", definition)
+        number = writer.register_channel("/wheels", "cdr", schema)
+        for t, v, a in zip(T, V, A, strict=True):
+            numbers = struct.pack("<6d3B5xd", a, a, *[0.0] * 4, 1, 2, 3, v)
+            stamp = int(1e9 + 1e9 * t)
+            writer.add_message(number, stamp, b"\0\1\0\0" + numbers, stamp)
+        writer.finish()
+    text, _ = drafted(tmp_path / "fixed.mcap")
+    channels = tomllib.loads(text)["channels"]
+    assert channels["torque_left_N_m"]["field"] == "torque_Nm[0]"
+    assert channels["torque_right_N_m"]["field"] == "torque_Nm[1]"
+
+
+def test_lists_that_are_empty_at_first_or_have_gaps_are_columns(tmp_path: Path) -> None:
+    torque_Nm = np.column_stack([A, A])
+    torque_Nm[0, 0] = np.nan
+    write_json_log(tmp_path / "gaps.mcap", {"/loader": {"torque_Nm": torque_Nm}})
+    text, _ = drafted(tmp_path / "gaps.mcap")
+    assert tomllib.loads(text)["channels"]["torque_right_N_m"]["field"] == "torque_Nm[1]"

@@ -83,13 +83,6 @@ def test_holes_do_not_make_a_log_slower():
     assert chosen(holes)[0] == (20.0, 64, 2)
 
 
-def test_missing_readings_do_not_make_a_log_slower():
-    read = all_at(10.0)
-    lost = np.arange(600) % 9 == 4
-    read["speed_x_m_s"] = tuple(each[~lost] for each in read["speed_x_m_s"])
-    assert chosen(read)[0][0] == 10.0
-
-
 def test_a_gap_is_so_many_periods_of_the_log():
     machine = make_machine()
     read = all_at(10.0)
