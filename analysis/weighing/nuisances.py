@@ -122,18 +122,16 @@ def constant_force_prior_std(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of a constant force in N, from driving force and weight."""
-    return float(
-        np.hypot(priors.const_share * largest_force_N, priors.const_weight_share * weight_N)
-    )
+    by_weight_N = priors.const_weight_share * weight_N
+    return float(np.hypot(priors.const_share * largest_force_N, by_weight_N))
 
 
 def friction_force_prior_std(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
-    return float(
-        np.hypot(priors.direction_share * largest_force_N, priors.direction_weight_share * weight_N)
-    )
+    by_weight_N = priors.direction_weight_share * weight_N
+    return float(np.hypot(priors.direction_share * largest_force_N, by_weight_N))
 
 
 def const_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:

@@ -245,7 +245,7 @@ def _fit_wheel_comparison(
     least_1 = LIMITS.gain_min_std * estimate_gain_that_noise_mimics(
         rows,
         noise,
-        prior_stds(LIMITS.gain_search_std_1, about) / free.residual_rms,
+        prior_stds(LIMITS.gain_search_std_1, about) / max(free.residual_rms, rounding_m_s),
         1.0 / motion.rate_hz,
     )
     if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:

@@ -124,6 +124,8 @@ def estimate_gain_that_noise_mimics(
     squares = (X**2).sum(axis=0)
     scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
     precision = (X / scale).T @ (X / scale) + np.diag((prior_std * scale) ** -2.0)
+    if not np.isfinite(precision).all():  # residuals of nothing, of a log without noise
+        return 0.0
     return walked * float(np.linalg.pinv(precision)[0, 0]) / scale[0] ** 2
 
 

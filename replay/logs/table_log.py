@@ -29,9 +29,10 @@ from replay.logs.tables import (
 if TYPE_CHECKING:
     from replay.logs.tables.parquet_columns import ParquetColumns
 
+_JSON_LINES: Final = ("jsonl", "ndjson")
 _FORMATS: Final = {
     "parquet": "Parquet table", "xlsx": "Excel table", "csv": "CSV table",
-    "jsonl": "table of JSON lines", "ndjson": "table of JSON lines",
+    **dict.fromkeys(_JSON_LINES, "table of JSON lines"),
 }  # fmt: skip
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _TRUTHS: Final = ["true", "false"]
@@ -57,9 +58,8 @@ class TableLog(Log):
             raise LogError(f"{path}: not a {self._suffix} table: {error}") from error
         except DialectError as error:
             raise LogError(f"{path}: {error} {_WHERE}") from error
-        self._is_time_given = time_axis is not None and not (
-            time_axis.column is None and time_axis.unit is None
-        )
+        given = (None, None) if time_axis is None else (time_axis.column, time_axis.unit)
+        self._is_time_given = given != (None, None)
         found = self._find_time_columns(time_axis)
         names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
         self._parts = dict(zip(names, found, strict=True))
@@ -101,9 +101,8 @@ class TableLog(Log):
         return found | ({axis.time: axis.unit} if axis.time and axis.unit else {})
 
     def _open_columns_of_table(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
-        if self._suffix in ("parquet", "arrow", "feather", "jsonl", "ndjson"):
-            # pyarrow is slow to import
-            from replay.logs.tables.parquet_columns import open_typed_columns
+        if self._suffix in ("parquet", "arrow", "feather", *_JSON_LINES):
+            from replay.logs.tables.parquet_columns import open_typed_columns  # slow to import
 
             columns = open_typed_columns(self.path, self._suffix)
             for loss in columns.losses:
@@ -187,7 +186,6 @@ class TableLog(Log):
             ) from error
         times = found.stamps
         self._refuse_contradicting_time_column(axis, times)
-        # one row has no spacing that would tell anything
         self._notes += found.notes
         # of pairs side by side one may end before the others
         last = times.is_not_null().arg_true().max() if len(self._parts) > 1 else None
@@ -336,11 +334,10 @@ class TableLog(Log):
 
     def _cast_cells_by_dtype(self, cells: pl.Series) -> pl.Series:
         """Cells as numbers, times in ns or text, whichever they are."""
-        if cells.dtype == pl.String and (
-            isinstance(self._columns, CsvColumns) or self._suffix in ("jsonl", "ndjson")
-        ):
+        is_text = isinstance(self._columns, CsvColumns)
+        if cells.dtype == pl.String and (is_text or self._suffix in _JSON_LINES):
             return self._convert_text_to_likely_type(cells)
-        if isinstance(self._columns, CsvColumns):
+        if is_text:
             return cells
         if cells.dtype.is_float() or cells.dtype.is_decimal():
             return cells.cast(pl.Float64)
@@ -351,8 +348,8 @@ class TableLog(Log):
         if cells.dtype.is_temporal():
             since_midnight = cells.dtype == pl.Time
             return cells.to_physical() if since_midnight else cells.dt.timestamp("ns")
-        keeps = cells.dtype.is_integer() or cells.dtype == pl.Boolean
-        return cells if keeps else cells.cast(pl.String)
+        is_kept = cells.dtype.is_integer() or cells.dtype == pl.Boolean
+        return cells if is_kept else cells.cast(pl.String)
 
     def _convert_text_to_likely_type(self, text: pl.Series) -> pl.Series:
         """Integers, numbers, booleans or text: the first type that half of the cells have."""
