@@ -16,7 +16,6 @@ from analysis.model.uncertainty_sources import (
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.low_gears import BY_GEAR
-from analysis.weighing.missing_terms import ELASTICITY
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weigh import Weighing
@@ -267,7 +266,7 @@ def list_uncertainty_by_failed_checks_kg(
     # which of them is the true one is not known, and one fault shows in several
     missing_kg = [
         (
-            "elasticity" if each.term is ELASTICITY else "missing_term",
+            each.term.source or "missing_term",
             abs(float(coefficients @ each.effect_kg)),
         )
         for each in weighing.missing_terms

@@ -39,6 +39,7 @@ ELASTICITY: Final = Nuisance(
     "a belt, rope, coupling or frame that gives way between the mass and where its motion is "
     "measured",
     "the motion of the mass itself; starts without jerks",
+    source="elasticity",
 )
 
 

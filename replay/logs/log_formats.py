@@ -8,6 +8,7 @@ from estimators.errors import LogError, join_first_names
 from replay.logs.converted import DESCRIPTION
 from replay.logs.log import Log, TimeAxis
 from replay.logs.log_limits import LIMITS
+from replay.logs.tables import JSON_LINES
 
 # The libraries behind the formats are imported when a log of theirs is opened: they are slow to
 # import, and `payscope --help` needs none of them.
@@ -80,7 +81,7 @@ def is_path_named_like_log(path: Path) -> bool:
 #: as well.
 TABLES: Final = (
     *(".csv", ".parquet", ".tsv", ".txt", ".dat", ".log", ".asc", ".arrow", ".feather", ".xlsx"),
-    *(".prn", ".lvm", ".vbo", ".pos", ".tab", ".msl", ".jsonl", ".ndjson", ".gz"),
+    *(".prn", ".lvm", ".vbo", ".pos", ".tab", ".msl", *(f".{each}" for each in JSON_LINES), ".gz"),
 )
 _TEXTS: Final = tuple(s for s in TABLES if s not in (".parquet", ".arrow", ".feather", ".xlsx"))
 #: What opens a file, by its suffix.

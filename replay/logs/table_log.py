@@ -16,6 +16,7 @@ from replay.logs.machine_ids import iter_serial_numbers_in_metadata, iter_serial
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.storage import LossList
 from replay.logs.tables import (
+    JSON_LINES,
     NS_PER_UNIT,
     CsvColumns,
     DialectError,
@@ -29,10 +30,9 @@ from replay.logs.tables import (
 if TYPE_CHECKING:
     from replay.logs.tables.parquet_columns import ParquetColumns
 
-_JSON_LINES: Final = ("jsonl", "ndjson")
 _FORMATS: Final = {
     "parquet": "Parquet table", "xlsx": "Excel table", "csv": "CSV table",
-    **dict.fromkeys(_JSON_LINES, "table of JSON lines"),
+    **dict.fromkeys(JSON_LINES, "table of JSON lines"),
 }  # fmt: skip
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _TRUTHS: Final = ["true", "false"]
@@ -101,7 +101,7 @@ class TableLog(Log):
         return found | ({axis.time: axis.unit} if axis.time and axis.unit else {})
 
     def _open_columns_of_table(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
-        if self._suffix in ("parquet", "arrow", "feather", *_JSON_LINES):
+        if self._suffix in ("parquet", "arrow", "feather", *JSON_LINES):
             from replay.logs.tables.parquet_columns import open_typed_columns  # slow to import
 
             columns = open_typed_columns(self.path, self._suffix)
@@ -335,7 +335,7 @@ class TableLog(Log):
     def _cast_cells_by_dtype(self, cells: pl.Series) -> pl.Series:
         """Cells as numbers, times in ns or text, whichever they are."""
         is_text = isinstance(self._columns, CsvColumns)
-        if cells.dtype == pl.String and (is_text or self._suffix in _JSON_LINES):
+        if cells.dtype == pl.String and (is_text or self._suffix in JSON_LINES):
             return self._convert_text_to_likely_type(cells)
         if is_text:
             return cells

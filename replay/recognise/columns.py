@@ -115,9 +115,7 @@ def _list_named_fields(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedFie
         names = [name for name in names if name not in grouped]
     else:
         names = [name for name in names if not _STAMPS_AND_RECORDS.search(name)]
-        elements = {
-            name: each for name, each in find_list_elements(log, topic_row).items() if name in names
-        }
+        elements = find_list_elements(log, {**topic_row, "fields": names})
         names = [name for name in names if not name.endswith("[]")]
     fields = [*map(_NamedField, names)]
     for list_name, found in elements.items():

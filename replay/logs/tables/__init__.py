@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from estimators.late_names import make_lazy_import_getattr
 
 # every log takes a `TimeAxis`; what reads tables is imported when one is opened
-from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
+from replay.logs.tables.hints import JSON_LINES, DialectError, TableHints, TimeAxis
 
 if TYPE_CHECKING:
     from replay.logs.tables.axis import RowTimes, TableTimes, find_time_columns_and_their_fields
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 __all__ = [
+    "JSON_LINES",
     "NS_PER_UNIT",
     "CsvColumns",
     "Dialect",

@@ -1,6 +1,10 @@
 """Properties of a table given by the user: the keys of `[log]`."""
 
 from dataclasses import dataclass
+from typing import Final
+
+#: Suffixes of files with a JSON object per line.
+JSON_LINES: Final = ("jsonl", "ndjson")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,6 @@ import codecs
 import gzip
 import io
 import json
-import math
 from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -23,6 +22,7 @@ from analysis.model.physical_units import find_pint_unit_name
 from estimators.errors import format_count
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.tables.header import ColumnName, split_unit_from_column_name
+from replay.logs.tables.hints import JSON_LINES
 from replay.logs.tables.table_limits import LIMITS
 
 _MAPS: Final = ("units", "unit", "column_units")
@@ -39,15 +39,15 @@ _OF_A_COLUMN: Final = (
 _ATTRIBUTES: Final = ("PANDAS_ATTRS", "attrs", "pandas")
 #: Keys of a field's metadata that hold its unit.
 _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
-
-
 #: What polars raises of text that it cannot parse; a panic is no `Exception`.
 _POLARS_ERRORS: Final = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
 #: Words that Python writes and JSON does not have, and a character that names must not have.
 _NUL: Final = rb"\u0000"
 _NO_JSON: Final = (b"NaN", b"Infinity", _NUL)
-#: Suffixes of files with a JSON object per line.
-JSON_LINES: Final = ("jsonl", "ndjson")
+#: Kinds of JSON values by the type that Python reads them as; the others are numbers.
+_JSON_KINDS: Final = {
+    dict: "objects", list: "lists", bool: "truths", str: "texts", NoneType: None,
+}  # fmt: skip
 
 
 def open_typed_columns(path: Path, suffix: str) -> "ParquetColumns":
@@ -200,7 +200,7 @@ class JsonLinesColumns(ParquetColumns):
             if not isinstance(row, dict):
                 faults += [number] if line_text else []
             elif any(word in line for word in _NO_JSON):
-                lines.append(json.dumps(replace_nan_by_none(row)).replace("\\u0000", "").encode())
+                lines.append(json.dumps(row).replace("\\u0000", "").encode())
             else:
                 lines.append(line_text.encode())
         if not lines:
@@ -267,17 +267,7 @@ class JsonLinesColumns(ParquetColumns):
 
 def _find_json_kind(value: Any) -> str | None:
     """Kind of a JSON value: objects, lists, truths, texts or numbers; None of null."""
-    kinds = {dict: "objects", list: "lists", bool: "truths", str: "texts", NoneType: None}
-    return kinds.get(type(value), "numbers")
-
-
-def replace_nan_by_none(value: Any) -> Any:
-    """A JSON value without the NaN and infinities that Python writes."""
-    if isinstance(value, dict):
-        return {name: replace_nan_by_none(inner) for name, inner in value.items()}
-    if isinstance(value, list):
-        return [replace_nan_by_none(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return _JSON_KINDS.get(type(value), "numbers")
 
 
 def _decode_metadata_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
@@ -363,6 +353,6 @@ def _iter_units_in_json_map(units: Any, known_names: frozenset[str]) -> Iterator
 def parse_json_or_none(text: str | None) -> Any:
     """Parsed JSON; None if invalid or nested too deeply."""
     try:
-        return json.loads(text) if text else None
+        return json.loads(text, parse_constant=lambda _: None) if text else None
     except (ValueError, RecursionError):
         return None

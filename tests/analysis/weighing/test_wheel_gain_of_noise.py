@@ -8,6 +8,7 @@ import pytest
 from analysis.model.settings import Settings
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
+from analysis.weighing.wheel_kinematics import WheelKinematics
 from tests.analysis.weighing.test_pitch_squat import starts
 
 SPEED_NOISE_M_S = 0.01
@@ -45,13 +46,18 @@ def cruising(seed: int, noise_m_s2: float, *, gain: float) -> MotionSamples:
     )
 
 
+def compared(seed: int, noise_m_s2: float, *, gain: float) -> WheelKinematics:
+    """Wheels of such a vehicle against its accelerometer."""
+    motion = cruising(seed, noise_m_s2, gain=gain)
+    priors = Settings.model_validate({}).priors
+    found = compare_wheels_with_accelerometer(motion, WhiteNoise(noise_m_s2), priors)
+    assert found is not None
+    return found
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_that_adds_up_is_no_gain(seed: int) -> None:
-    motion = cruising(seed, 0.04, gain=0.0)
-    found = compare_wheels_with_accelerometer(
-        motion, WhiteNoise(0.04), Settings.model_validate({}).priors
-    )
-    assert found is not None
+    found = compared(seed, 0.04, gain=0.0)
     # it shrinks what the accelerometer tells by a third and more
     assert found.gain[0] < -0.2
     assert not found.gain_counts
@@ -59,9 +65,4 @@ def test_noise_that_adds_up_is_no_gain(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_gain_beyond_what_noise_mimics_counts(seed: int) -> None:
-    motion = cruising(seed, 0.0005, gain=0.15)
-    found = compare_wheels_with_accelerometer(
-        motion, WhiteNoise(0.0005), Settings.model_validate({}).priors
-    )
-    assert found is not None
-    assert found.gain_counts
+    assert compared(seed, 0.0005, gain=0.15).gain_counts
