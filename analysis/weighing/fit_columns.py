@@ -10,6 +10,11 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import count_samples_since_start, mark_stretch_ends
 from analysis.weighing.force_hysteresis import Play, trace_direction_of_force_change
+from analysis.weighing.force_rate import (
+    compute_force_rate_variances,
+    differentiate_force,
+    differentiate_force_by_widest_parabolas,
+)
 from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
@@ -278,9 +283,14 @@ def average_columns_of_pieces(
 
     def weigh_rows(number: int) -> tuple[Floats, Floats]:
         (group, raw), rows = pieces[number], places[number]
+        of_rate = (
+            None
+            if raw.force_rate_parabola is None
+            else compute_force_rate_variances(noise, rate_hz, lengths.tolist())
+        )
         A[rows] *= weight[rows, None]
         return sum_noise_moments_by_stretch(
-            terms, group, raw, covariances, which[rows], weight[rows]
+            terms, group, raw, covariances, of_rate, which[rows], weight[rows]
         )
 
     added = map_in_threads(weigh_rows, range(len(places)))
@@ -355,10 +365,11 @@ def make_columns_of_piece(
         )
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
     wheels = motion.wheel_acceleration
-    force_std = float(np.sqrt(noise.covariance_of_means(1)[2, 2]))
-    force_rate = differentiate_force(
-        force, motion.rate_hz, force_std, keep_small=wheels is not None
-    )
+    if wheels is None:
+        force_std = float(np.sqrt(noise.covariance_of_means(1)[2, 2]))
+        force_rate, parabola = differentiate_force(force, motion.rate_hz, force_std), None
+    else:
+        force_rate, parabola = differentiate_force_by_widest_parabolas(force, motion.rate_hz, noise)
     raw = ColumnInputs(
         acceleration,
         zeros if wheels is None else wheels,
@@ -383,6 +394,7 @@ def make_columns_of_piece(
         previous_estimates.transfer_s2_m,
         0.0 if previous_estimates.play is None else previous_estimates.play.by_force_1_N,
         (0.0, 0.0) if loads is None else loads.weight_shares,
+        parabola,
     ).select_rows(fitted_samples)
     A = np.empty((2 + len(terms), fitted_samples.size))
     A[0], A[1] = raw.acceleration, raw.speed
@@ -436,67 +448,44 @@ def compute_row_weight_roots(
     return np.sqrt(variances[-1] / np.maximum(variances[row_indices], variances[-1]))
 
 
-def differentiate_force(
-    force: Floats, rate_hz: float, noise_N: float, *, keep_small: bool
-) -> Floats:
-    """Derivative of the force in N/s; 0 where it is within the noise.
-
-    Args:
-        force: (n,) in N.
-        rate_hz: rate of the grid.
-        noise_N: standard deviation of a sample.
-        keep_small: keep small values as well, over as many samples as make them clear of noise.
-            Slip needs them: without them masses were 0.3 % off where wheels slip by 2 %, and slip
-            of 4 to 10 % looked like a load that grows at every start.
-    """
-    halves = sorted({count_rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s})
-    for half in halves if keep_small else ():
-        rate, std = fit_parabola_slope_and_noise(force, half, rate_hz, noise_N)
-        clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
-        if float(np.sqrt(np.mean(rate**2))) > clear * std:
-            return rate
-    rate, std = fit_parabola_slope_and_noise(force, halves[0], rate_hz, noise_N)
-    return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
-
-
-def fit_parabola_slope_and_noise(
-    force: Floats, half_width_rows: int, rate_hz: float, noise_N: float
-) -> tuple[Floats, float]:
-    """Slope of a parabola through so many rows to either side, (n,) in N/s, and its noise."""
-    steps = (
-        np.arange(half_width_rows, -half_width_rows - 1, -1)
-        * rate_hz
-        / float(2 * (np.arange(1, half_width_rows + 1) ** 2).sum())
-    )
-    # beyond its ends the force is as there: a force of 0 would begin and end with a jump
-    slope = np.convolve(np.pad(force, half_width_rows, mode="edge"), steps, "valid")
-    return slope, noise_N * float(np.sqrt(steps @ steps))
-
-
 def sum_noise_moments_by_stretch(
     terms: tuple[Nuisance, ...],
     stretch_of_row: Ints,
     column_inputs: ColumnInputs,
     covariances: Floats,
+    force_rate_variances: Floats | None,
     row_indices: Ints,
     weight_roots: Floats,
 ) -> tuple[Floats, Floats]:
-    """Noise terms of AᵀA and Aᵀf by acceleration, speed and force, by stretch.
+    """Noise terms of AᵀA and Aᵀf by acceleration, speed, force and its derivative, by stretch.
+
+    A mean of the force and one of its derivative, which changes sign with time, share no noise.
 
     Args:
         terms: the nuisances.
         stretch_of_row: (rows,) stretch of each row.
         column_inputs: means that the columns are made of.
         covariances: (kinds, 3, 3) noise covariance of means of each length.
+        force_rate_variances: (kinds, parabolas) noise variance of those of the force's derivative;
+            None if it has none.
         row_indices: (rows,) kind of each row.
         weight_roots: (rows,) factor of each row.
     """
     ids, index = np.unique(stretch_of_row, return_inverse=True)
-    # derivatives of the columns by acceleration, speed and force; the others are 0
+    channels = ["by_acceleration", "by_speed", "by_force"]
+    parabola = column_inputs.force_rate_parabola
+    if force_rate_variances is not None and parabola is not None:
+        channels.insert(2, "by_force_rate")
+        parabolas = force_rate_variances.shape[1]
+        covariances = np.repeat(covariances, parabolas, axis=0)
+        covariances = np.insert(np.insert(covariances, 2, 0.0, 1), 2, 0.0, 2)
+        covariances[:, 2, 2] = force_rate_variances.ravel()
+        row_indices = row_indices * parabolas + parabola
+    # derivatives of the columns by the channels; the others are 0
     slopes, places = [weight_roots, weight_roots], [(0, 0), (1, 1)]
     for j, term in enumerate(terms, start=2):
-        for channel, by in enumerate((term.by_acceleration, term.by_speed, term.by_force)):
-            if by is not None:
+        for channel, name in enumerate(channels):
+            if (by := getattr(term, name)) is not None:
                 slopes.append(by(column_inputs) * weight_roots)
                 places.append((j, channel))
     return group_sums.sum_noise_moments(

@@ -45,6 +45,7 @@ class ColumnInputs:
         rises_by_force_1_N: derivative of `force_rises_1` by the force.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
+        force_rate_parabola: index of the parabola that gave `force_rate`; None if its noise is 0.
     """
 
     acceleration: Floats
@@ -69,6 +70,7 @@ class ColumnInputs:
     transfer_s2_m: float
     rises_by_force_1_N: float
     weight_shares: tuple[float, float]
+    force_rate_parabola: Ints | None
 
     @property
     def ground_speed(self) -> Floats:
@@ -99,6 +101,7 @@ class Nuisance:
         by_speed: derivative of the column by the speed, which adds the speed's noise; None: none.
         by_force: derivative by the force, likewise.
         by_acceleration: derivative by the acceleration, likewise.
+        by_force_rate: derivative by the force's derivative, likewise.
         applies: whether it applies to a log.
         by_load: whether it needs several load states.
         source: budget entry that combines it with other terms; else empty.
@@ -113,6 +116,7 @@ class Nuisance:
     by_speed: Callable[[ColumnInputs], Floats] | None = None
     by_force: Callable[[ColumnInputs], Floats] | None = None
     by_acceleration: Callable[[ColumnInputs], Floats] | None = None
+    by_force_rate: Callable[[ColumnInputs], Floats] | None = None
     applies: Callable[[MotionSamples], bool] = lambda _: True
     by_load: bool = False
     source: str = ""
@@ -250,6 +254,7 @@ NUISANCES: Final = (
         lambda _, s: s.lag_s,
         "how late the force is, against the motion",
         "sharper starts, or clocks that are synchronised",
+        by_force_rate=lambda m: -np.ones(m.speed.size),
     ),
     Nuisance(
         "lag_drift",
@@ -258,6 +263,7 @@ NUISANCES: Final = (
         lambda _, s: s.lag_drift_s,
         "how much later the force becomes over the log: clocks that drift apart",
         "clocks that are synchronised",
+        by_force_rate=lambda m: -m.progress,
     ),
     Nuisance(
         "slip",
@@ -285,6 +291,9 @@ NUISANCES: Final = (
         "an accelerometer on the body",
         by_force=lambda m: -np.sign(m.speed) * m.wheel_acceleration,
         by_acceleration=lambda m: -np.sign(m.speed) * m.force,
+        by_force_rate=lambda m: (
+            -(1.0 + m.relative_load) * m.ground_speed_ratio**2 * np.abs(m.speed)
+        ),
         applies=lambda e: e.wheel_acceleration is not None,
     ),
     Nuisance(

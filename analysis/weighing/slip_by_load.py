@@ -32,6 +32,7 @@ SLIP_BY_LOAD: Final = Nuisance(
     "an accelerometer on the body",
     by_force=lambda m: m.relative_load * np.sign(m.speed) * m.wheel_acceleration,
     by_acceleration=lambda m: m.relative_load * np.sign(m.speed) * m.force,
+    by_force_rate=lambda m: m.relative_load * m.ground_speed_ratio**2 * np.abs(m.speed),
     applies=_SLIP.applies,
     by_load=True,
 )

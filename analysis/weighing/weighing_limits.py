@@ -49,19 +49,20 @@ class WeighingLimits:
     rows_per_mean: int = 2
     #: Shortest stretch, in s: shorter ones determine nothing of their own.
     shortest_stretch_s: float = 0.5
-    #: A derivative of the force below so many standard deviations is noise.
-    force_rate_min_std: float = 4.0
     #: Smallest share of the force that load transfer leaves.
     load_transfer_min_gain: float = 0.5
     #: Least relative load: no state is lighter than a tenth of the mean.
     least_relative_load: float = -0.9
     #: Quantiles of the manoeuvres' masses between which the middle of empty and loaded lies.
     load_contrast_quantiles: tuple[float, float] = (0.1, 0.9)
-    #: R.m.s. of a derivative of more than two rows, in standard deviations, from which it is clear:
-    #: noise and stick-slip make slip too small (loaders have 4 to 10, cars 10 to 13).
-    clear_force_rate_std: float = 10.0
-    #: Half widths, in s, of the parabola that gives it: each has half of the noise of that before.
+    # force_rate
+    #: A derivative of the force below so many standard deviations is noise.
+    force_rate_min_std: float = 4.0
+    #: Half widths, in s, of the parabolas that give it, beside that of one row.
     force_rate_half_widths_s: tuple[float, ...] = (0.04, 0.06, 0.1, 0.16)
+    #: Standard deviations within which two parabolas agree: with 3 and more the wide ones blur the
+    #: cut of a throttle, and of slip by 2 % less than a quarter was found in a noisy force.
+    force_rate_agreement_std: float = 2.0
 
     # fit_task
     #: A lag that changes by less, in s, has converged.

@@ -32,6 +32,7 @@ def moments(direction: float = 1.0, contrast: float = 1.0) -> ColumnInputs:
         zeros,
         *(0.0,) * 3,
         (0.0, 0.0),
+        None,
     )
 
 
