@@ -17,7 +17,10 @@ import typer
 from scipy.stats import norm
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.weighing.load_states import LoadStates, find_load_states
+from analysis.weighing.load_states import (
+    LoadStates,
+    find_load_states,
+)
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
 from benchmarks.weighed import machine

@@ -20,7 +20,10 @@ from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.growing_load import LoadFilling
 from analysis.weighing.joint_result import JointFit, PriorMeans
-from analysis.weighing.load_states import LoadStates, find_load_states
+from analysis.weighing.load_states import (
+    LoadStates,
+    find_load_states,
+)
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import ForceCurvature, Weighing
 from estimators.arrays import Floats, Ints

@@ -20,7 +20,8 @@ from analysis.weighing.joint_result import (
     find_term_index,
 )
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
-from analysis.weighing.load_states import LoadStates, find_manoeuvre_of_stretches
+from analysis.weighing.load_changes import find_manoeuvre_of_stretches
+from analysis.weighing.load_states import LoadStates
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
     Nuisance,

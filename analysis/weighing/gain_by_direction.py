@@ -20,12 +20,14 @@ from analysis.weighing.fit_task import FitTask
 from analysis.weighing.fitted_stretches import mark_stretch_starts
 from analysis.weighing.joint_fit import JointFitInputs, fit_jointly, select_terms_of_motion
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_changes import (
+    classify_load_change_evidence,
+    find_manoeuvre_of_fitted_samples,
+)
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_search import fit_with_searched_load_states
 from analysis.weighing.load_states import (
     LoadStates,
-    classify_load_change_evidence,
-    find_manoeuvre_of_fitted_samples,
     weighted_means_by_state,
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples

@@ -28,12 +28,12 @@ from analysis.weighing.fit_columns import (
 )
 from analysis.weighing.joint_fit import refit_with_extra_terms
 from analysis.weighing.joint_result import JointFit, find_term_index
-from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_states import (
-    LoadStates,
+from analysis.weighing.load_changes import (
     find_manoeuvre_of_fitted_samples,
     find_manoeuvre_of_stretches,
 )
+from analysis.weighing.load_limits import LIMITS
+from analysis.weighing.load_states import LoadStates
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio

@@ -10,11 +10,11 @@ import numpy as np
 
 from analysis.weighing.fitted_stretches import mark_stretch_starts
 from analysis.weighing.haul_route import add_missed_dump_visits
-from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_states import (
+from analysis.weighing.load_changes import (
     classify_load_change_evidence,
     find_manoeuvre_of_fitted_samples,
 )
+from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 from estimators.joint.group_effects import HINTED
 

@@ -14,7 +14,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build_frame
 from analysis.model.uncertainty_sources import combine_u
-from analysis.weighing.load_frames import payload_coefficients
+from analysis.weighing.empty_states import payload_coefficients
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing

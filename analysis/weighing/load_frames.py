@@ -7,15 +7,26 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import CALIBRATED, FRAMES, build_frame
-from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
+from analysis.model.uncertainty_sources import (
+    UncertaintySource,
+    combine_u,
+    list_scale_sources_without_u,
+)
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
+from analysis.weighing.empty_states import (
+    estimate_std_of_empty_masses_kg,
+    find_empty_states,
+    mean_mass_coefficients,
+    payload_coefficients,
+)
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_changes import find_manoeuvre_of_fitted_samples
 from analysis.weighing.load_limits import LIMITS
-from analysis.weighing.load_states import LoadStates, find_manoeuvre_of_fitted_samples
+from analysis.weighing.load_states import LoadStates
 from analysis.weighing.mass_budget import make_mass_budget, relative_load_mass_u
-from analysis.weighing.motion_samples import Floats, Ints
+from analysis.weighing.motion_samples import Ints
 from analysis.weighing.nuisance_frames import make_frame_without_rows
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 
@@ -97,61 +108,6 @@ def find_load_change_rows(weighing: Weighing | None) -> list[int]:
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
 
-def find_empty_states(
-    weighing: Weighing, state_spans_ns: list[tuple[int, int]], machine: Machine
-) -> list[int]:
-    """Indices of the load states in which the machine is empty; none if the log cannot tell.
-
-    If `settings.loads` names empty times, these are the states that lie mostly in them, or the one
-    with most of them. Otherwise they are the lightest of several states and those equally light, if
-    the lightest equals the stated empty mass within its uncertainty and the heaviest clearly does
-    not. The lightest of many alone would be the one with the largest error.
-    """
-    fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
-    if fit.mass_count < 2:
-        return []
-    if settings.empty_from_s is not None and settings.empty_to_s is not None:
-        first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
-        shared = [min(last, end) - max(first, begin) for begin, end in state_spans_ns]
-        inside = [
-            state
-            for state, (begin, end) in enumerate(state_spans_ns)
-            if 2 * shared[state] > end - begin
-        ]
-        most = int(np.argmax(shared))
-        return inside or ([most] if shared[most] > 0 else [])
-    if body.empty_mass_kg is None:
-        return []
-    lightest = int(np.argmin(fit.masses_kg))
-    difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combine_u(make_mass_budget(weighing, machine, fit.coefficients_of_state(lightest)))
-    u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
-    carried_kg = float(np.ptp(fit.masses_kg))
-    if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
-        return []
-    drift = weighing.significant_empty_mass_drift
-    if drift is not None:
-        return list(drift.empty_states)
-    return _find_equally_light_states(weighing, lightest, machine)
-
-
-def _find_equally_light_states(
-    weighing: Weighing, lightest_state: int, machine: Machine
-) -> list[int]:
-    """States whose mass equals the lightest within the random uncertainty."""
-    fit = weighing.fit
-    found = [lightest_state]
-    for state in np.argsort(fit.masses_kg, kind="stable").tolist():
-        if state == lightest_state:
-            continue
-        weights = payload_coefficients(weighing, state, found)
-        random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
-        if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
-            break
-        found.append(state)
-    return sorted(found)
-
-
 def average_fuel_since_ticket_and_u_kg(
     weighing: Weighing,
     empty: list[int],
@@ -181,31 +137,6 @@ def _choose_empty_datum_or_refusal(
     others = [state for state in range(fit.mass_count) if state not in empty]
     payloads = np.sum([payload_coefficients(weighing, state, empty) for state in others], axis=0)
     return found.make_payload_datum(payloads), ""
-
-
-def payload_coefficients(weighing: Weighing, state: int, empty: list[int]) -> Floats:
-    """(masses,) weights of a mass minus the mean of the empty states.
-
-    Where the empty mass drifts, the mean is of those before and after the state.
-    """
-    weights = weighing.fit.coefficients_of_state(state)
-    if weighing.significant_empty_mass_drift is not None:
-        empty = _find_nearest_empty_states(state, empty)
-    return weights - mean_mass_coefficients(weighing.fit, empty) if empty else weights
-
-
-def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
-    before, after = ([e for e in empty if e < state], [e for e in empty if e > state])
-    return before[-1:] + after[:1]
-
-
-def mean_mass_coefficients(fit: JointFit, states: list[int]) -> Floats:
-    """(masses,) weights of the mean mass of states, by number of manoeuvres."""
-    assert fit.states is not None
-    count = np.bincount(fit.states.membership).astype(np.float64)
-    weights = np.zeros(fit.mass_count)
-    weights[states] = count[states] / count[states].sum()
-    return weights
 
 
 def _make_load_row(
@@ -276,15 +207,21 @@ def payload_with_uncertainty(
     weights = payload_coefficients(weighing, state, empty)
     sources = make_mass_budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
-    u_kg = combine_u(sources)
+    other_u_kg = estimate_std_of_empty_masses_kg(weighing, empty, machine) * float(
+        np.linalg.norm(weights[empty])
+    )
     if not empty:
         own_kg -= body.rotating_mass_kg + (body.empty_mass_kg or 0.0)
-        u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
-    own = (own_kg, u_kg, combine_u(sources, "random"))
+        other_u_kg = body.empty_mass_u_kg or 0.0
+
+    def combine_with_other_u(sources: list[UncertaintySource]) -> tuple[float, float]:
+        return float(np.hypot(combine_u(sources), other_u_kg)), combine_u(sources, "random")
+
+    own = (own_kg, *combine_with_other_u(sources))
     told = own
     if datum is not None:
         sources = datum.list_payload_sources(weights)
-        told = (datum.scale_1 * own_kg, combine_u(sources), combine_u(sources, "random"))
+        told = (datum.scale_1 * own_kg, *combine_with_other_u(sources))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
@@ -312,7 +249,12 @@ def _write_load_states_note(fit: JointFit, machine: Machine) -> str:
             f"states or scatter: {texts[0]}, or {texts[1]}; a single load has a probability of "
             f"{states.single_probability:.0%}"
         )
-    if machine.machine.repeatability_kg is None and not states.is_scatter_estimated:
+    if states.assumes_scatter:
+        said.append(
+            f"repeatability assumed, {states.scatter_kg:.3g} kg: the load changes so often and so "
+            "little that the manoeuvres cannot tell how they scatter"
+        )
+    elif machine.machine.repeatability_kg is None and not states.is_scatter_estimated:
         said.append("repeatability unknown: too few manoeuvres tell how they scatter")
     return "; ".join(said)
 

@@ -17,12 +17,14 @@ from analysis.weighing.joint_fit import (
     select_terms_of_motion,
 )
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_changes import (
+    classify_load_change_evidence,
+    find_manoeuvre_of_stretches,
+)
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.load_states import (
     LoadStates,
-    classify_load_change_evidence,
     find_load_states,
-    find_manoeuvre_of_stretches,
     make_single_unknown_state,
     make_states_of_partition,
 )

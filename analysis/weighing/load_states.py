@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fitted_stretches import mark_stretch_ends, mark_stretch_starts, memoise
+from analysis.weighing.load_changes import find_manoeuvre_of_stretches
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from estimators.joint.changepoints import Partitions, find_best_partitions
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
+from estimators.joint.group_effects import GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
 
@@ -45,13 +44,15 @@ class LoadStates:
         level_kg: (units,) mass of each manoeuvre by itself, without the nuisances.
         std_kg: (units,) its standard deviation from the manoeuvre alone.
         scatter_kg: standard deviation of manoeuvres about their state.
-        freedom: degrees of freedom of the scatter; infinite if the machine file states it.
+        freedom: degrees of freedom of the scatter; infinite if it is stated or assumed.
         birge_ratio: deviation between manoeuvres over that within each; NaN if there is nothing to
             compare.
         single_probability: probability of a single state.
         other: the alternative partition, if the log cannot decide; else None.
         load_returns: whether a load recurs after another one, such as the empty machine.
         log_odds: log odds of these states against a single one.
+        assumes_scatter: whether the scatter is the usual one, since the changes of the load that
+            the masses alone show are too small to tell it.
     """
 
     unit: Ints
@@ -65,6 +66,7 @@ class LoadStates:
     other: AlternativePartition | None = None
     load_returns: bool = False
     log_odds: float = 0.0
+    assumes_scatter: bool = False
 
     @property
     def state_count(self) -> int:
@@ -97,7 +99,7 @@ class LoadStates:
     @property
     def is_scatter_estimated(self) -> bool:
         """Whether the scatter is estimated rather than assumed."""
-        return self.freedom >= LIMITS.scatter_min_freedom
+        return self.freedom >= LIMITS.scatter_min_freedom and not self.assumes_scatter
 
     def renumber_for_motion(self, motion: MotionSamples) -> "LoadStates":
         """These states for a motion with other manoeuvres, numbered again."""
@@ -143,122 +145,6 @@ class LoadStates:
         return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
-@memoise
-def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
-    """Manoeuvre of each stretch, (stretches,).
-
-    A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
-    after it if only that border has no sign of a load change.
-    """
-    unit = motion.unit[mark_stretch_starts(motion.group)]
-    number, of = np.unique(unit, return_inverse=True)
-    samples = np.bincount(of, weights=np.bincount(motion.group[motion.is_fittable]))
-    tells = samples >= min(
-        count_rows_in_duration(
-            LIMITS.informative_manoeuvre_s, motion.rate_hz, LIMITS.informative_manoeuvre_samples
-        ),
-        samples.max(),
-    )
-    # where a record begins or ends while the machine cruises, a mass would be any
-    gained_m_s = find_speed_ranges_m_s(motion, of, number.size)
-    tells &= gained_m_s >= LIMITS.informative_speed_share * float(np.median(gained_m_s[tells]))
-    place = np.arange(number.size)
-    before = np.maximum.accumulate(np.where(tells, place, -1))
-    after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
-    goes = np.where(before < 0, np.argmax(tells), before)
-    group = motion.group
-    first, last = (np.flatnonzero(f(group)) for f in (mark_stretch_starts, mark_stretch_ends))
-    for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
-        left, here, right = (of == each for each in (before[short], short, after[short]))
-        begin, end = first[here][0], last[here][-1]
-        sooner, later = (last[left][-1], begin), (end, first[right][0])
-        at_begin, at_end = (classify_load_change(motion, *span, *span) for span in (sooner, later))
-        if at_begin > 1 and at_end == 1:
-            goes[short] = after[short]
-    return number[goes][of]
-
-
-def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, count: int) -> Floats:
-    """Range of the speeds of each manoeuvre, (units,) in m/s.
-
-    Args:
-        motion: the samples.
-        manoeuvre_of_stretch: (stretches,) manoeuvre of each, from 0.
-        count: number of manoeuvres.
-    """
-    used = np.flatnonzero(motion.is_fittable)
-    of, speed = manoeuvre_of_stretch[motion.group[used]], motion.speed[used]
-    least, most = np.full(count, np.inf), np.full(count, -np.inf)
-    np.minimum.at(least, of, speed)
-    np.maximum.at(most, of, speed)
-    return most - least
-
-
-def find_manoeuvre_of_fitted_samples(motion: MotionSamples) -> Ints:
-    """Manoeuvre of each fitted sample, (used samples,)."""
-    return find_manoeuvre_of_stretches(motion)[motion.group[motion.is_fittable]]
-
-
-def classify_load_change_evidence(motion: MotionSamples) -> Ints:
-    """Kind of evidence for a load change between successive manoeuvres, (units - 1,).
-
-    Returns:
-        0 if the machine drove on, is named empty or is known to carry one load, 1 if only the
-        masses can tell, `TURNED` at a change of direction, `RESTARTED` after a gap as between
-        files, `HINTED` if boom or bucket moved, `FILLED` if the machine dug, `NAMED` at a border of
-        the times named empty.
-    """
-    used = np.flatnonzero(motion.is_fittable)
-    first = np.flatnonzero(np.append(True, np.diff(find_manoeuvre_of_fitted_samples(motion)) > 0))
-    last = np.append(first[1:], used.size) - 1
-    # a boom may go up before the machine stands, and come down when it moves again
-    middle = used[(first + last) // 2]
-    spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    kind = np.array([classify_load_change(motion, *span) for span in spans], np.int64)
-    # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
-    arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
-    backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
-    seen = np.isin(kind, (HINTED, FILLED)).any()
-    kind = np.where(backs_out & ~seen, TURNED, kind)
-    return np.zeros_like(kind) if motion.has_single_load else kind
-
-
-def classify_load_change(
-    motion: MotionSamples, end_row: int, begin_row: int, boom_begin_row: int, boom_end_row: int
-) -> int:
-    """Kind of evidence for a load change between two manoeuvres.
-
-    Args:
-        motion: samples, with arm angles and digging.
-        end_row: last sample of the first manoeuvre.
-        begin_row: first sample of the second one.
-        boom_begin_row: first sample of the boom to examine.
-        boom_end_row: end sample of the boom to examine.
-    """
-    if motion.digs is not None and motion.digs[end_row : begin_row + 1].any():
-        return FILLED
-    if motion.empty is not None and motion.empty[end_row] != motion.empty[begin_row]:
-        return NAMED
-    if motion.empty is not None and motion.empty[end_row]:
-        return 0
-    if motion.stood is not None and motion.stood[end_row] == motion.stood[begin_row]:
-        return 0
-    moved = any(
-        _range_without_nan(arm[boom_begin_row : boom_end_row + 1]) > LIMITS.arm_movement_rad
-        for arm in motion.arms
-    )
-    if moved:
-        return HINTED
-    silent = motion.silences is not None and motion.silences[end_row] != motion.silences[begin_row]
-    return RESTARTED if silent else 1
-
-
-def _range_without_nan(values: Floats) -> float:
-    """Maximum minus minimum of the known values; 0 if none is known."""
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if known.size else 0.0
-
-
 def find_load_states(
     masses: GroupEffects, manoeuvre_ids: Ints, repeatability_kg: float | None
 ) -> LoadStates:
@@ -282,7 +168,7 @@ def find_load_states(
     other = found.several if best.level_stretch_count == 1 else found.single
     states = _make_load_states(masses, manoeuvre_ids, best)
     if repeatability_kg is not None:
-        states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf)
+        states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf, assumes_scatter=False)
     probability = (
         found.single_probability if best.level_stretch_count > 1 else 1.0 - found.single_probability
     )
@@ -316,14 +202,16 @@ def make_states_of_partition(
 
 def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
     level_kg = masses.y - masses.x @ best.effects
+    scatter = _estimate_or_assume_scatter(level_kg, masses.variance, best, masses.kind)
     return LoadStates(
         manoeuvre_ids,
         best.state,
         level_kg,
         np.sqrt(masses.variance),
-        *estimate_scatter_dof_and_birge_ratio(level_kg, masses.variance, best),
+        *scatter[:3],
         load_returns=np.unique(best.level).size < best.level_stretch_count
         or _count_mass_reversals_of_states(best) >= LIMITS.load_return_reversals,
+        assumes_scatter=scatter[3],
     )
 
 
@@ -348,7 +236,7 @@ def find_alternative_partition(
     if other is None or other_probability < doubted:
         return None
     level_kg = masses.y - masses.x @ other.effects
-    scatter_kg, _, _ = estimate_scatter_dof_and_birge_ratio(level_kg, masses.variance, other)
+    scatter_kg, *_ = _estimate_or_assume_scatter(level_kg, masses.variance, other, masses.kind)
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return AlternativePartition(other.state, differs_kg, scatter_kg, other_probability)
 
@@ -377,11 +265,32 @@ def weighted_means_by_state(mass_kg: Floats, weight: Floats, state: Ints) -> Flo
     return np.bincount(state, weights=weight * mass_kg) / np.bincount(state, weights=weight)
 
 
-def estimate_scatter_dof_and_birge_ratio(
-    mass_kg: Floats, variance: Floats, partition: Partition
+def _estimate_or_assume_scatter(
+    mass_kg: Floats, variance: Floats, partition: Partition, change_kinds: Ints
+) -> tuple[float, float, float, bool]:
+    """Scatter about the states, its degrees of freedom, Birge ratio, and whether it is assumed.
+
+    Where only the masses show small changes of the load, the states are those that leave the least
+    scatter: each such change takes a degree of freedom, and with too few the usual scatter is
+    assumed if it is larger.
+    """
+    begins = np.flatnonzero(np.diff(partition.state)) + 1
+    usual_kg = LIMITS.repeatability_fraction * float(np.median(np.abs(mass_kg)))
+    is_small = np.abs(np.diff(partition.levels)) < LIMITS.small_change_repeatabilities * usual_kg
+    small_changes = int(np.count_nonzero(is_small & (change_kinds[begins - 1] == 1)))
+    freedom = partition.dof - small_changes
+    if not small_changes or freedom >= LIMITS.scatter_min_freedom:
+        return *estimate_scatter_and_birge_ratio(mass_kg, variance, partition, freedom), False
+    dof = partition.dof
+    scatter_kg, _, ratio = estimate_scatter_and_birge_ratio(mass_kg, variance, partition, dof)
+    return max(scatter_kg, usual_kg), np.inf, ratio, True
+
+
+def estimate_scatter_and_birge_ratio(
+    mass_kg: Floats, variance: Floats, partition: Partition, freedom: int
 ) -> tuple[float, float, float]:
     """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""
-    freedom, state = partition.dof, partition.level[partition.state]
+    state = partition.level[partition.state]
     if freedom < 1:
         return 0.0, 0.0, float("nan")
 

@@ -52,6 +52,18 @@ _STANDARD_PACKAGES: Final = frozenset((
 ))  # fmt: skip
 #: Messages of a single number.
 _NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
+#: Vectors of standard messages that programs write into tables by their path, as
+#: `twist.linear.x`, with the quantity that the definition of the message states, and its unit.
+_VECTORS_OF_MESSAGES: Final = {
+    "linear": ("speed", "m/s"),
+    "linear_acceleration": ("acceleration", "m/s**2"),
+    "angular": ("yaw rate", "rad/s"),
+    "angular_velocity": ("yaw rate", "rad/s"),
+}
+_VECTOR_PATH: Final = re.compile(
+    r"(?:^|[./_])(?P<vector>linear|linear_acceleration|angular|angular_velocity)[./_]"
+    r"(?P<axis>[xyz])$"
+)
 #: Fields of a message that are no readings: its stamp, and lists of records.
 _STAMPS_AND_RECORDS: Final = re.compile(
     r"(?:^|\.)(?:header|stamp|seq|n?secs?|nanosec|timestamp)\b|\[\]."
@@ -169,6 +181,8 @@ def list_columns_of_log(log: Log) -> list[LogColumn]:
             if said.side and not is_side_prefix_confirmed(field, names):
                 said = replace(said, side=None)
             said = replace(said, side=said.side or side, axis=said.axis or axis)
+            if topic is None and (match := _VECTOR_PATH.search(field)):
+                said, unit = _interpret_vector_path(said, match, unit)
             if said.is_no_reading or said.is_elsewhere:
                 said = replace(said, quantity=None)
                 found.append(LogColumn(topic, field, unit, said, None))
@@ -215,6 +229,24 @@ def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None
             is_elsewhere=column_meaning.is_elsewhere or around.is_elsewhere,
         )
     return column_meaning
+
+
+def _interpret_vector_path(
+    column_meaning: ColumnMeaning, match: re.Match[str], unit: str | None
+) -> tuple[ColumnMeaning, str | None]:
+    """Meaning and unit of a column whose name is the path of a vector in a standard message."""
+    quantity, defined_unit = _VECTORS_OF_MESSAGES[match["vector"]]
+    axis = match["axis"]
+    turns_elsewhere = quantity == "yaw rate" and axis != "z"
+    return (
+        replace(
+            column_meaning,
+            quantity=None if turns_elsewhere else quantity,
+            axis=axis,
+            is_without_gravity=False,
+        ),
+        unit or defined_unit,
+    )
 
 
 def _find_unit_of_standard_name(name: str) -> str | None:

@@ -12,9 +12,7 @@ from estimators.arrays import Floats
 from replay.logs.tables.dates import (
     convert_calendar_columns_to_ns,
     convert_clock_times_to_log_times,
-    convert_second_fractions_to_ns,
     find_calendar_columns,
-    find_second_fraction_column,
     has_time_of_day,
     is_date_only,
     reduce_to_lower_case_letters,
@@ -29,6 +27,11 @@ from replay.logs.tables.header import (
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import find_sole_time_column
+from replay.logs.tables.second_fractions import (
+    convert_second_fractions_to_ns,
+    find_second_fraction_column,
+    is_fraction_beside_seconds,
+)
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import (
     NS_PER_UNIT,
@@ -43,19 +46,8 @@ _NAMES: Final = (
     *("t", "logtime", "time", "timestamp", "timestamps", "timestamputc", "datetime", "utctime"),
     *("elapsedtime", "elapsed", "sampletime", "recordtime", "zeit", "zeitstempel", "mstoday"),
     *("sec", "secs", "seconds", "second", "millis", "milliseconds", "micros", "microseconds"),
-    *(
-        "epoch",
-        "unixtime",
-        "times",
-        "timems",
-        "timeus",
-        "utc",
-        "xvalue",
-        "runtime",
-        "gpstime",
-        "gpst",
-        "ts",
-    ),
+    *("epoch", "unixtime", "times", "timems", "timeus", "utc", "xvalue", "runtime", "gpstime"),
+    *("gpst", "ts", "stamp", "headerstamp"),
     *("uhrzeit", "temps", "heure", "tiempo", "hora", "tempo", "ora", "czas", "tijd", "tid", "aika"),
     *("datahora", "dataora", "fechahora", "dateheure", "datumuhrzeit", "datumzeit", "dateandtime"),
     *("zaman", "время", "час", "idő", "timp", "čas", "thờigian", "waktu", "vrijeme", "χρόνος"),
@@ -209,11 +201,13 @@ def find_time_columns_and_their_fields(
     if calendar := find_calendar_columns(columns):
         fraction = find_second_fraction_column(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    found = rank_candidate_time_columns(columns, cells) or find_sole_time_column(columns, cells)
-    for part in (name_column_by_last_part, name_column_before_dash) if not found else ():
-        columns = [part(column) for column in columns]
-        if found := rank_candidate_time_columns(columns, cells):
+    for part in (None, name_column_by_last_part, name_column_before_dash):
+        named = [part(column) for column in columns] if part else columns
+        if found := rank_candidate_time_columns(named, cells):
+            columns = named
             break
+    else:
+        found = find_sole_time_column(columns, cells)
     if not found:
         return None
     first = found[0]
@@ -262,10 +256,14 @@ def rank_candidate_time_columns(
 ) -> list[int]:
     """Indices of time columns, the best name first, preferably with a unit of time.
 
-    A clock with repeated values is last, since another one resolves its ticks.
+    An empty column is last, and before it a clock with repeated values, since another one resolves
+    its ticks.
     """
-    ranked: list[tuple[bool, int, int, int]] = []
+    ranked: list[tuple[int, int, int, int]] = []
+    names = [column.name for column in columns]
     for place, column in enumerate(columns):
+        if is_fraction_beside_seconds(column.name, names):
+            continue
         # what stands behind a number is an axis or a state: time1, t_2
         bare = reduce_to_lower_case_letters(column.bare)
         if reduce_to_lower_case_letters(column.name) in ("mstoday", "timeus", "timems"):
@@ -275,14 +273,15 @@ def rank_candidate_time_columns(
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
             stated = list(NS_PER_UNIT).index(column.unit) if column.unit in NS_PER_UNIT else -1
             rank = -stated if stated >= 0 else 9
-            ranked.append((_has_repeated_times(cells(place)), rank, _NAMES.index(bare), place))
+            ranked.append((_rate_cells(cells(place)), rank, _NAMES.index(bare), place))
         elif (bare in _DATES or "time" in bare) and any(map(has_time_of_day, cells(place)[:5])):
-            ranked.append((_has_repeated_times(cells(place)), 10, bare not in _DATES, place))
+            ranked.append((_rate_cells(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
 
 
-def _has_repeated_times(cells: Sequence[str]) -> bool:
-    return 2 * len(set(cells)) < len(cells)
+def _rate_cells(cells: Sequence[str]) -> int:
+    """0 for distinct times, 1 for repeated ones, 2 for no text."""
+    return 2 if not cells else int(2 * len(set(cells)) < len(cells))
 
 
 def find_time_unit(column_name: ColumnName) -> str | None:

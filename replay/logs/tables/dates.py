@@ -1,15 +1,15 @@
 """Dates and times of day, in text or in several columns, converted to integer nanoseconds."""
 
 import re
-from collections.abc import Callable, Sequence
-from typing import Final, NamedTuple
+from collections.abc import Sequence
+from typing import Final
 
 import polars as pl
 
 from analysis.model.physical_units import NS
 from replay.logs.tables.header import ColumnName
 from replay.logs.tables.table_limits import LIMITS
-from replay.logs.tables.times import NS_PER_UNIT, TimeError
+from replay.logs.tables.times import TimeError
 
 #: Beginnings of the names of the months, in the languages of Western Europe.
 _MONTHS: Final = (
@@ -69,13 +69,6 @@ _CALENDAR: Final = (
 )
 #: Parts of a date: year, month, day.
 _DAY_PARTS: Final = 3
-#: Names of a column of the fraction of a second.
-_FRACTIONS: Final = {
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "usec", "usecs", "micros", "microsecond", "microseconds"), "us"),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
-}
-_BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
 
 
 def is_date_and_time_in_digits(cell: str) -> bool:
@@ -337,60 +330,3 @@ def convert_calendar_columns_to_ns(calendar_columns: Sequence[pl.Series]) -> pl.
         day = frame.select(pl.date(*whole).cast(pl.Int32, strict=False).cast(pl.Int64)).to_series()
         stamps = stamps + day * DAY_NS
     return stamps.alias("log_time_ns")
-
-
-def find_second_fraction_column(
-    columns: Sequence[ColumnName], cells: Callable[[int], list[str]], column_index: int
-) -> str | None:
-    """Column of the fractions of a second, if the times have none; else None."""
-    own = cells(column_index)
-    if not own or any(re.search(r"[.,]\d|:\d+:\d+:", cell) for cell in own):
-        return None
-    is_clock = any(":" in cell for cell in own)
-    names = [reduce_to_lower_case_letters(columns[column_index].name)]
-    if not is_clock and not any(
-        name in ("sec", "secs", "second", "seconds", "s", "ss") for name in names
-    ):
-        return None
-    return next(
-        (
-            column.name
-            for k, column in enumerate(columns)
-            if k != column_index
-            and find_unit_of_second_fractions(column.name) is not None
-            and all(cell.isdigit() for cell in cells(k))
-        ),
-        None,
-    )
-
-
-def find_unit_of_second_fractions(name: str) -> str | None:
-    """Unit of fractions of a second in a name: `nanosec`, `Millitm`."""
-    word = reduce_to_lower_case_letters(name)
-    by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
-    return _FRACTIONS.get(word) or next(by_beginning, None)
-
-
-class SecondFractions(NamedTuple):
-    """Fractions of a second in ns, and the unit that they had."""
-
-    fractions_ns: pl.Series
-    unit: str
-
-
-def convert_second_fractions_to_ns(cells: pl.Series) -> SecondFractions:
-    """Fractions of a second in ns, and their unit, from the name or from their size.
-
-    Raises:
-        TimeError: they are not fractions of a second.
-    """
-    numbers = cells.cast(pl.Float64, strict=False)
-    largest, least = numbers.max(), numbers.min()
-    if not isinstance(largest, float) or not isinstance(least, float) or least < 0:
-        raise TimeError(f"column '{cells.name}' holds no fractions of a second")
-    stated = find_unit_of_second_fractions(cells.name)
-    possible = [unit for unit in ("ms", "us", "ns") if largest < NS / NS_PER_UNIT[unit]]
-    unit = stated or (possible[0] if possible else "")
-    if unit not in possible:
-        raise TimeError(f"column '{cells.name}' holds no fractions of a second, but {largest:g}")
-    return SecondFractions((numbers * NS_PER_UNIT[unit]).round().cast(pl.Int64, strict=False), unit)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.weighing.haul_patterns import propose_hauling_partitions
-from analysis.weighing.load_states import find_manoeuvre_of_stretches
+from analysis.weighing.load_changes import find_manoeuvre_of_stretches
 from analysis.weighing.motion_samples import MotionSamples
 
 RATE_HZ = 10.0

@@ -9,18 +9,16 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing import joint_fit
-from analysis.weighing.load_states import (
-    AlternativePartition,
-    LoadStates,
-    classify_load_change_evidence,
-)
+from analysis.weighing.empty_states import estimate_std_of_empty_masses_kg
+from analysis.weighing.load_changes import classify_load_change_evidence
+from analysis.weighing.load_states import AlternativePartition, LoadStates, find_load_states
 from analysis.weighing.weigh import weigh
 from analysis.weighing.weighing_limits import LIMITS
 from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
-from estimators.joint.group_effects import HINTED, NAMED
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, GroupEffects
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
@@ -249,6 +247,60 @@ def test_a_load_that_comes_and_goes_is_never_one_narrow_mass():
     for load in loads.iter_rows(named=True):
         if load["mass_kg"] is not None and load["manoeuvres"] > 1:
             assert load["u_kg"] > 30.0
+
+
+def find_states(masses_kg: list[float], kind: int = 1, **stated: float) -> LoadStates:
+    """States of manoeuvres with these masses, each known to 20 kg, and this kind of boundary."""
+    units = GroupEffects(
+        np.array(masses_kg),
+        np.zeros((len(masses_kg), 0)),
+        np.full(len(masses_kg), 400.0),
+        np.zeros((0, 0)),
+        np.zeros(0),
+        np.full(len(masses_kg) - 1, kind, np.int64),
+    )
+    return find_load_states(units, np.arange(len(masses_kg)), stated.get("repeatability_kg"))
+
+
+class TestScatterOfStates:
+    #: Empty five times, then a load that changes by less than a tenth at nearly every stop.
+    WANDERS_KG = (12000, 12010, 11990, 12005, 11995, 12800, 13500, 13490, 12600, 13050, 13700,
+                  14500, 15500, 16200)  # fmt: skip
+
+    def test_small_changes_that_the_masses_alone_show_leave_the_scatter_unknown(self):
+        found = find_states([*map(float, self.WANDERS_KG)])
+        assert found.state_count > 4
+        assert found.assumes_scatter
+        assert not found.is_scatter_estimated
+        assert found.scatter_kg == pytest.approx(0.02 * np.median(self.WANDERS_KG))
+
+    def test_a_filled_bucket_tells_them(self):
+        found = find_states([*map(float, self.WANDERS_KG)], kind=FILLED)
+        assert not found.assumes_scatter
+        assert found.scatter_kg < 30.0
+
+    def test_a_stated_repeatability_is_taken(self):
+        found = find_states([*map(float, self.WANDERS_KG)], repeatability_kg=25.0)
+        assert (found.scatter_kg, found.assumes_scatter) == (25.0, False)
+
+    def test_an_empty_machine_that_comes_back_tells_it(self):
+        found = find_states([12000.0, 15000.0, 12010.0, 15500.0, 11990.0, 16000.0, 12005.0] * 2)
+        assert found.is_scatter_estimated
+        assert found.scatter_kg < 30.0
+
+    def test_one_small_change_takes_a_degree_of_freedom(self):
+        found = find_states([12000.0] * 5 + [12700.0] * 5)
+        assert (found.state_count, found.freedom) == (2, 7)
+
+
+def test_empty_states_that_differ_widen_every_payload(two):
+    """As if both of two loads were taken for empty."""
+    stages = (two.frames[name] for name in ("aligned", "excitation", "gate", "noise"))
+    weighing = weigh(*stages, machine(POOLED))
+    assert weighing is not None
+    std_kg = estimate_std_of_empty_masses_kg(weighing, [0, 1], machine(POOLED))
+    assert std_kg == pytest.approx(np.ptp(weighing.fit.masses_kg) / np.sqrt(2.0), rel=0.02)
+    assert estimate_std_of_empty_masses_kg(weighing, [0], machine(POOLED)) == 0.0
 
 
 @pytest.fixture(scope="module")

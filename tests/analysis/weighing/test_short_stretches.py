@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing.load_states import classify_load_change_evidence, find_manoeuvre_of_stretches
+from analysis.weighing.load_changes import (
+    classify_load_change_evidence,
+    find_manoeuvre_of_stretches,
+)
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.joint.group_effects import FILLED, HINTED, TURNED
 

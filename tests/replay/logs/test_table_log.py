@@ -194,3 +194,43 @@ def test_a_page_that_asks_for_more_than_all_memory_is_one_line(tmp_path: Path) -
         path.write_bytes(data[:at] + b"\xff" * 5 + data[at + 5 :])
         with one_line_at_most(), open_log(path) as log:
             log.read("table", SAMPLES.columns)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "fractions"),
+    [
+        ("header.stamp.sec", "header.stamp.nanosec"),
+        ("/imu/header/stamp/secs", "/imu/header/stamp/nsecs"),
+        ("header_stamp_sec", "header_stamp_nanosec"),
+        ("sec", "nanosec"),
+    ],
+)
+def test_a_stamp_in_two_columns_of_a_message_is_one_time(
+    tmp_path: Path, seconds: str, fractions: str
+) -> None:
+    path = write_csv(
+        tmp_path,
+        f"{seconds},{fractions},speed,wheel_ms\n"
+        "1700000000,999999999,0.1,7\n1700000001,9999999,0.2,8\n1700000001,20000000,0.3,9\n",
+    )
+    with open_log(path) as log:
+        stamps = log.read("table", ["speed"])["log_time_ns"].to_list()
+    second = 10**9
+    assert stamps == [
+        1_700_000_001 * second - 1,
+        1_700_000_001 * second + 9_999_999,
+        1_700_000_001 * second + 20_000_000,
+    ]
+
+
+def test_a_time_of_the_record_comes_before_a_stamp_in_two_columns(tmp_path: Path) -> None:
+    rows = "\n".join(f"{1.7e9 + k / 50:.2f},{17 * 10**8 + k // 50},{k % 50},{k}" for k in range(99))
+    path = write_csv(tmp_path, f"Time,header.stamp.secs,header.stamp.nsecs,speed\n{rows}\n")
+    with open_log(path) as log:
+        assert log.topics()["rate_hz"][0] == pytest.approx(50.0)
+
+
+def test_a_column_stamp_is_a_time(tmp_path: Path) -> None:
+    path = write_csv(tmp_path, "stamp,speed\n1.7e9,1\n1700000000.5,2\n1700000001.0,3\n")
+    with open_log(path) as log:
+        assert log.topics()["rate_hz"][0] == pytest.approx(2.0)

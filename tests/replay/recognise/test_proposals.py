@@ -38,6 +38,8 @@ def proposed(tmp_path: Path, **columns: object) -> tuple[dict[str, ChannelPropos
         *(("left_Mz_Nm", "torque_left_N_m"), ("Boom angle__deg", "boom_rad")),
         *(("odometer__m", "position_x_m"), ("gyro_z__dps", "yaw_rate_rad_s")),
         *(("F7__kN", "force_x_N"), ("c2__km/h", "speed_x_m_s")),
+        *(("/odom/twist/twist/linear/x", "speed_x_m_s"), ("twist.angular.z", "yaw_rate_rad_s")),
+        ("imu.linear_acceleration.x", "specific_force_x_m_s2"),
         *(("imu_ax_mps2", "specific_force_x_m_s2"), ("imu_ay_ms2", "specific_force_y_m_s2")),
     ],
 )
@@ -48,6 +50,11 @@ def test_a_column_is_recognised_by_its_name_and_unit(
     assert list(channels) == [channel]
     assert not channels[channel].is_comment
     assert questions == []
+
+
+@pytest.mark.parametrize("name", ["/cmd_vel/linear/x", "twist.linear.y", "twist.angular.x"])
+def test_a_vector_of_a_command_or_of_another_axis_is_no_channel(tmp_path: Path, name: str) -> None:
+    assert proposed(tmp_path, **{name: V}) == ({}, [])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,110 @@
+"""Load states in which the machine is empty, to which payloads are differences."""
+
+import numpy as np
+
+from analysis.model.machine import Machine
+from analysis.model.uncertainty_sources import combine_u
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_limits import LIMITS
+from analysis.weighing.mass_budget import make_mass_budget
+from analysis.weighing.motion_samples import Floats
+from analysis.weighing.weigh import Weighing
+
+
+def find_empty_states(
+    weighing: Weighing, state_spans_ns: list[tuple[int, int]], machine: Machine
+) -> list[int]:
+    """Indices of the load states in which the machine is empty; none if the log cannot tell.
+
+    If `settings.loads` names empty times, these are the states that lie mostly in them, or the one
+    with most of them. Otherwise they are the lightest of several states and those equally light, if
+    the lightest equals the stated empty mass within its uncertainty and the heaviest clearly does
+    not. The lightest of many alone would be the one with the largest error.
+    """
+    fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
+    if fit.mass_count < 2:
+        return []
+    if settings.empty_from_s is not None and settings.empty_to_s is not None:
+        first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
+        shared = [min(last, end) - max(first, begin) for begin, end in state_spans_ns]
+        inside = [
+            state
+            for state, (begin, end) in enumerate(state_spans_ns)
+            if 2 * shared[state] > end - begin
+        ]
+        most = int(np.argmax(shared))
+        return inside or ([most] if shared[most] > 0 else [])
+    if body.empty_mass_kg is None:
+        return []
+    lightest = int(np.argmin(fit.masses_kg))
+    difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
+    u_kg = combine_u(make_mass_budget(weighing, machine, fit.coefficients_of_state(lightest)))
+    u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
+    carried_kg = float(np.ptp(fit.masses_kg))
+    if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
+        return []
+    drift = weighing.significant_empty_mass_drift
+    if drift is not None:
+        return list(drift.empty_states)
+    return _find_equally_light_states(weighing, lightest, machine)
+
+
+def _find_equally_light_states(
+    weighing: Weighing, lightest_state: int, machine: Machine
+) -> list[int]:
+    """States whose mass equals the lightest within the random uncertainty."""
+    fit = weighing.fit
+    found = [lightest_state]
+    for state in np.argsort(fit.masses_kg, kind="stable").tolist():
+        if state == lightest_state:
+            continue
+        weights = payload_coefficients(weighing, state, found)
+        random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
+        if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
+            break
+        found.append(state)
+    return sorted(found)
+
+
+def estimate_std_of_empty_masses_kg(
+    weighing: Weighing, empty: list[int], machine: Machine
+) -> float:
+    """Standard deviation of the empty states' masses beyond chance (DerSimonian & Laird 1986).
+
+    It is 0 with one of them, and where the empty mass drifts, which payloads follow.
+    """
+    if len(empty) < 2 or weighing.significant_empty_mass_drift is not None:
+        return 0.0
+    mean = mean_mass_coefficients(weighing.fit, empty)
+    found, expected = 0.0, 0.0
+    for state in empty:
+        weights = weighing.fit.coefficients_of_state(state) - mean
+        random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
+        found += mean[state] * float(weights @ weighing.fit.masses_kg) ** 2
+        expected += mean[state] * random_kg**2
+    return float(np.sqrt(max(found - expected, 0.0) / (1.0 - float(mean @ mean))))
+
+
+def payload_coefficients(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+    """(masses,) weights of a mass minus the mean of the empty states.
+
+    Where the empty mass drifts, the mean is of those before and after the state.
+    """
+    weights = weighing.fit.coefficients_of_state(state)
+    if weighing.significant_empty_mass_drift is not None:
+        empty = _find_nearest_empty_states(state, empty)
+    return weights - mean_mass_coefficients(weighing.fit, empty) if empty else weights
+
+
+def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
+    before, after = ([e for e in empty if e < state], [e for e in empty if e > state])
+    return before[-1:] + after[:1]
+
+
+def mean_mass_coefficients(fit: JointFit, states: list[int]) -> Floats:
+    """(masses,) weights of the mean mass of states, by number of manoeuvres."""
+    assert fit.states is not None
+    count = np.bincount(fit.states.membership).astype(np.float64)
+    weights = np.zeros(fit.mass_count)
+    weights[states] = count[states] / count[states].sum()
+    return weights
