@@ -161,14 +161,14 @@ class ErrorPrediction:
     force_N: float
 
     @property
-    def std(self) -> float:
+    def error_std(self) -> float:
         """Standard deviation."""
         return float(np.sqrt(self.variance_per_force * self.force_N**2 + self.variance_rest))
 
     @property
-    def rms(self) -> float:
+    def rms_error(self) -> float:
         """Root mean square error: standard deviation and bias."""
-        return float(np.hypot(self.std, self.bias))
+        return float(np.hypot(self.error_std, self.bias))
 
     def allowed_force_noise_std(self, error: float) -> float | None:
         """Force noise in N at which the r.m.s. error is `error`; None if there is none."""

@@ -97,7 +97,12 @@ class WaveformScore:
             "duration_s": self.manoeuvre.duration_s,
             "window_start_s": self.start_s,
             "predictions": {
-                name: {"value": each.value, "std": each.std, "bias": each.bias, "rms": each.rms}
+                name: {
+                    "value": each.value,
+                    "std": each.error_std,
+                    "bias": each.bias,
+                    "rms": each.rms_error,
+                }
                 for name, each in self.predictions.items()
             },
             "relative_error": self.relative_error,
@@ -327,7 +332,7 @@ def score_waveform(
     asked = _ASKED[motion_kind]
 
     def largest_relative_rms(predictions: Mapping[str, ErrorPrediction]) -> float:
-        return max(predictions[name].rms / predictions[name].value for name in asked)
+        return max(predictions[name].rms_error / predictions[name].value for name in asked)
 
     windows: list[tuple[int, MeasuredSignals, dict[str, ErrorPrediction]]] = []
     for place in range(_PLACES):

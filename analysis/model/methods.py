@@ -80,7 +80,7 @@ class EstimatorModule(Protocol):
     """Interface of an estimator module."""
 
     @property
-    def trace(self) -> "Callable[..., Trace]":
+    def estimate_along_log(self) -> "Callable[..., Trace]":
         """Estimates over a log, with inputs according to `Feed`."""
         ...
 
@@ -90,10 +90,11 @@ class Method:
     """An estimator, whose module is imported and compiled on first use.
 
     Attributes:
-        name: name in settings, frames and recordings; its module in `estimators` has `trace`, and
-            `fit` for a windowed method, or `start` and `step` for a recursive one.
+        name: name in settings, frames and recordings; its module in `estimators` has
+            `estimate_along_log`, and `fit` for a windowed method, or `start` and `step` for a
+            recursive one.
         title: description in a sentence.
-        feed: input of `trace`.
+        feed: input of `estimate_along_log`.
         summary: how a log is summarised.
         on_board: module and function in `estimators` for use on board; by `feed`, of the current
             window, of the samples since the window before, or of a manoeuvre's samples.

@@ -69,7 +69,7 @@ CHAINED_LINES: Final = Extract(
 )
 
 
-def make_table_2(extracts: Extracts) -> Table2:
+def make_table_2_calibration_lines(extracts: Extracts) -> Table2:
     """Mean slope and offset of the calibration line by chain and method, over the campaigns."""
     lines = pl.concat(
         [
@@ -168,14 +168,14 @@ OVER_WINDOWS: Final = Extract(
 )
 
 
-def make_table_3(extracts: Extracts) -> SweptTable:
+def make_table_3_errors_by_threshold(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
     return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
     )
 
 
-def make_table_4(extracts: Extracts) -> SweptTable:
+def make_table_4_errors_by_window(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
     return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG

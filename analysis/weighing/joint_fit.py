@@ -308,7 +308,7 @@ def refit_with_hysteresis_if_significant(
     # the standard deviation takes longer than the estimate
     shown = (
         half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percentile_newtons
-        and (half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.std[-1]))
+        and (half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.parameter_stds[-1]))
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows

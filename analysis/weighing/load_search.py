@@ -255,7 +255,11 @@ def alternate_state_search_and_fit(
             break
         tried.append(states.membership)
         # each fit of a shift holds hundreds of megabytes
-        if best is None or states.bic < _require_load_states(best).bic:
+        if (
+            best is None
+            or states.bayesian_information_criterion
+            < _require_load_states(best).bayesian_information_criterion
+        ):
             best = first_fit
     assert best is not None
     return best

@@ -78,7 +78,7 @@ class LoadStates:
         return weighted_means_by_state(self.level_kg, weight, self.membership)
 
     @property
-    def bic(self) -> float:
+    def bayesian_information_criterion(self) -> float:
         """Bayesian information criterion of the states (Schwarz 1978)."""
         variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
         return self.membership.size * float(np.log(variance)) + self.state_count * float(

@@ -1,10 +1,10 @@
 """The estimators sample by sample: state in, state out, bounded work, same θ as in replay.
 
-Every function here takes the sums that the compiled `trace` would have for the window that ends
-now, in the same order, and calls the same loops for one window: so θ equals the replay's bit for
-bit. The deviations are their own, since the residuals' autocorrelation over the log is not known
-yet: residuals are taken for white noise after a moving mean of `mean` samples, and the regressor
-for steady over that span, which makes the textbook's variance `mean` times larger.
+Every function here takes the sums that the compiled `estimate_along_log` would have for the window
+that ends now, in the same order, and calls the same loops for one window: so θ equals the replay's
+bit for bit. The deviations are their own, since the residuals' autocorrelation over the log is not
+known yet: residuals are taken for white noise after a moving mean of `mean` samples, and the
+regressor for steady over that span, which makes the textbook's variance `mean` times larger.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from estimators.methods.huber import solve_windows_robustly as reweight_huber
 from estimators.methods.ls import (
     LsOptions,
     WindowStatistics,
-    compute_gate_statistics_from_products,
+    compute_fit_statistics_of_windows,
     solve_windows_by_normal_equations,
 )
 from estimators.methods.pooled import PooledOptions, add_one_sample_product, subtract_expected_noise
@@ -132,7 +132,9 @@ def advance_window(state: WindowState, sample: Floats) -> WindowState:
     return WindowState(z, seen, centre, suffix, prefix, products, moments)
 
 
-def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
+def compute_window_statistics_for_gate(
+    state: WindowState, noise: Floats | None = None
+) -> WindowStatistics:
     """Statistics of the current window for the gate, (1,) each.
 
     `noise` is as for `ls.window_statistics`.
@@ -141,7 +143,7 @@ def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> 
     rho, spread = np.empty(1), np.empty(1)
     fill_correlation_and_relative_variance(state.moments, state.centre, window, rho, spread)
     return WindowStatistics(
-        rho, spread, *compute_gate_statistics_from_products(state.products, window, noise)
+        rho, spread, *compute_fit_statistics_of_windows(state.products, window, noise)
     )
 
 

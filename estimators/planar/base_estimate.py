@@ -81,7 +81,7 @@ class BaseEstimate:
     residual_rms: Floats
 
     @property
-    def std(self) -> Floats:
+    def parameter_stds(self) -> Floats:
         """(p,) standard deviations, NaN where the motion does not determine a parameter."""
         return np.sqrt(np.diagonal(self.covariance))
 

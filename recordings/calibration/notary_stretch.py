@@ -91,12 +91,12 @@ def iter_faults_of_notary_list_range(
         if number not in listed:
             what = f"number {number} is missing, although the campaign names it"
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    for what in iter_unaccounted_logs(list_range, document.logs, checked_list.log_entries):
+    for what in iter_unaccounted_log_sentences(list_range, document.logs, checked_list.log_entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
     yield from iter_contradictions_to_notary_list(document, list_range, checked_list.log_entries)
 
 
-def iter_unaccounted_logs(
+def iter_unaccounted_log_sentences(
     list_range: NotaryStretch, logs: Sequence[EvidenceLog], list_entries: Sequence[NotaryEntry]
 ) -> Iterator[str]:
     """Yield logs that are neither used nor left out, and used logs without a line."""

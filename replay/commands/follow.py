@@ -148,7 +148,7 @@ def command(
             interrupts=interrupts,
         )
         if not following.lost:
-            printer.print_last_replay(
+            printer.wait_for_last_replay_and_print_it(
                 following, lambda: must_following_end_quickly(following, interrupts)
             )
         replays.kill_replay_process()

@@ -77,7 +77,7 @@ class PlanWithOtherSettings:
         return self.last.fleet
 
     @property
-    def task_limits(self) -> TaskLimits:
+    def time_and_memory_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         return self.last.limits
 

@@ -255,7 +255,7 @@ class Log(ABC):
         """Notes on assumptions about the log's format."""
         return ()
 
-    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:  # noqa: B027 most have no use for it
+    def announce_fields_to_read(self, fields: Mapping[str, Sequence[str]]) -> None:  # noqa: B027 most have no use for it
         """Announce the fields that will be read next, by topic.
 
         A log that must scan all messages for their times reads them in the same pass.

@@ -148,7 +148,7 @@ class TableLog(Log):
             )
         return found
 
-    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
+    def announce_fields_to_read(self, fields: Mapping[str, Sequence[str]]) -> None:
         """Announce fields that are read together with the times."""
         inside = {name for topic in self._parts for name in self._list_fields_of_topic(topic)}
         asked = dict.fromkeys(name for names in fields.values() for name in names)

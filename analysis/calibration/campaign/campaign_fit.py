@@ -69,7 +69,7 @@ class CampaignFit:
     limits: ErrorLimits | None
 
     @property
-    def frame(self) -> pl.DataFrame:
+    def point_frame(self) -> pl.DataFrame:
         """The points as a frame."""
         return pl.DataFrame([asdict(point) for point in self.points], schema=POINTS, orient="row")
 

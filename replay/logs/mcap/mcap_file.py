@@ -93,7 +93,7 @@ class McapWalk:
             if end > file.size and (block is not None or self.data_ended):
                 break
             if end == at or end > file.size:
-                end = find_records_after_damage(file, at, self.store.grammar.find)
+                end = find_records_after_damage(file, at, self.store.record_grammar.find)
                 if end is None:
                     break
                 self.store.damage.note_unreadable_bytes(at, end)
@@ -150,7 +150,7 @@ class McapFile(BlockFile):
         )
 
     @staticmethod
-    def _grammar() -> RecordGrammar:
+    def _record_grammar() -> RecordGrammar:
         from replay.logs.mcap.mcap_grammar import GRAMMAR
 
         return GRAMMAR

@@ -11,7 +11,7 @@ import polars as pl
 from estimators.arrays import Floats
 from replay.logs.tables.dates import (
     convert_calendar_columns_to_ns,
-    convert_clock_times_to_log_times,
+    convert_clock_times_and_list_notes,
     convert_second_fractions_to_ns,
     find_calendar_columns,
     find_second_fraction_column,
@@ -157,14 +157,14 @@ class TableTimes:
             if zone is None:
                 zone = find_zone_offset_s(self.date)
             return RowTimes(
-                *convert_clock_times_to_log_times(cells[self.date], text, self.day_first, zone)
+                *convert_clock_times_and_list_notes(cells[self.date], text, self.day_first, zone)
             )
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
             if words and sum(map(has_time_of_day, words)) * 2 > len(words):
                 return RowTimes(
-                    *convert_clock_times_to_log_times(
+                    *convert_clock_times_and_list_notes(
                         None, text, self.day_first, find_zone_offset_s(self.time)
                     )
                 )
@@ -179,7 +179,7 @@ class TableTimes:
         if self.fraction is not None:
             # what has a fraction beside it counts seconds
             return RowTimes(convert_times_to_ns(text, "s"))
-        return RowTimes(*convert_unitless_times(text))
+        return RowTimes(*convert_unitless_times_and_list_notes(text))
 
 
 def find_time_columns_and_their_fields(
@@ -325,7 +325,7 @@ def find_date_column(
     return dates[0] if dates else None
 
 
-def convert_unitless_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
+def convert_unitless_times_and_list_notes(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     """Log times of numbers without a unit.
 
     Args:

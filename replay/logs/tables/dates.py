@@ -109,7 +109,7 @@ def find_datetime_pattern(text: str) -> str | None:
     return None
 
 
-def convert_clock_times_to_log_times(
+def convert_clock_times_and_list_notes(
     dates: pl.Series | None,
     times: pl.Series,
     is_day_first: bool | None,
@@ -138,7 +138,7 @@ def convert_clock_times_to_log_times(
     first = str(present[0])
     pattern = find_datetime_pattern(first)
     if pattern is None:
-        return parse_times_of_day(text, first)
+        return parse_times_of_day_and_list_notes(text, first)
     part = extract_named_groups(text, pattern)
     notes: list[str] = []
     day = count_days_since_1970(part, is_day_first, notes)
@@ -272,7 +272,9 @@ def decide_which_number_is_day(
     )
 
 
-def parse_times_of_day(text: pl.Series, first_clock_time: str) -> tuple[pl.Series, tuple[str, ...]]:
+def parse_times_of_day_and_list_notes(
+    text: pl.Series, first_clock_time: str
+) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which continue over midnight."""
     if re.fullmatch(_SINCE, first_clock_time):
         part = extract_named_groups(text, f"^{_SINCE}$")
