@@ -221,7 +221,7 @@ def integrate_grade_columns(position_1: Floats, heading: Floats) -> Floats:
 def estimate_gain_change_by_pitch(
     motion: MotionSamples, loads: RelativeLoads
 ) -> tuple[float, float] | None:
-    """Change of gain with the load from the measured pitch, and its variance.
+    """Change of the acceleration's gain for the reference load, by the pitch, and its variance.
 
     Returns:
         None if undetermined.

@@ -170,7 +170,7 @@ def estimate_wheel_kinematics(
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, or take the comparison from a calibration.
 
-    Springs are those of an earlier comparison: the body is the same.
+    The body swings on the springs of an earlier comparison, if there is one: it is the same body.
     """
     springs = None if earlier_kinematics is None else earlier_kinematics.springs
     found = compare_wheels_with_accelerometer(motion, noise, priors, springs=springs)

@@ -239,7 +239,8 @@ def solve_with_priors_iteratively(
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, with S the covariance of b - G θ.
 
     S is σ² AᵀA, with the residuals' long-run variance, plus the uncertainty of the noise
-    correction; without the latter, repeated samples would outvote the priors with that error.
+    correction. All samples have the error of that correction in common: without its uncertainty,
+    many of them would outweigh the priors, however wrong the correction is.
 
     Args:
         A: (n, p) columns.
