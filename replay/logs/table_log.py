@@ -110,7 +110,7 @@ class TableLog(Log):
             return columns
         path = self.path
         if self._suffix == "xlsx":
-            from replay.logs.tables.excel import write_sheet_as_csv
+            from replay.logs.tables.text import write_sheet_as_csv
 
             path = write_sheet_as_csv(path, self._hints.sheet, copies)
         columns = CsvColumns(path, self._hints)
