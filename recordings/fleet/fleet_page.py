@@ -208,12 +208,8 @@ def _make_machine_row(
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
-        flagged = chart is not None and chart.chart.flagged is not None
-        cells.append(
-            format_sortable_cell(
-                chart.flagged_change if chart is not None and flagged else None, "+,.1f"
-            )
-        )
+        change = None if chart is None or chart.chart.flagged is None else chart.flagged_change
+        cells.append(format_sortable_cell(change, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
     cells.append(format_sortable_cell(looks, ",.0f"))
     return {"name": name, "cells": cells}
