@@ -19,7 +19,7 @@ import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.fitted_stretches import find_stretch_spans
-from analysis.weighing.hauls import Route
+from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import (
     Floats,
     MotionSamples,

@@ -10,7 +10,7 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import count_samples_since_start, mark_stretch_ends
 from analysis.weighing.force_hysteresis import Play, trace_direction_of_force_change
-from analysis.weighing.hauls import Route
+from analysis.weighing.haul_route import Route
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.motion_samples import (

@@ -12,7 +12,7 @@ from analysis.weighing.fit_columns import (
     RelativeLoads,
     average_fit_columns,
 )
-from analysis.weighing.hauls import Route
+from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (
     JointFit,
     PriorMeans,

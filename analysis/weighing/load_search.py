@@ -8,7 +8,7 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fit_columns import choose_stride_of_fitted_means
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.hauls import propose_hauling_partitions
+from analysis.weighing.haul_route import propose_hauling_partitions
 from analysis.weighing.joint_fit import (
     JointFitInputs,
     fit_jointly,

@@ -6,7 +6,7 @@ import pytest
 from analysis.model.settings import Settings
 from analysis.weighing.body_squat import LoadSquat, estimate_load_squat
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.hauls import Route
+from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing.hauls import Route
+from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import MotionSamples
 
 HAUL_M = 40.0

@@ -1,4 +1,4 @@
-"""Hauls: the route between loading and dumping, and the loads that the driving pattern suggests.
+"""Routes of hauls: where loads are put on and dumped, and the loads that driving suggests.
 
 A haul and the way back lead over the same ground, at other speeds: counted from the dump, what the
 ground does at a place is the same with the load and without.
