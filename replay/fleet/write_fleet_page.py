@@ -10,10 +10,10 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_daily_friction_trend
-from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
     UNDATED,
+    rank_recordings_by_concern,
     sum_daily_results_over_machines,
     sum_tonnes_by_group,
     sum_weekly_tonnes,

@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from analysis.fleet.attention import rank_recordings_by_concern
+from analysis.fleet.daily_figures import rank_recordings_by_concern
 from analysis.fleet.fleet_tables import TABLES
 from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
