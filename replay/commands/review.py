@@ -148,9 +148,10 @@ def command(
     from replay.review.give_verdicts import (
         GivenVerdicts,
         is_review_folder,
+        parse_label_channel,
+        read_label_spans,
         recount_review_with_verdicts,
     )
-    from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review_shift
 
     if week:
