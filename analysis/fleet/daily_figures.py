@@ -1,4 +1,4 @@
-"""Figures of a fleet: by machine and day, tonnes per week, and the recordings that need attention."""
+"""Figures of a fleet by machine and day, tonnes per week, and recordings that need attention."""
 
 from collections.abc import Mapping
 from typing import Final

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-_READER: Final = Path(__file__).with_name("parquet_process.py")
+_TABLE_READER: Final = Path(__file__).with_name("parquet_process.py")
 #: Arrow's name of the type that `encode_table_as_parquet` gives a column; Arrow itself is imported
 #: by the reader's process alone.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {
@@ -44,7 +44,7 @@ _ARROW: Final[Mapping[type[pl.DataType], str]] = {
 
 Schema = Mapping[str, type[pl.DataType]]
 #: What is started for them.
-_READER: Final = "recordings.calibration.digest_process"
+_FILE_READER: Final = "recordings.calibration.digest_process"
 _DAMAGED: Final = "is so damaged that it crashes the reader"
 #: Bullets of a list are drawn at the end of their page.
 _BULLET: Final = "•"
@@ -119,7 +119,7 @@ def run_table_reader_process(request_json: str, tables_bytes: bytes) -> bytes | 
     """Run the reader's process; its JSON output, or None if it crashed."""
     # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
-        [sys.executable, "-I", str(_READER), request_json],
+        [sys.executable, "-I", str(_TABLE_READER), request_json],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -245,7 +245,7 @@ def run_reader_process(file_type: str, copied_files: Sequence[Path]) -> list[dic
     if not copied_files:
         return []
     child = subprocess.Popen(
-        [sys.executable, "-P", "-m", _READER, file_type, *map(str, copied_files)],
+        [sys.executable, "-P", "-m", _FILE_READER, file_type, *map(str, copied_files)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

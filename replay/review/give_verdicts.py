@@ -1,6 +1,7 @@
 """Verdicts and labels of a review, which is recounted with them and without its logs.
 
-A reviewer gives them on the command line; text topics of the logs say who drove and what was loaded.
+A reviewer gives them on the command line; text topics of the logs say who drove and what was
+loaded.
 """
 
 import datetime as dt
