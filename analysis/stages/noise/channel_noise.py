@@ -29,13 +29,15 @@ from analysis.stages.noise.grid_noise import (
     list_column_responses,
     simulate_noise_covariances_on_grid,
 )
-from analysis.stages.noise.noise_bounds import RESIDUALS, SPREAD, clip_covariances
 from analysis.stages.noise.noise_limits import LIMITS
 from analysis.stages.noise.noise_spectra import (
     LAGS,
+    RESIDUALS,
+    SPREAD,
     average_over_neighbouring_frequencies,
     choose_overlapping_block_ends,
     choose_relative_noise_band,
+    clip_covariances,
     compute_cross_spectra,
     compute_mean_block_spectrum,
     convert_spectra_to_covariances,
