@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from analysis.fleet.results_comparison import FleetComparison
     from replay.fleet.compare_results import DayRange
     from replay.fleet.gathered_tables import FleetResults
+    from replay.fleet.ray_engine import TaskEngine
     from replay.fleet.run_fleet import FleetRun
-    from replay.fleet.task_engine import TaskEngine
 
 app = typer.Typer(
     help="Replay a fleet's recordings on an engine; query, report and compare the results.",

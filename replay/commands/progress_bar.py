@@ -18,8 +18,8 @@ from replay.commands.screen_limits import LIMITS
 
 if TYPE_CHECKING:
     from replay.fleet.log_sources import FleetLog
+    from replay.fleet.ray_engine import TaskEngine
     from replay.fleet.recording_task import TaskOutcome
-    from replay.fleet.task_engine import TaskEngine
 
 
 #: Compiling is worth a line when it has taken this long.

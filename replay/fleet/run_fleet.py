@@ -15,9 +15,9 @@ from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun,
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, choose_setup_valid_on_day
 from replay.fleet.object_store import S3, ObjectStore
+from replay.fleet.ray_engine import LostTask, TaskEngine, TaskWork
 from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_and_store_result
 from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
-from replay.fleet.task_engine import LostTask, TaskEngine, TaskWork
 from replay.inputs.channel_inputs import collect_versions_of_packages
 
 

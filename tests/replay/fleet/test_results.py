@@ -15,7 +15,7 @@ from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
 from replay.fleet.gathered_tables import open_results_of_fleet
 from replay.fleet.object_store import ObjectStore
-from replay.fleet.task_engine import LostTask
+from replay.fleet.ray_engine import LostTask
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
