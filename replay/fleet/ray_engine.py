@@ -1,4 +1,4 @@
-"""Interface of a fleet's engine, which runs one function over many tasks anywhere, and the one on Ray.
+"""Engine of a fleet: runs one function over many tasks anywhere; its interface, and that on Ray.
 
 An engine places tasks on nodes by the memory that each declares, gives each one thread, restarts
 tasks of a lost node or worker, and reports the tasks that it gave up, with the reason. That on Ray
