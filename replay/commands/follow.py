@@ -135,7 +135,9 @@ def command(
             digests.add_followed_rows(rows)
             printer.print_row_reports(following, rows)
             if change.has_file_changed():
-                print_message(f"{machine}: has changed; what follow began with stays in use")
+                print_message(
+                    f"{machine}: has changed; `follow` keeps the machine file that it began with"
+                )
 
         following = follow_logs(
             logs,

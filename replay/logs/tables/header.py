@@ -293,8 +293,8 @@ def find_labelled_header_rows(
 ) -> HeaderRows | None:
     """Rows of names and units that begin with a label: "SIGNAL", "TIME", "CH1".
 
-    There is no column below the labels: data rows have a blank there, or a cell less. In the latter
-    case one label must mention units, unlike the header of a table that lacks cells.
+    There is no column below the labels: data rows have a blank there, or a cell less. With a
+    cell less one label must mention units, unlike the header of a table that lacks cells.
     """
     rows = [
         TextRow(row.line, row.after, ("",) * is_blank_first + row.cells[1:])
