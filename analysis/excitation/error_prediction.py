@@ -81,7 +81,7 @@ class Filters:
     rate_hz: float
 
     @property
-    def margin_samples(self) -> int:
+    def samples_beyond_window(self) -> int:
         """Samples that the filters need before and after a window, together."""
         return self.samples + 1
 
@@ -170,7 +170,7 @@ class ErrorPrediction:
         """Root mean square error: standard deviation and bias."""
         return float(np.hypot(self.error_std, self.bias))
 
-    def allowed_force_noise_std(self, error: float) -> float | None:
+    def allowed_force_noise_std_newtons(self, error: float) -> float | None:
         """Force noise in N at which the r.m.s. error is `error`; None if there is none."""
         left = error**2 - self.bias**2 - self.variance_rest
         return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None

@@ -322,7 +322,7 @@ def score_waveform(
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = compute_sensor_noise(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
-    samples = round(window_s * rate_hz) + filters.margin_samples
+    samples = round(window_s * rate_hz) + filters.samples_beyond_window
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
@@ -351,7 +351,7 @@ def score_waveform(
     noisy = float(noise.torque_z_N_m if motion_kind == "spin" else noise.force_x_N)
     varies = float(applied[repeats].std())
     allowed = [
-        predictions[name].allowed_force_noise_std(accuracy * predictions[name].value)
+        predictions[name].allowed_force_noise_std_newtons(accuracy * predictions[name].value)
         for name in asked
     ]
     known = [each for each in allowed if each is not None]

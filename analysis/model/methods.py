@@ -170,10 +170,17 @@ def _index_methods_by_name(*rows: Method) -> Mapping[str, Method]:
 _WINDOWED: Final = (FeedKind.WINDOWS, LogSummary.MEAN)
 _RECURSIVE: Final = (FeedKind.SETTLED, LogSummary.LAST)
 METHODS: Final = _index_methods_by_name(
-    Method("ls", "LS", *_WINDOWED, "incremental.ls", _make_ls_options),
-    Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _make_rls_options),
-    Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _make_fgls_options),
-    Method("tls", "TLS", *_WINDOWED, "incremental.tls", _make_tls_options, takes_noise_off=True),
+    Method("ls", "LS", *_WINDOWED, "incremental.estimate_by_ls", _make_ls_options),
+    Method("rls", "RLS", *_RECURSIVE, "incremental.estimate_by_rls", _make_rls_options),
+    Method("fgls", "FGLS", *_WINDOWED, "incremental.estimate_by_fgls", _make_fgls_options),
+    Method(
+        "tls",
+        "TLS",
+        *_WINDOWED,
+        "incremental.estimate_by_tls",
+        _make_tls_options,
+        takes_noise_off=True,
+    ),
     Method(
         "pooled",
         "pooled LS",
@@ -183,12 +190,18 @@ METHODS: Final = _index_methods_by_name(
         _make_pooled_options,
         takes_noise_off=True,
     ),
-    Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _make_huber_options),
+    Method(
+        "huber",
+        "Huber's regression",
+        *_WINDOWED,
+        "incremental.estimate_by_huber",
+        _make_huber_options,
+    ),
     Method(
         "rtls",
         "recursive TLS",
         *_RECURSIVE,
-        "incremental.rtls",
+        "incremental.estimate_by_rtls",
         _make_rtls_options,
         takes_noise_off=True,
     ),

@@ -361,7 +361,7 @@ def make_single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
 
 def _is_partition_credible(posterior: Partitions, repeatability_kg: float | None) -> bool:
     """Whether to accept the most probable partition rather than a single state."""
-    few = posterior.best.dof < LIMITS.scatter_min_freedom
+    few = posterior.best.degrees_of_freedom < LIMITS.scatter_min_freedom
     doubted = posterior.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
 
@@ -381,7 +381,7 @@ def estimate_scatter_dof_and_birge_ratio(
     mass_kg: Floats, variance: Floats, partition: Partition
 ) -> tuple[float, float, float]:
     """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""
-    freedom, state = partition.dof, partition.level[partition.state]
+    freedom, state = partition.degrees_of_freedom, partition.level[partition.state]
     if freedom < 1:
         return 0.0, 0.0, float("nan")
 

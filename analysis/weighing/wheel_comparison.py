@@ -85,7 +85,7 @@ def compare_wheels_with_accelerometer(
     )
     if still is None:
         return None
-    swing = swing if level is None else swing.with_squat_by_gravity(still.squat[0])
+    swing = swing if level is None else swing.with_swing_of_gravity_squat(still.squat[0])
     return replace(still, swing=swing, springs=springs)
 
 

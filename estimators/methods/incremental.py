@@ -147,26 +147,26 @@ def compute_window_statistics_for_gate(
     )
 
 
-def ls(state: WindowState, mean_samples: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
+def estimate_by_ls(state: WindowState, mean_samples: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the current window."""
     A, f, end = unroll_window_to_samples(state)
     theta, _ = solve_windows_by_normal_equations(A, f, f.size, end, state.products)
     return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
-def fgls(state: WindowState, mean_samples: int, options: FglsOptions) -> Estimate:
+def estimate_by_fgls(state: WindowState, mean_samples: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the current window: O(window)."""
     A, f, end = unroll_window_to_samples(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
     return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
-def tls(state: WindowState, mean_samples: int, options: TlsOptions) -> Estimate:
+def estimate_by_tls(state: WindowState, mean_samples: int, options: TlsOptions) -> Estimate:
     """Total least squares of the current window."""
     return make_window_estimate(state, *solve_scaled_tls(state.products, options), mean_samples)
 
 
-def huber(state: WindowState, mean_samples: int, options: HuberOptions) -> Estimate:
+def estimate_by_huber(state: WindowState, mean_samples: int, options: HuberOptions) -> Estimate:
     """Huber regression of the current window: at most a hundred steps of O(window)."""
     A, f, end = unroll_window_to_samples(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
@@ -251,7 +251,7 @@ def make_recursive_estimate(
     return Estimate(theta, std, float(np.sqrt(rss / past.weight)), condition)
 
 
-def rls(
+def estimate_by_rls(
     state: WindowState,
     past: WindowHistory | RlsState | None,
     new_samples: int,
@@ -336,7 +336,7 @@ def _step_directional_rls(
     return past, Estimate(past.theta, std, rms, compute_scaled_condition(R))
 
 
-def rtls(
+def estimate_by_rtls(
     state: WindowState,
     past: WindowHistory | None,
     new_samples: int,

@@ -132,7 +132,7 @@ class ReviewState(BaseModel):
         return tuple(each for each in self.failed if each.consequence == "withhold")
 
     @property
-    def remarks(self) -> tuple[FailedCheck, ...]:
+    def failed_checks_that_withhold_nothing(self) -> tuple[FailedCheck, ...]:
         """Failed checks that withhold no mass."""
         return tuple(each for each in self.failed if each.consequence != "withhold")
 

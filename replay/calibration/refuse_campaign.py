@@ -104,7 +104,7 @@ def load_range_of_notary_list(campaign_path: Path, campaign: CalibrationCampaign
         if each.forged
         or (
             stretch.first <= each.counter <= stretch.last
-            and each.counter not in stretch.omission_reasons_by_log
+            and each.counter not in stretch.omission_reason_by_log_number
         )
     ]
     if faults:

@@ -323,7 +323,10 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         print_line(console, review.calibration.description)
     if failed := [check.check for check in state.mass_withholding_checks]:
         print_line(console, f"checks that failed: {', '.join(failed)}")
-    if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:
+    if remarks := [
+        f"{each.check} ({REMARKED[each.consequence]})"
+        for each in state.failed_checks_that_withhold_nothing
+    ]:
         print_line(console, f"checks with a remark: {', '.join(remarks)}")
     for loss in list_losses_besides_torn_ends(state):
         print_line(console, f"lost: {loss}")

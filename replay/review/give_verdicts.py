@@ -86,11 +86,11 @@ class GivenVerdicts:
     def __bool__(self) -> bool:
         """Whether there is any verdict."""
         return bool(
-            self.named_cycles_and_rejection or self.note or self._given_labels or self.spans
+            self.rejection_of_each_named_cycle or self.note or self._given_labels or self.spans
         )
 
     @property
-    def named_cycles_and_rejection(self) -> list[tuple[str, bool | None]]:
+    def rejection_of_each_named_cycle(self) -> list[tuple[str, bool | None]]:
         """Named cycles, and whether each is rejected; None leaves it unchanged."""
         return [
             *((each, True) for each in self.reject),
@@ -108,11 +108,13 @@ class GivenVerdicts:
         Raises:
             ReviewError: the verdicts are incomplete; one line.
         """
-        if self.named_cycles_and_rejection and not self.author.strip():
+        if self.rejection_of_each_named_cycle and not self.author.strip():
             raise ReviewError("a verdict on a cycle needs an author; add --author NAME")
-        if self.note and not self.named_cycles_and_rejection:
+        if self.note and not self.rejection_of_each_named_cycle:
             raise ReviewError("a note needs a cycle; add --reject, --accept or --cycle WHEN")
-        if (self.begin or self.end) and (self.named_cycles_and_rejection or not self._given_labels):
+        if (self.begin or self.end) and (
+            self.rejection_of_each_named_cycle or not self._given_labels
+        ):
             raise ReviewError(
                 "--from and --to limit labels; add --product, --operator, --truck, --customer or "
                 "--stockpile, and name no cycle"
@@ -178,7 +180,7 @@ class GivenVerdicts:
                     f"{self.end or 'the end'} of the shift"
                 )
             return [said]
-        if not self.named_cycles_and_rejection:
+        if not self.rejection_of_each_named_cycle:
             # labels of a part of the shift may say otherwise: the later one counts
             in_parts = any(each.begin or each.end for each in earlier_verdicts.shift)
             said = {
@@ -189,7 +191,7 @@ class GivenVerdicts:
             return [ShiftVerdict.model_validate(said | signed)] if said else []
         standing = assign_verdicts_to_rows(earlier_verdicts, ledger_rows["id"], review_folder)
         found: dict[int, CycleVerdict] = {}
-        for when, reject in self.named_cycles_and_rejection:
+        for when, reject in self.rejection_of_each_named_cycle:
             row = find_ledger_row_of_cycle(when, ledger_rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)

@@ -154,7 +154,7 @@ class NotaryStretch(BaseModel):
     )
 
     @property
-    def omission_reasons_by_log(self) -> dict[int, str]:
+    def omission_reason_by_log_number(self) -> dict[int, str]:
         """Reason of each log that is left out, by its number."""
         return {each.number: each.reason for each in self.left_out}
 
