@@ -327,8 +327,8 @@ CHECKS: Final = (
         "empty_mass",
         "mass",
         empty_mass_difference_over_uncertainty,
-        "difference of the lightest load from the machine's empty mass, in standard uncertainties "
-        "including the scale's; none where a payload may explain it",
+        "lightest load from the machine's empty mass, likewise; where it may be a payload, "
+        "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
         subject_text=_describe_ratio_to_empty_mass,

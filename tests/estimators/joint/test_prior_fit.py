@@ -66,7 +66,7 @@ class TestWhatItSays:
         theta, squares, *_ = np.linalg.lstsq(A, f, rcond=None)
         np.testing.assert_allclose(flat.theta, theta, rtol=1e-9)
         textbook = np.sqrt(np.diag(np.linalg.inv(A.T @ A)) * squares[0] / (len(A) - 4))
-        np.testing.assert_allclose(flat.std, textbook, rtol=0.15)
+        np.testing.assert_allclose(flat.parameter_stds, textbook, rtol=0.15)
         np.testing.assert_allclose(flat.residual, f - A @ theta, atol=1e-6)
         assert flat.noise_share == 0.0
         assert not flat.responses.any()
@@ -124,7 +124,7 @@ class TestWhatItSays:
         whole = fit(A, out, fewer, None, *prior(FREE, FREE, *WIDTHS))
         part = fit(A[kept], f[kept], GROUP[kept], None, *prior(FREE, FREE, *WIDTHS))
         np.testing.assert_allclose(whole.theta, part.theta, rtol=1e-9)
-        np.testing.assert_allclose(whole.std, part.std, rtol=1e-9)
+        np.testing.assert_allclose(whole.parameter_stds, part.parameter_stds, rtol=1e-9)
         assert not whole.residual[~kept].any()
 
     def test_too_few_samples_give_nothing(self):
@@ -197,7 +197,7 @@ class TestErrorsInVariables:
         more = fit(A, f, GROUP, white_noise(A, self.STD * np.sqrt(1.25)), *flat)
         assert abs(taken.doubt[0]) > abs(more.theta[0] - taken.theta[0])
         assert 0.0 < taken.noise_share < 0.5
-        assert abs(taken.theta[0] - theta[0]) < 3.0 * taken.std[0]
+        assert abs(taken.theta[0] - theta[0]) < 3.0 * taken.parameter_stds[0]
 
     @pytest.mark.parametrize("starts", [6, 60])
     def test_more_of_the_same_does_not_outvote_a_prior_by_the_error_of_the_correction(self, starts):

@@ -118,7 +118,7 @@ def test_intervals_cover_with_a_term_of_which_only_the_size_is_known(trials, lea
         found = fit(A, f, names, prior=Prior.make_zero_mean({"coulomb_z_N_m": 200.0}, 2))
         covered.append(np.abs(found.theta[:6] - LOADER) < 1.96 * found.parameter_stds[:6])
         without = fit(plain, f, planar_rows.PARAMETERS)
-        left_out.append(np.abs(without.theta - LOADER) < 1.96 * without.std)
+        left_out.append(np.abs(without.theta - LOADER) < 1.96 * without.parameter_stds)
     assert (np.mean(covered, axis=0) > least).all()
     assert np.mean(left_out, axis=0)[AT["friction_z_N_m_s"]] < 0.5
 
