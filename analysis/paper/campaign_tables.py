@@ -14,7 +14,7 @@ from analysis.paper.replayed_campaign import (
     ERRORS,
     ReplayedCampaign,
     compute_calibrated_mass_errors,
-    compute_trial_bound_kg,
+    compute_cramer_rao_bound_of_trial_kg,
     rerun_gate_and_estimates,
 )
 from analysis.paper.simulated_sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
@@ -146,7 +146,8 @@ def compute_errors_by_setting(
         )
         frames.append(
             compute_calibrated_mass_errors(again).with_columns(
-                pl.lit(float(value)).alias(setting), bound_kg=pl.lit(compute_trial_bound_kg(again))
+                pl.lit(float(value)).alias(setting),
+                bound_kg=pl.lit(compute_cramer_rao_bound_of_trial_kg(again)),
             )
         )
     return pl.concat(frames)
