@@ -8,8 +8,8 @@ from typing import Any
 from analysis.fleet.fleet_tables import TABLES
 from analysis.simulation import Scenario
 from replay.fleet.gathered_tables import FleetResults
+from replay.fleet.ray_engine import Result, Task, TaskWork
 from replay.fleet.results_layout import MARK
-from replay.fleet.task_engine import Result, Task, TaskWork
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 FLEET = """

@@ -94,7 +94,9 @@ def cruise(seeds: int) -> tuple[Found, Found]:
         chosen = gate_windows(frame, MACHINE.settings)["accepted_x"].to_numpy()
         for option in OPTIONS:
             for values, used in ((ungated, complete), (gated, chosen)):
-                traced = rls.trace(A, f, window, used & driven, rls.RlsOptions(*option))
+                traced = rls.estimate_along_log(
+                    A, f, window, used & driven, rls.RlsOptions(*option)
+                )
                 values[option].append(traced.theta[-1, 0] - 3614.0)
     return ungated, gated
 

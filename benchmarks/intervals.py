@@ -66,7 +66,7 @@ def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
     gated = gate_windows(frame, settings)
     ids = number_manoeuvres_for_pooling(frame, gated, settings)
     A, f = make_straight_regressor_and_force(frame, settings)
-    segments = pooled.trace(A, f, ids)
+    segments = pooled.estimate_along_log(A, f, ids)
     mass = segments.theta[:, 0]
     textbook, newey_west = of_others(A, f, ids)
     estimates = trace_estimates(frame, gated, settings)

@@ -117,7 +117,7 @@ OWNERS = {
 CRUMB_LINES = 60
 #: What is left of crumbs, of files with one importer and of long files: there may only be fewer.
 MORE_CRUMBS = 0
-MORE_SINGLE = 99
+MORE_SINGLE = 89
 MORE_LONG = 3
 #: Lines above which a file is long.
 LONG_LINES = 400

@@ -101,7 +101,7 @@ def find_boom_dumps(
     inside_ns = t_ns[whole & ~out]
     spans = [
         trim_span_to_standstills(span, t_ns[stands], reach[stands])
-        for span in join_dumping_spans(t_ns[out & slow], inside_ns)
+        for span in group_boom_out_times_into_dumps(t_ns[out & slow], inside_ns)
     ]
     spans = drop_truncated_dump(spans, inside_ns, int(t_ns[-1]))
     if (
@@ -166,7 +166,7 @@ def find_emptying_time_ns(reach_rad: Floats, t_ns: Ints, span: Span) -> int:
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
-def join_dumping_spans(boom_out_ns: Ints, boom_in_ns: Ints) -> list[Span]:
+def group_boom_out_times_into_dumps(boom_out_ns: Ints, boom_in_ns: Ints) -> list[Span]:
     """Spans of dumping samples, joined over moments in which the bucket is shaken.
 
     If the boom does not return in between, it is driven to the dump or away from it.

@@ -1,8 +1,8 @@
 """Frame `cycles`: a row per load that was dug, hauled and dumped, with its mass.
 
-The payload is the dumped mass: that of the loaded pass less that of the empty machine. Both
-neighbouring empty passes measure the latter: the one after it directly, the one before it as far as
-the carry-back is the same. Their weights minimise the variance; without carry-back they are equal.
+The payload is the dumped mass: that of the loaded pass less that of the empty machine, which the
+empty pass after it measures directly, and the one before it as far as the carry-back is the same.
+The weights of both minimise the variance; without carry-back they are equal.
 
 If the machine file states the mass of the empty machine with its uncertainty, the empty passes
 determine the scale of the payloads.

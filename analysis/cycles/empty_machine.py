@@ -60,8 +60,8 @@ class ShiftScale(NamedTuple):
     Attributes:
         told_by: name of the source; empty if there is none.
         unknown: scale sources without a stated uncertainty, separated by commas.
-        gain_1: empty mass in the log over that of the machine file, if the latter has an
-            uncertainty.
+        gain_1: empty mass in the log over that of the machine file, if the machine file states
+            its uncertainty.
         gain_u_1: its standard uncertainty.
     """
 

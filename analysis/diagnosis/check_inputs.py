@@ -68,7 +68,7 @@ class EmptyMassDifference:
     machine: Machine
 
     @property
-    def difference_over_u(self) -> float:
+    def difference_over_uncertainty(self) -> float:
         """The difference in standard uncertainties; negative if the log's mass is smaller."""
         return (self.mass_kg - self.empty_kg) / self.u_kg
 
@@ -81,9 +81,9 @@ class EmptyMassDifference:
     def can_test_scale(self) -> bool:
         """Whether no payload can explain the difference, so that it tests the scale."""
         return (
-            self.difference_over_u < 0.0
+            self.difference_over_uncertainty < 0.0
             or self.empty_known
-            or self.difference_over_u > LIMITS.payload_u
+            or self.difference_over_uncertainty > LIMITS.payload_u
         )
 
     @property
@@ -94,7 +94,9 @@ class EmptyMassDifference:
             if self.scale_known
             else ", with 10 % for the scale, whose uncertainty the machine file does not state"
         )
-        payload = "" if self.difference_over_u < 0.0 or self.empty_known else "a payload, or "
+        payload = (
+            "" if self.difference_over_uncertainty < 0.0 or self.empty_known else "a payload, or "
+        )
         return (
             f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.mass_ratio:.3g} times the "
             f"{self.empty_kg:,.0f} kg of the empty machine: {payload}"
@@ -142,12 +144,12 @@ class AxisMotion:
     speeding: Bools
 
     @cached_property
-    def fit(self) -> fit_quality.UngatedFit:
+    def ungated_fit(self) -> fit_quality.UngatedFit:
         """Fit of the axis' model to every moving sample."""
         return fit_quality.fit_ungated(self.A, self.f, self.moving)
 
     @property
-    def speed(self) -> Floats:
+    def speed_or_yaw_rate(self) -> Floats:
         """Speed (n,) in m/s, or yaw rate in rad/s for a spin."""
         return self.A[:, 1]
 

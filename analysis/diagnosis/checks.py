@@ -98,12 +98,12 @@ def driving_force_correlation(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> float:
-    fit = motion.fit
+    fit = motion.ungated_fit
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
 def _explained_force_variance_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
-    return motion.fit.r_squared
+    return motion.ungated_fit.r_squared
 
 
 def _opposing_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
@@ -133,7 +133,9 @@ def _opposing_torque_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
 
 def _driving_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of accelerating samples whose force acts along the motion."""
-    return fit_quality.force_fraction_along_motion(motion.speed, motion.f, motion.speeding)
+    return fit_quality.force_fraction_along_motion(
+        motion.speed_or_yaw_rate, motion.f, motion.speeding
+    )
 
 
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
@@ -169,37 +171,43 @@ def _count_accepted_stretches(inputs: CheckInputs, _motion: AxisMotion) -> float
 
 def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
     empty_kg = inputs.machine.machine.empty_mass_kg
-    return motion.fit.value / empty_kg if empty_kg else np.nan
+    return motion.ungated_fit.value / empty_kg if empty_kg else np.nan
 
 
-def _empty_mass_shortfall_over_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def _empty_mass_shortfall_over_uncertainty(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """How far the lightest load is below the empty mass, in u."""
     found = inputs.empty_mass_difference
-    return np.nan if found is None else -found.difference_over_u
+    return np.nan if found is None else -found.difference_over_uncertainty
 
 
-def empty_mass_difference_over_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def empty_mass_difference_over_uncertainty(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Distance from the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass_difference
     if found is None or not found.can_test_scale:
         return np.nan
     # what is so far below that it is withheld is said once
-    withheld = -found.difference_over_u > inputs.machine.settings.verdict.negative_payload_max_u
-    return np.nan if withheld else abs(found.difference_over_u)
+    withheld = (
+        -found.difference_over_uncertainty > inputs.machine.settings.verdict.negative_payload_max_u
+    )
+    return np.nan if withheld else abs(found.difference_over_uncertainty)
 
 
 def _describe_ratio_to_empty_mass(inputs: CheckInputs, _motion: AxisMotion) -> str:
     """Text on the ratio to the empty mass, if it is beyond its limit."""
     found = inputs.empty_mass_difference
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
-    far = found is not None and found.can_test_scale and abs(found.difference_over_u) > limit_u
+    far = (
+        found is not None
+        and found.can_test_scale
+        and abs(found.difference_over_uncertainty) > limit_u
+    )
     return found.difference_and_causes_text if found is not None and far else ""
 
 
 def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
     x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.estimate_spin_centre_offset_m(
-        x, y, motion.speed, motion.A[:, 0], motion.complete
+        x, y, motion.speed_or_yaw_rate, motion.A[:, 0], motion.complete
     )
 
 
@@ -307,7 +315,7 @@ CHECKS: Final = (
     CheckRow(
         "negative_payload",
         "mass",
-        _empty_mass_shortfall_over_u,
+        _empty_mass_shortfall_over_uncertainty,
         "lightest load below the machine's empty mass, in standard uncertainties including "
         "the scale's",
         maximum="negative_payload_max_u",
@@ -318,7 +326,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass",
         "mass",
-        empty_mass_difference_over_u,
+        empty_mass_difference_over_uncertainty,
         "lightest load from the machine's empty mass, likewise; where it may be a payload, "
         "only the part beyond one",
         maximum="empty_mass_max_u",

@@ -96,7 +96,9 @@ def refit_without_failing_stretches(
         found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weigh_grid(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = ExcludedStretches(found.fitted_s, compute_mass_change_over_u(weighing, without))
+            found = ExcludedStretches(
+                found.fitted_s, compute_mass_change_over_uncertainty(weighing, without)
+            )
             weighing = without if found.does_exclusion_keep_mass else weighing
         named[check] = found
         if found.does_exclusion_keep_mass:
@@ -126,7 +128,9 @@ def mark_fitted_or_growing_load_samples(weighing: Weighing) -> Bools:
     return motion.is_fittable | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def compute_mass_change_over_u(fit_with_all: Weighing, fit_without: Weighing | None) -> float:
+def compute_mass_change_over_uncertainty(
+    fit_with_all: Weighing, fit_without: Weighing | None
+) -> float:
     """Change of the mass without the stretches, in its standard uncertainty."""
     if fit_without is None:
         return np.inf

@@ -161,11 +161,13 @@ def _manoeuvre_scatter_over_noise(weighing: Weighing) -> float:
     return np.nan if states is None else states.birge_ratio
 
 
-def _mass_change_by_swapped_motion_over_u(inputs: CheckInputs, _motion: AxisMotion) -> float | None:
+def _mass_change_by_swapped_motion_over_uncertainty(
+    inputs: CheckInputs, _motion: AxisMotion
+) -> float | None:
     """Mass change if wheels and accelerometer swap roles, in u."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
-    return None if other is None else other.mass_shift_over_u
+    return None if other is None else other.mass_shift_over_uncertainty
 
 
 def _describe_fit_by_swapped_motion(inputs: CheckInputs, _motion: AxisMotion) -> str:
@@ -174,9 +176,8 @@ def _describe_fit_by_swapped_motion(inputs: CheckInputs, _motion: AxisMotion) ->
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
-    return (
-        f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_over_u:.1f} u"
-    )
+    moved_u = other.mass_shift_over_uncertainty
+    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {moved_u:.1f} u"
 
 
 def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _motion: AxisMotion) -> float:
@@ -191,8 +192,8 @@ def gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
     mass_kg, std_kg = (column_values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
     if not mass_kg.size:
         return np.nan
-    mean_difference_kg = abs(mass_kg[0] - motion.fit.value)
-    u_kg = float(np.hypot(std_kg[0], motion.fit.std))
+    mean_difference_kg = abs(mass_kg[0] - motion.ungated_fit.value)
+    u_kg = float(np.hypot(std_kg[0], motion.ungated_fit.std))
     return float(mean_difference_kg / u_kg) if u_kg > 0.0 else np.nan
 
 
@@ -250,7 +251,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "filling",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: weighing.filling.significance),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.filling.significance_in_stds),
         "evidence for a load that grows during every start, in standard deviations; 0 where it "
         "moves neither a mass nor the mean payload by its uncertainty",
         maximum="filling_max",
@@ -318,7 +319,7 @@ FIT_CHECKS: Final = (
         maximum="wheels_max",
         applies=_has_wheel_kinematics,
         subject_text=_describe_fit_by_swapped_motion,
-        moved_u=_mass_change_by_swapped_motion_over_u,
+        moved_u=_mass_change_by_swapped_motion_over_uncertainty,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(

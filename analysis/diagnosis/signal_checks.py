@@ -43,7 +43,7 @@ def _clock_drift_over_log_s(inputs: CheckInputs, _motion: AxisMotion) -> float:
     return np.nan if inputs.signals is None else inputs.signals.clock_drift_over_log_s
 
 
-def _make_function_reading_mass_change_over_u(
+def _make_reader_of_mass_change_over_uncertainty(
     check_name: str,
 ) -> Callable[[CheckInputs, AxisMotion], float | None]:
     """Make a function that returns the change of the answer without a check's stretches."""
@@ -55,7 +55,7 @@ def _make_function_reading_mass_change_over_u(
     return mass_shift_u
 
 
-def _make_function_describing_exclusion(
+def _make_writer_of_exclusion_text(
     check_name: str,
 ) -> Callable[[CheckInputs, AxisMotion], str]:
     """Make a function that describes the refit without a check's stretches."""
@@ -109,8 +109,8 @@ SIGNAL_CHECKS: Final = (
         "time that a channel repeats its value while another changes, s",
         maximum="frozen_max_s",
         applies=_has_raw_signals,
-        subject_text=_make_function_describing_exclusion("frozen_s"),
-        moved_u=_make_function_reading_mass_change_over_u("frozen_s"),
+        subject_text=_make_writer_of_exclusion_text("frozen_s"),
+        moved_u=_make_reader_of_mass_change_over_uncertainty("frozen_s"),
         remedy="leave the stretch out, or mend the sensor",
     ),
     CheckRow(
@@ -122,8 +122,8 @@ SIGNAL_CHECKS: Final = (
         "fraction of a force channel's readings at a limit of the sensor or the engine",
         maximum="clipped_max",
         applies=_has_raw_signals,
-        subject_text=_make_function_describing_exclusion("clipped_share"),
-        moved_u=_make_function_reading_mass_change_over_u("clipped_share"),
+        subject_text=_make_writer_of_exclusion_text("clipped_share"),
+        moved_u=_make_reader_of_mass_change_over_uncertainty("clipped_share"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
     CheckRow(

@@ -81,7 +81,7 @@ class Filters:
     rate_hz: float
 
     @property
-    def margin_samples(self) -> int:
+    def samples_beyond_window(self) -> int:
         """Samples that the filters need before and after a window, together."""
         return self.samples + 1
 
@@ -161,16 +161,16 @@ class ErrorPrediction:
     force_N: float
 
     @property
-    def std(self) -> float:
+    def error_std(self) -> float:
         """Standard deviation."""
         return float(np.sqrt(self.variance_per_force * self.force_N**2 + self.variance_rest))
 
     @property
-    def rms(self) -> float:
+    def rms_error(self) -> float:
         """Root mean square error: standard deviation and bias."""
-        return float(np.hypot(self.std, self.bias))
+        return float(np.hypot(self.error_std, self.bias))
 
-    def allowed_force_noise_std(self, error: float) -> float | None:
+    def allowed_force_noise_std_newtons(self, error: float) -> float | None:
         """Force noise in N at which the r.m.s. error is `error`; None if there is none."""
         left = error**2 - self.bias**2 - self.variance_rest
         return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None

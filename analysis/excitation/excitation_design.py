@@ -97,7 +97,12 @@ class WaveformScore:
             "duration_s": self.manoeuvre.duration_s,
             "window_start_s": self.start_s,
             "predictions": {
-                name: {"value": each.value, "std": each.std, "bias": each.bias, "rms": each.rms}
+                name: {
+                    "value": each.value,
+                    "std": each.error_std,
+                    "bias": each.bias,
+                    "rms": each.rms_error,
+                }
                 for name, each in self.predictions.items()
             },
             "relative_error": self.relative_error,
@@ -317,7 +322,7 @@ def score_waveform(
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = compute_sensor_noise(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
-    samples = round(window_s * rate_hz) + filters.margin_samples
+    samples = round(window_s * rate_hz) + filters.samples_beyond_window
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
@@ -327,7 +332,7 @@ def score_waveform(
     asked = _ASKED[motion_kind]
 
     def largest_relative_rms(predictions: Mapping[str, ErrorPrediction]) -> float:
-        return max(predictions[name].rms / predictions[name].value for name in asked)
+        return max(predictions[name].rms_error / predictions[name].value for name in asked)
 
     windows: list[tuple[int, MeasuredSignals, dict[str, ErrorPrediction]]] = []
     for place in range(_PLACES):
@@ -346,7 +351,7 @@ def score_waveform(
     noisy = float(noise.torque_z_N_m if motion_kind == "spin" else noise.force_x_N)
     varies = float(applied[repeats].std())
     allowed = [
-        predictions[name].allowed_force_noise_std(accuracy * predictions[name].value)
+        predictions[name].allowed_force_noise_std_newtons(accuracy * predictions[name].value)
         for name in asked
     ]
     known = [each for each in allowed if each is not None]

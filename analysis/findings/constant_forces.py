@@ -31,10 +31,11 @@ class ConstantForces:
 
     Attributes:
         rest_N: mean force at rest and its standard deviation; NaN if the machine never stands.
-        error_m_s2: mean error of the accelerometer at rest and its standard deviation, likewise.
+        error_m_s2: mean error of the accelerometer at rest and its standard deviation; NaN if the
+            machine never stands.
         offset: whether the force at rest also acts in motion; None if the log does not determine
             it.
-        tilt: whether the accelerometer's error also acts in motion; None likewise.
+        tilt: whether the accelerometer's error also acts in motion; None if undetermined.
         motion: the motion without the constant forces that act.
     """
 

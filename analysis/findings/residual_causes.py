@@ -76,7 +76,7 @@ def fit_pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
             return float(both[0][0]), float(both[1][0])
     if inputs.log_only_fit is not None:
         return (inputs.log_only_fit.mass_kg, inputs.log_only_fit.viscous_friction)
-    return inputs.check_inputs.straight_motion.fit.value, 0.0
+    return inputs.check_inputs.straight_motion.ungated_fit.value, 0.0
 
 
 def compute_power_spectra_of_stretches(

@@ -114,7 +114,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
         has_channel_lost_its_sign(inputs, name) for name in sides
     ):
         return []
-    along = inputs.check_inputs.straight_motion.speed
+    along = inputs.check_inputs.straight_motion.speed_or_yaw_rate
     speeding = used & inputs.check_inputs.mark_samples_in_phases("accelerating")
     wrong = sides[
         int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
@@ -337,7 +337,7 @@ def find_lightest_load_off_empty_mass(inputs: FindingInputs) -> list[Symptom]:
         return []
     return [
         Symptom(
-            abs(found.difference_over_u) / LIMITS.wrong_scale_u,
+            abs(found.difference_over_uncertainty) / LIMITS.wrong_scale_u,
             found.difference_and_causes_text,
             channel=inputs.force_channel,
         )

@@ -30,7 +30,7 @@ def find_unsigned_speed(inputs: FindingInputs) -> list[Symptom]:
     if fewer < LIMITS.unsigned_reverse_fraction:
         return []
     # a retarder on a descent lets the speed rise as well, but not as the motor does
-    rate = np.gradient(straight.speed)
+    rate = np.gradient(straight.speed_or_yaw_rate)
     rates, forces = ([float(np.median(x[each])) for each in directions] for x in (rate, size))
     masses = forces[0] * rates[1], forces[1] * rates[0]
     if min(rates) <= 0.0 or max(masses) > LIMITS.unsigned_mass_ratio * min(masses):
@@ -61,7 +61,10 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
         inputs.machine.settings.align.rate_hz,
         LIMITS.unsigned_min_samples,
     )
-    backwards = float((straight.speed[straight.complete] < -LIMITS.reverse_speed_m_s).mean()) > 0.05
+    backwards = (
+        float((straight.speed_or_yaw_rate[straight.complete] < -LIMITS.reverse_speed_m_s).mean())
+        > 0.05
+    )
     brakes = (
         np.count_nonzero(straight.braking) >= fewest
         and opposing <= LIMITS.unsigned_opposing_fraction

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from analysis.findings.finding_limits import LIMITS
+from analysis.weighing.force_rate import make_parabola_slope
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from estimators.arrays import Floats, Ints
@@ -70,7 +71,8 @@ def build_whitened_force_rows(
     std = max(std, np.finfo(np.float64).eps * motion.force_95_percentile_newtons) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
-    rate = _differentiate_force(motion.force, motion.rate_hz)[taken]
+    slope = make_parabola_slope(LIMITS.force_rate_samples // 2, motion.rate_hz)
+    rate = np.convolve(motion.force, slope, "same")[taken]
     columns = {
         "delay:force": -rate,
         "delay:imu": rate,
@@ -187,15 +189,6 @@ def sum_blocks_of_samples(values: Floats, block_size: int) -> Floats:
     for k in range(1, block_size):
         total += blocks[:, k]
     return total
-
-
-def _differentiate_force(force: Floats, rate_hz: float) -> Floats:
-    """Time derivative of the force, (n,) in N/s."""
-    half = LIMITS.force_rate_samples // 2
-    steps = (
-        np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
-    )
-    return np.convolve(force, steps, "same")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ class FleetLimits:
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """
 
-    # attention
+    # daily_figures
     #: Fraction of a recording that the gate accepts at least if it works.
     accepted_min_fraction: float = 0.02
     #: Cycles of which one may be without a mass.

@@ -117,7 +117,7 @@ def iter_value_arrays(series: pl.Series) -> Iterator[NDArray[Any]]:
     elif dtype.is_temporal():
         yield from iter_value_arrays(series.to_physical())
     else:
-        texts = series if dtype == pl.String else _write_values_as_text(series)
+        texts = series if dtype == pl.String else _format_values_as_text(series)
         encoded = "".join(_fill_null(texts, "").to_list()).encode()
         yield _fill_null(texts.str.len_bytes().cast(pl.UInt64), 0).to_numpy()
         yield np.frombuffer(encoded, np.uint8)
@@ -128,7 +128,7 @@ def _fill_null(values: pl.Series, fill_value: float | str) -> pl.Series:
     return values.fill_null(fill_value) if values.null_count() else values
 
 
-def _write_values_as_text(values: pl.Series) -> pl.Series:
+def _format_values_as_text(values: pl.Series) -> pl.Series:
     """Convert a dtype that recordings do not hold (nested, binary, decimal) to text."""
     written = [None if value is None else repr(value) for value in values.to_list()]
     return pl.Series(values.name, written, dtype=pl.String)

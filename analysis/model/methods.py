@@ -80,7 +80,7 @@ class EstimatorModule(Protocol):
     """Interface of an estimator module."""
 
     @property
-    def trace(self) -> "Callable[..., Trace]":
+    def estimate_along_log(self) -> "Callable[..., Trace]":
         """Estimates over a log, with inputs according to `Feed`."""
         ...
 
@@ -90,10 +90,11 @@ class Method:
     """An estimator, whose module is imported and compiled on first use.
 
     Attributes:
-        name: name in settings, frames and recordings; its module in `estimators` has `trace`, and
-            `fit` for a windowed method, or `start` and `step` for a recursive one.
+        name: name in settings, frames and recordings; its module in `estimators` has
+            `estimate_along_log`, and `fit` for a windowed method, or `start` and `step` for a
+            recursive one.
         title: description in a sentence.
-        feed: input of `trace`.
+        feed: input of `estimate_along_log`.
         summary: how a log is summarised.
         on_board: module and function in `estimators` for use on board; by `feed`, of the current
             window, of the samples since the window before, or of a manoeuvre's samples.
@@ -169,10 +170,17 @@ def _index_methods_by_name(*rows: Method) -> Mapping[str, Method]:
 _WINDOWED: Final = (FeedKind.WINDOWS, LogSummary.MEAN)
 _RECURSIVE: Final = (FeedKind.SETTLED, LogSummary.LAST)
 METHODS: Final = _index_methods_by_name(
-    Method("ls", "LS", *_WINDOWED, "incremental.ls", _make_ls_options),
-    Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _make_rls_options),
-    Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _make_fgls_options),
-    Method("tls", "TLS", *_WINDOWED, "incremental.tls", _make_tls_options, takes_noise_off=True),
+    Method("ls", "LS", *_WINDOWED, "incremental.estimate_by_ls", _make_ls_options),
+    Method("rls", "RLS", *_RECURSIVE, "incremental.estimate_by_rls", _make_rls_options),
+    Method("fgls", "FGLS", *_WINDOWED, "incremental.estimate_by_fgls", _make_fgls_options),
+    Method(
+        "tls",
+        "TLS",
+        *_WINDOWED,
+        "incremental.estimate_by_tls",
+        _make_tls_options,
+        takes_noise_off=True,
+    ),
     Method(
         "pooled",
         "pooled LS",
@@ -182,12 +190,18 @@ METHODS: Final = _index_methods_by_name(
         _make_pooled_options,
         takes_noise_off=True,
     ),
-    Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _make_huber_options),
+    Method(
+        "huber",
+        "Huber's regression",
+        *_WINDOWED,
+        "incremental.estimate_by_huber",
+        _make_huber_options,
+    ),
     Method(
         "rtls",
         "recursive TLS",
         *_RECURSIVE,
-        "incremental.rtls",
+        "incremental.estimate_by_rtls",
         _make_rtls_options,
         takes_noise_off=True,
     ),

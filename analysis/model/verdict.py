@@ -114,7 +114,7 @@ class Verdict:
         )
 
     @property
-    def remarks(self) -> tuple[Check, ...]:
+    def failed_checks_that_withhold_nothing(self) -> tuple[Check, ...]:
         """Checks that failed without withholding anything."""
         return tuple(
             each for each in self.checks if each.passed is False and each.consequence != "withhold"

@@ -26,7 +26,7 @@ from analysis.stages.motion.phases import (
     sign_of_yaw_rate_change,
 )
 from estimators.arrays import Bools, Floats, Ints
-from estimators.methods.incremental import WindowState, compute_gate_statistics
+from estimators.methods.incremental import WindowState, compute_window_statistics_for_gate
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics import nearest_neighbours
 
@@ -163,7 +163,7 @@ def judge_window(
 
     decided = decide_window_acceptance(
         now.axis,
-        compute_gate_statistics(window, noise) if complete else _INCOMPLETE,
+        compute_window_statistics_for_gate(window, noise) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
         holds,
         estimate_window_information,

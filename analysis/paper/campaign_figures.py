@@ -23,7 +23,7 @@ class Figure5:
     highest_nat: Mapping[str, float]
 
 
-def make_figure_5_data(campaign: ReplayedCampaign) -> Figure5:
+def make_figure_5_gate_data(campaign: ReplayedCampaign) -> Figure5:
     """Force, acceleration, speed and index of one start and stop."""
     frames, about = campaign.replayed.frames, campaign.replayed.provenance
     trial = campaign.trials.row(0, named=True)
@@ -87,7 +87,7 @@ class Figure6:
     implied_kg: tuple[float, float]
 
 
-def make_figure_6_data(extracts: Extracts) -> Figure6:
+def make_figure_6_raw_mass_data(extracts: Extracts) -> Figure6:
     """Average the raw masses over the campaigns."""
     means = compute_mean_intervals(
         _concatenate_load_tables(extracts),
@@ -120,7 +120,7 @@ class Figure7:
     scatter_kg: Mapping[str, float]
 
 
-def make_figure_7_data(extracts: Extracts) -> Figure7:
+def make_figure_7_calibrated_mass_data(extracts: Extracts) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
     table = compute_mean_intervals(
@@ -144,7 +144,7 @@ class Figure8:
     middle_1: float
 
 
-def make_figure_8_data(extracts: Extracts) -> Figure8:
+def make_figure_8_error_data(extracts: Extracts) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
     table = compute_mean_intervals(
         _concatenate_load_tables(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
@@ -160,4 +160,4 @@ def make_figure_8_data(extracts: Extracts) -> Figure8:
     )
 
 
-FIGURE_5: Final = Extract(START, make_figure_5_data)
+FIGURE_5: Final = Extract(START, make_figure_5_gate_data)

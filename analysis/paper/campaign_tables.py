@@ -14,7 +14,7 @@ from analysis.paper.replayed_campaign import (
     ERRORS,
     ReplayedCampaign,
     compute_calibrated_mass_errors,
-    compute_trial_bound_kg,
+    compute_cramer_rao_bound_of_trial_kg,
     rerun_gate_and_estimates,
 )
 from analysis.paper.simulated_sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
@@ -69,7 +69,7 @@ CHAINED_LINES: Final = Extract(
 )
 
 
-def make_table_2(extracts: Extracts) -> Table2:
+def make_table_2_calibration_lines(extracts: Extracts) -> Table2:
     """Mean slope and offset of the calibration line by chain and method, over the campaigns."""
     lines = pl.concat(
         [
@@ -146,7 +146,8 @@ def compute_errors_by_setting(
         )
         frames.append(
             compute_calibrated_mass_errors(again).with_columns(
-                pl.lit(float(value)).alias(setting), bound_kg=pl.lit(compute_trial_bound_kg(again))
+                pl.lit(float(value)).alias(setting),
+                bound_kg=pl.lit(compute_cramer_rao_bound_of_trial_kg(again)),
             )
         )
     return pl.concat(frames)
@@ -168,14 +169,14 @@ OVER_WINDOWS: Final = Extract(
 )
 
 
-def make_table_3(extracts: Extracts) -> SweptTable:
+def make_table_3_errors_by_threshold(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
     return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
     )
 
 
-def make_table_4(extracts: Extracts) -> SweptTable:
+def make_table_4_errors_by_window(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
     return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG

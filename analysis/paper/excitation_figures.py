@@ -29,7 +29,7 @@ class Figure2:
     unsettled_1: float
 
 
-def make_figure_2_data(campaign: ReplayedCampaign) -> Figure2:
+def make_figure_2_excitation_data(campaign: ReplayedCampaign) -> Figure2:
     """Force, acceleration and speed under the triangle."""
     truth = campaign.trials.row(0, named=True)
     constant_s = truth["mass_kg"] / truth["friction_N_s_m"]
@@ -70,7 +70,7 @@ class Figure3:
     window_samples: int
 
 
-def make_figure_3_data(campaign: ReplayedCampaign) -> Figure3:
+def make_figure_3_convergence_data(campaign: ReplayedCampaign) -> Figure3:
     """Mass and friction over time under the triangular force."""
     rate_hz = campaign.settings.align.rate_hz
     settings = campaign.settings.with_changes(
@@ -125,7 +125,7 @@ class Figure4:
     bias_kg_m2: Mapping[str, float]
 
 
-def make_figure_4_data(campaign: ReplayedCampaign) -> Figure4:
+def make_figure_4_spin_data(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
     A = planar_rows.make_spin_regressor(
@@ -182,13 +182,13 @@ def _trace_estimates_of_method(
 ) -> Trace:
     match method:
         case "ls":
-            return ls.trace(A, f, window, is_complete_window)
+            return ls.estimate_along_log(A, f, window, is_complete_window)
         case "rls":
-            return rls.trace(A, f, window, is_complete_window)
+            return rls.estimate_along_log(A, f, window, is_complete_window)
         case "fgls":
-            return fgls.trace(A, f, window, is_complete_window)
+            return fgls.estimate_along_log(A, f, window, is_complete_window)
         case _:
-            return tls.trace(
+            return tls.estimate_along_log(
                 A, f, window, is_complete_window, tls.TlsOptions(noise[:-1], noise[-1])
             )
 
@@ -240,6 +240,6 @@ def compute_converging_and_later_rms_errors(series: pl.DataFrame) -> dict[str, E
     }
 
 
-FIGURE_2: Final = Extract(LINEAR, make_figure_2_data)
-FIGURE_3: Final = Extract(LINEAR, make_figure_3_data)
-FIGURE_4: Final = Extract(ROTATION, make_figure_4_data)
+FIGURE_2: Final = Extract(LINEAR, make_figure_2_excitation_data)
+FIGURE_3: Final = Extract(LINEAR, make_figure_3_convergence_data)
+FIGURE_4: Final = Extract(ROTATION, make_figure_4_spin_data)

@@ -99,7 +99,7 @@ def compute_calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
     return single.join(means, "method", "left", maintain_order="left")
 
 
-def compute_trial_bound_kg(campaign: ReplayedCampaign) -> float:
+def compute_cramer_rao_bound_of_trial_kg(campaign: ReplayedCampaign) -> float:
     """Cramér–Rao bound of a trial's mass, r.m.s. over the trials with an accepted window.
 
     It uses all samples in accepted windows of the trial except true braking, where (7) does not

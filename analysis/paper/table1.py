@@ -75,7 +75,7 @@ class Table1:
     scaled: Mapping[str, Any]
 
 
-def make_table_1(extracts: Extracts) -> Table1:
+def make_table_1_mass_errors(extracts: Extracts) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
     table = pl.concat(
         [extracts.single_result_of_extract(extract) for extract in AT_LENGTH.values()]
@@ -243,7 +243,7 @@ def estimate_window_masses_kg(
         all_of_it = np.ones(samples, np.bool_)
         return np.array(
             [
-                rls.trace(A, f, start, all_of_it).theta[-1, 0]
+                rls.estimate_along_log(A, f, start, all_of_it).theta[-1, 0]
                 for A, f in zip(windows.A, windows.f, strict=True)
             ]
         )
@@ -252,15 +252,15 @@ def estimate_window_masses_kg(
     ends[samples - 1 :: samples] = True
     match method:
         case "ls":
-            traced = ls.trace(A, f, samples, ends)
+            traced = ls.estimate_along_log(A, f, samples, ends)
         case "fgls":
-            traced = fgls.trace(A, f, samples, ends)
+            traced = fgls.estimate_along_log(A, f, samples, ends)
         case "tls":
             noise = (sensors.acc_noise_m_s2, sensors.speed_noise_m_s)
             options = tls.TlsOptions(noise, sensors.force_noise_N)
-            traced = tls.trace(A, f, samples, ends, options)
+            traced = tls.estimate_along_log(A, f, samples, ends, options)
         case "tls_raw":
-            traced = tls.trace(A, f, samples, ends, tls.TlsOptions((1.0, 1.0), 1.0))
+            traced = tls.estimate_along_log(A, f, samples, ends, tls.TlsOptions((1.0, 1.0), 1.0))
         case _:
             raise ValueError(f"no method '{method}' in Table 1")
     return traced.theta[:, 0]

@@ -241,7 +241,7 @@ def is_fit_plausible(
     explained = min(fit_row["r_squared_x_1"], fit_row["r_squared_z_1"])
     # of a mass and an inertia; those that the motion does not determine are not told anyway
     told = np.isfinite(estimate.theta[:2])
-    theta, std = estimate.theta[:2][told], estimate.std[:2][told]
+    theta, std = estimate.theta[:2][told], estimate.parameter_stds[:2][told]
     force = samples.f[:, 0]
     driving = fit_quality.force_fraction_along_motion(
         samples.motion.speed, force, samples.known & (samples.pace > 0)

@@ -64,7 +64,10 @@ class Regressor:
 
     @property
     def column_noise_mixing(self) -> Floats:
-        """(rows, p, p) loading of each column on the noise of each, see `base_parameters.fit`."""
+        """(rows, p, p) factor of each column's noise (last axis) in each column, 1 on the diagonal.
+
+        It is the `noise_mixing` of `base_parameters.fit`.
+        """
         size, own = self.shape[-1], self.columns.size
         found = np.tile(np.eye(size), (2, 1, 1))
         found[:, :own, :own] = of_columns = self._mixing_of_selected_columns()

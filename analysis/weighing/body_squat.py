@@ -26,8 +26,8 @@ from analysis.weighing.motion_samples import (
     compute_ground_to_wheel_speed_ratio,
 )
 from analysis.weighing.pitch_squat import (
-    compute_pitch_squat_cross_products,
     fit_instrumental_variables,
+    sum_products_of_pitch_gravity_and_speed,
 )
 from analysis.weighing.uneven_ground import relative_random_walk_std
 from analysis.weighing.weighing_limits import LIMITS
@@ -221,7 +221,7 @@ def integrate_grade_columns(position_1: Floats, heading: Floats) -> Floats:
 def estimate_gain_change_by_pitch(
     motion: MotionSamples, loads: RelativeLoads
 ) -> tuple[float, float] | None:
-    """Change of gain with the load from the measured pitch, and its variance.
+    """Change of the acceleration's gain for the reference load, by the pitch, and its variance.
 
     Returns:
         None if undetermined.
@@ -229,7 +229,7 @@ def estimate_gain_change_by_pitch(
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
-    squats = compute_pitch_squat_cross_products(gravity, motion)
+    squats = sum_products_of_pitch_gravity_and_speed(gravity, motion)
     relative = loads.look_up_relative_loads(motion.unit)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
+from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.fitted_stretches import count_samples_since_start, mark_stretch_ends
 from analysis.weighing.force_hysteresis import Play, trace_direction_of_force_change
 from analysis.weighing.force_rate import (
@@ -26,7 +27,9 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     compute_ground_to_wheel_speed_ratio,
 )
-from analysis.weighing.nuisances import ColumnInputs, Nuisance
+from analysis.weighing.nuisances import (
+    Nuisance,
+)
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import list_rows_by_group

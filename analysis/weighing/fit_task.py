@@ -289,7 +289,7 @@ class FitTask:
         if self.motion.wheel_acceleration is None or not mass_kg > 0.0:
             return _SlipCost(mass_kg, friction, None)
         place = find_term_index("slip_acceleration", terms)
-        std = float(estimates.fit.std[count + 1 + place])
+        std = float(estimates.fit.parameter_stds[count + 1 + place])
         if not std < LIMITS.slip_posterior_fraction * terms[place].width(self.motion, self.priors):
             return _SlipCost(mass_kg, friction, None)
         return _SlipCost(

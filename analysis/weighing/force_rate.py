@@ -18,7 +18,7 @@ def differentiate_force(force: Floats, rate_hz: float, noise_N: float) -> Floats
         noise_N: standard deviation of a sample.
     """
     half_rows = count_rows_in_duration(LIMITS.force_rate_half_widths_s[0], rate_hz)
-    slope = _make_parabola_slope(half_rows, rate_hz)
+    slope = make_parabola_slope(half_rows, rate_hz)
     rate, std = _convolve_force(force, slope), noise_N * float(np.sqrt(slope @ slope))
     return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 
@@ -86,10 +86,10 @@ def _list_force_autocovariances_newtons2(noise: ColumnNoiseModel, lag_count: int
 def _list_parabola_slopes(rate_hz: float) -> list[Floats]:
     """Weights of the slopes of the parabolas, from one row to either side on."""
     wide = {count_rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s}
-    return [_make_parabola_slope(half_rows, rate_hz) for half_rows in sorted({1, *wide})]
+    return [make_parabola_slope(half_rows, rate_hz) for half_rows in sorted({1, *wide})]
 
 
-def _make_parabola_slope(half_rows: int, rate_hz: float) -> Floats:
+def make_parabola_slope(half_rows: int, rate_hz: float) -> Floats:
     """Weights of the slope of a parabola through so many rows to either side, (rows,) in 1/s."""
     row = np.arange(half_rows, -half_rows - 1, -1)
     return np.asarray(row * rate_hz / (2.0 * (np.arange(1, half_rows + 1) ** 2).sum()), np.float64)

@@ -125,7 +125,7 @@ def estimate_force_gain_by_driving_direction(
         None,
         fit.found.uneven_1_s,
     ).fit_over_sample_means(fit.mean_samples, 2, advance_force=fit.shifted)
-    found = read_direction_gain_of_one_load_fit(one, fit)
+    found = compute_reverse_to_forward_gain(one, fit)
     if not found.is_significant:
         return None
     if not several:
@@ -139,19 +139,25 @@ def estimate_force_gain_by_driving_direction(
     return None if do_heavy_masses_scatter_more(left.states, heavy) else found
 
 
-def read_direction_gain_of_one_load_fit(
-    one_load_fit: JointFit, answer_fit: JointFit
+def compute_reverse_to_forward_gain(
+    fit_with_one_load: JointFit, fit_with_load_states: JointFit
 ) -> DirectionGain:
     """Gain in reverse over that forwards, from the last term of a fit with one load.
 
     Its standard deviation is at least that by which the manoeuvres of each direction scatter.
     """
-    share, std = float(one_load_fit.theta[-1]), float(one_load_fit.map_fit.std[-1])
-    if answer_fit.mass_count == 1:
+    share, std = (
+        float(fit_with_one_load.theta[-1]),
+        float(fit_with_one_load.map_fit.parameter_stds[-1]),
+    )
+    if fit_with_load_states.mass_count == 1:
         std = max(
-            std, mass_difference_std_by_direction_kg(answer_fit) / 2.0 / abs(answer_fit.mass_kg)
+            std,
+            mass_difference_std_by_direction_kg(fit_with_load_states)
+            / 2.0
+            / abs(fit_with_load_states.mass_kg),
         )
-    return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, answer_fit.mass_count)
+    return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, fit_with_load_states.mass_count)
 
 
 def mass_difference_std_by_direction_kg(fit: JointFit) -> float:

@@ -87,7 +87,7 @@ class LoadFilling:
     is_possible: bool = True
 
     @property
-    def significance(self) -> float:
+    def significance_in_stds(self) -> float:
         """The deviations; 0 if the growth changes no mass and no payload by its uncertainty.
 
         Long logs make a misfit significant even if it changes no mass. 0 also if nothing fills the
@@ -200,7 +200,7 @@ def find_manoeuvres_with_growing_load(
         )
         left[part] = left[part].clip(-most, most)
     variance = _row_noise_variance_newtons2(fit, noise)
-    friction = float(np.hypot(fit.viscous_friction, fit.map_fit.std[fit.mass_count]))
+    friction = float(np.hypot(fit.viscous_friction, fit.map_fit.parameter_stds[fit.mass_count]))
     own = (
         LIMITS.own_friction_fraction * friction,
         LIMITS.own_constant_fraction * fit.motion.force_95_percentile_newtons,

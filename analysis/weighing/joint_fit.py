@@ -170,7 +170,7 @@ def estimate_wheel_kinematics(
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, or take the comparison from a calibration.
 
-    Springs are those of an earlier comparison: the body is the same.
+    The body swings on the springs of an earlier comparison, if there is one: it is the same body.
     """
     springs = None if earlier_kinematics is None else earlier_kinematics.springs
     found = compare_wheels_with_accelerometer(motion, noise, priors, springs=springs)
@@ -308,7 +308,7 @@ def refit_with_hysteresis_if_significant(
     # the standard deviation takes longer than the estimate
     shown = (
         half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percentile_newtons
-        and (half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.std[-1]))
+        and (half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.parameter_stds[-1]))
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows

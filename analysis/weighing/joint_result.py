@@ -143,12 +143,12 @@ class JointFit:
     @property
     def viscous_friction_and_std(self) -> tuple[float, float]:
         """Viscous friction and its standard deviation, in N·s/m."""
-        return self.viscous_friction, float(self.map_fit.std[self.mass_count])
+        return self.viscous_friction, float(self.map_fit.parameter_stds[self.mass_count])
 
     @cached_property
     def term_posteriors(self) -> tuple[Floats, Floats]:
         """Posterior means of the terms, (terms,), and their standard deviations, (terms,)."""
-        own = self.map_fit.std[self.mass_count + 1 :]
+        own = self.map_fit.parameter_stds[self.mass_count + 1 :]
         by_means = self._mean_sensitivities[:, self.mass_count + 1 :]
         return self._estimates_of_terms, np.sqrt(own**2 + (by_means**2).sum(axis=0))
 

@@ -49,7 +49,7 @@ class BodySwing:
     frequency_hz: float = 1.0
     damping_1: float = 1.0
 
-    def with_squat_by_gravity(self, squat_1: float) -> "BodySwing":
+    def with_swing_of_gravity_squat(self, squat_1: float) -> "BodySwing":
         """Add the swing of a squat by g s whose gravity was removed by the pitch."""
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 
@@ -71,7 +71,7 @@ class BodySwing:
             measured_acceleration, rate_hz, (self.lever_s2, 0.0, 0.0)
         )
 
-    def filter_pitch_variable_rate_m_s3(
+    def filter_rate_of_pitch_variable_m_s3(
         self, measured_acceleration: Floats, rate_hz: float
     ) -> Floats:
         """Rate y' of the pitch variable from a reading on the body, (n,) in m/s³."""
@@ -199,8 +199,8 @@ class _WheelComparison:
         """Lever arm with these springs, and the mean square residual."""
         motion = self.motion
         assert motion.specific_force is not None
-        swings = springs.filter_pitch_variable_rate_m_s3(motion.specific_force, motion.rate_hz)
-        by_force = springs.filter_pitch_variable_rate_m_s3(motion.force, motion.rate_hz)
+        swings = springs.filter_rate_of_pitch_variable_m_s3(motion.specific_force, motion.rate_hz)
+        by_force = springs.filter_rate_of_pitch_variable_m_s3(motion.force, motion.rate_hz)
         own = difference_stretch_means((-swings, -by_force), self.spans, self.lag)
         parts = [np.column_stack(both) for both in zip(self.shared, own, strict=True)]
         scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))

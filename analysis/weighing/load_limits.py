@@ -110,7 +110,7 @@ class LoadLimits:
     #: Fewest manoeuvres that separate the ground from the loads.
     ground_min_manoeuvres: int = 24
 
-    # haul_patterns
+    # haul_route
     #: Distance of two stands at one place, over the usual way between turns: piles creep by a tenth
     #: of a haul.
     same_place_1: float = 0.12
@@ -124,8 +124,6 @@ class LoadLimits:
     hinted_change_fraction: float = 0.4
     #: Places that are combined: those with the most visits.
     max_places: int = 6
-
-    # haul_route
     #: Length of the route over the median haul: loads are not all taken at one place. An edge of
     #: the ground at 2.4 to 3.2 m, where half the starts began, left loads a third too light without
     #: it.

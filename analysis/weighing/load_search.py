@@ -8,7 +8,7 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fit_columns import choose_stride_of_fitted_means
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.haul_patterns import propose_hauling_partitions
+from analysis.weighing.haul_route import propose_hauling_partitions
 from analysis.weighing.joint_fit import (
     JointFitInputs,
     fit_jointly,
@@ -257,7 +257,11 @@ def alternate_state_search_and_fit(
             break
         tried.append(states.membership)
         # each fit of a shift holds hundreds of megabytes
-        if best is None or states.bic < _require_load_states(best).bic:
+        if (
+            best is None
+            or states.bayesian_information_criterion
+            < _require_load_states(best).bayesian_information_criterion
+        ):
             best = first_fit
     assert best is not None
     return best

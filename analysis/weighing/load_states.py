@@ -80,7 +80,7 @@ class LoadStates:
         return weighted_means_by_state(self.level_kg, weight, self.membership)
 
     @property
-    def bic(self) -> float:
+    def bayesian_information_criterion(self) -> float:
         """Bayesian information criterion of the states (Schwarz 1978)."""
         variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
         return self.membership.size * float(np.log(variance)) + self.state_count * float(
@@ -202,7 +202,7 @@ def make_states_of_partition(
 
 def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
     level_kg = masses.y - masses.x @ best.effects
-    scatter = _estimate_or_assume_scatter(level_kg, masses.variance, best, masses.kind)
+    scatter = estimate_or_assume_scatter(level_kg, masses.variance, best, masses.kind)
     return LoadStates(
         manoeuvre_ids,
         best.state,
@@ -236,7 +236,7 @@ def find_alternative_partition(
     if other is None or other_probability < doubted:
         return None
     level_kg = masses.y - masses.x @ other.effects
-    scatter_kg, *_ = _estimate_or_assume_scatter(level_kg, masses.variance, other, masses.kind)
+    scatter_kg, *_ = estimate_or_assume_scatter(level_kg, masses.variance, other, masses.kind)
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return AlternativePartition(other.state, differs_kg, scatter_kg, other_probability)
 
@@ -249,7 +249,7 @@ def make_single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
 
 def _is_partition_credible(posterior: Partitions, repeatability_kg: float | None) -> bool:
     """Whether to accept the most probable partition rather than a single state."""
-    few = posterior.best.dof < LIMITS.scatter_min_freedom
+    few = posterior.best.degrees_of_freedom < LIMITS.scatter_min_freedom
     doubted = posterior.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
 
@@ -265,7 +265,7 @@ def weighted_means_by_state(mass_kg: Floats, weight: Floats, state: Ints) -> Flo
     return np.bincount(state, weights=weight * mass_kg) / np.bincount(state, weights=weight)
 
 
-def _estimate_or_assume_scatter(
+def estimate_or_assume_scatter(
     mass_kg: Floats, variance: Floats, partition: Partition, change_kinds: Ints
 ) -> tuple[float, float, float, bool]:
     """Scatter about the states, its degrees of freedom, Birge ratio, and whether it is assumed.
@@ -278,10 +278,10 @@ def _estimate_or_assume_scatter(
     usual_kg = LIMITS.repeatability_fraction * float(np.median(np.abs(mass_kg)))
     is_small = np.abs(np.diff(partition.levels)) < LIMITS.small_change_repeatabilities * usual_kg
     small_changes = int(np.count_nonzero(is_small & (change_kinds[begins - 1] == 1)))
-    freedom = partition.dof - small_changes
+    freedom = partition.degrees_of_freedom - small_changes
     if not small_changes or freedom >= LIMITS.scatter_min_freedom:
         return *estimate_scatter_and_birge_ratio(mass_kg, variance, partition, freedom), False
-    dof = partition.dof
+    dof = partition.degrees_of_freedom
     scatter_kg, _, ratio = estimate_scatter_and_birge_ratio(mass_kg, variance, partition, dof)
     return max(scatter_kg, usual_kg), np.inf, ratio, True
 

@@ -14,8 +14,11 @@ from typing import Final
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.nuisances import ColumnInputs, Nuisance
+from analysis.weighing.nuisances import (
+    Nuisance,
+)
 from analysis.weighing.weighing_limits import LIMITS
 
 #: What all of it is in the budget.

@@ -15,12 +15,16 @@ from typing import Final
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.fit_columns import FitRows
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_fit import refit_with_extra_terms
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats
-from analysis.weighing.nuisances import CURVATURE, ColumnInputs, Nuisance
+from analysis.weighing.nuisances import (
+    CURVATURE,
+    Nuisance,
+)
 from analysis.weighing.weighing_limits import LIMITS
 
 _LINEAR: Final = "a force sensor that is linear over its range; its calibration curve"
@@ -200,7 +204,7 @@ def estimate_force_curvature(
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
         return ForceCurvature(0.0, 0.0, fit.mass_kg)
-    return ForceCurvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
+    return ForceCurvature(float(curved.theta[-1] / curved.parameter_stds[-1]), moved, fit.mass_kg)
 
 
 def find_missing_terms(
@@ -227,7 +231,7 @@ def find_missing_terms(
         effect_kg = other.theta[: fit.mass_count] - fit.theta[: fit.mass_count]
         # the standard deviation takes longer than the estimate
         if (
-            not _largest_mass_change_over_u(effect_kg, fit)
+            not _largest_mass_change_over_uncertainty(effect_kg, fit)
             > LIMITS.missing_term_min_relative_effect
         ):
             continue
@@ -235,12 +239,16 @@ def find_missing_terms(
         if other.solution.noise_share > LIMITS.max_noise_fraction:
             continue
         value = float(other.theta[-1])
-        lacking = MissingTerm(term, value, value / float(other.map_fit.std[-1]), effect_kg)
+        lacking = MissingTerm(
+            term, value, value / float(other.map_fit.parameter_stds[-1]), effect_kg
+        )
         if lacking.is_significant(fit):
             found.append(lacking)
-    return tuple(sorted(found, key=lambda each: -_largest_mass_change_over_u(each.effect_kg, fit)))
+    return tuple(
+        sorted(found, key=lambda each: -_largest_mass_change_over_uncertainty(each.effect_kg, fit))
+    )
 
 
-def _largest_mass_change_over_u(mass_changes_kg: Floats, fit: JointFit) -> float:
+def _largest_mass_change_over_uncertainty(mass_changes_kg: Floats, fit: JointFit) -> float:
     """Largest change of a mass over its uncertainty."""
-    return float(np.max(np.abs(mass_changes_kg) / fit.map_fit.std[: fit.mass_count]))
+    return float(np.max(np.abs(mass_changes_kg) / fit.map_fit.parameter_stds[: fit.mass_count]))

@@ -5,86 +5,16 @@ where no calibration learnt another (`settings.priors.learnt`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, select_rows_of_fields
+from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
-
-
-@dataclass(frozen=True)
-class ColumnInputs:
-    """Samples for the columns, (n,) each, with the force advanced by the current lag.
-
-    Attributes:
-        acceleration: in m/s².
-        wheel_acceleration: derivative of the wheel speed in m/s² if it is the acceleration; else 0.
-        speed: in m/s.
-        ground_speed_ratio: ground speed over wheel speed, by the known slip.
-        force: force on the ground in N, corrected for its delay.
-        force_rate: derivative of the measured force in N/s; 0 within its noise.
-        force_bend: its second derivative in N/s², likewise.
-        force_rises_1: 1 where the force rises, -1 where it falls; 0 if the fit has no hysteresis.
-        direction: driving direction of each manoeuvre.
-        progress: from -1/2 to 1/2 over the log.
-        under_way_s: time since the stretch began.
-        relative_load: mass with load over the reference mass, less 1.
-        load_contrast: the same over its root mean square: about -1 empty, 1 loaded.
-        place_1: position on the path, from -1/2 to 1/2.
-        travelled_m: distance from the begin of the stretch.
-        route_1: position on the route, from 0 at the dump to 1 at its end.
-        route_length_m: length of the route.
-        relative_gear_ratio: gear ratio over the log's largest; 0 without one.
-        slip_s_m: estimated cost of slip, as a fraction of the force per m/s.
-        transfer_s2_m: estimated load transfer, as a fraction of the force per m/s².
-        rises_by_force_1_N: derivative of `force_rises_1` by the force.
-        weight_shares: expected fractions of the constant force and of Coulomb friction that are
-            proportional to the weight.
-        force_rate_parabola: index of the parabola that gave `force_rate`; None if its noise is 0.
-    """
-
-    acceleration: Floats
-    wheel_acceleration: Floats
-    speed: Floats
-    ground_speed_ratio: Floats
-    force: Floats
-    force_rate: Floats
-    force_bend: Floats
-    force_rises_1: Floats
-    direction: Floats
-    progress: Floats
-    under_way_s: Floats
-    relative_load: Floats
-    load_contrast: Floats
-    place_1: Floats
-    travelled_m: Floats
-    route_1: Floats
-    route_length_m: float
-    relative_gear_ratio: Floats
-    slip_s_m: float
-    transfer_s2_m: float
-    rises_by_force_1_N: float
-    weight_shares: tuple[float, float]
-    force_rate_parabola: Ints | None
-
-    @property
-    def ground_speed(self) -> Floats:
-        """(n,) ground speed in m/s, without the slip."""
-        return self.ground_speed_ratio * self.speed
-
-    def select_rows(self, row_indices: Ints) -> "ColumnInputs":
-        """Select some of the samples."""
-        return replace(self, **select_rows_of_fields(self, row_indices))
-
-    @cached_property
-    def loaded_direction(self) -> Floats:
-        """Driving direction in proportion to the weight with its load, (n,)."""
-        return self.direction * (1.0 + self.relative_load)
 
 
 @dataclass(frozen=True, slots=True)

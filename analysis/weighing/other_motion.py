@@ -28,7 +28,7 @@ class AlternativeMotion:
     u_kg: float
 
     @property
-    def mass_shift_over_u(self) -> float:
+    def mass_shift_over_uncertainty(self) -> float:
         """Change of the mass in standard uncertainties; infinite if the refit has no mass."""
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 

@@ -32,7 +32,9 @@ class PitchProducts:
     columns: Floats
 
 
-def compute_pitch_squat_cross_products(gravity: Floats, motion: MotionSamples) -> PitchProducts:
+def sum_products_of_pitch_gravity_and_speed(
+    gravity: Floats, motion: MotionSamples
+) -> PitchProducts:
     """Compute the products by stretch, each signal without a cubic of the distance.
 
     Args:
@@ -100,7 +102,7 @@ def fit_instrumental_variables(columns: Floats, response: Floats) -> tuple[Float
     return theta, bread @ scores.T @ scores @ bread.T * (count / (count - p))
 
 
-def estimate_pitch_squat_fraction_and_std(
+def estimate_pitch_gravity_per_acceleration_and_std(
     gravity: Floats, motion: MotionSamples
 ) -> tuple[float, float] | None:
     """Fraction of the acceleration that appears as gravity through the pitch.
@@ -109,7 +111,7 @@ def estimate_pitch_squat_fraction_and_std(
         The fraction, and the standard uncertainty of its effect on the accelerometer; None without
         a squat.
     """
-    found = compute_pitch_squat_cross_products(gravity, motion)
+    found = sum_products_of_pitch_gravity_and_speed(gravity, motion)
     if found.first.size < LIMITS.pitch_min_stretches:
         return None
     solved = fit_instrumental_variables(found.columns, found.response)

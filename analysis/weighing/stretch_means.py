@@ -34,10 +34,13 @@ def subtract_fitted_line(x: Floats) -> Floats:
     return x - sum_in_order(x) / x.size - slope * ramp
 
 
-def make_stretch_trend_columns(group: Ints) -> Floats:
+def make_constant_and_slope_of_each_stretch(stretch_of_row: Ints) -> Floats:
     """A constant and a slope column for each stretch, (rows, 2)."""
     return np.concatenate(
-        [make_orthonormal_constant_and_slope(part.size) for part in list_rows_by_group(group)]
+        [
+            make_orthonormal_constant_and_slope(part.size)
+            for part in list_rows_by_group(stretch_of_row)
+        ]
     )
 
 

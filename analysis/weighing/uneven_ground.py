@@ -19,9 +19,12 @@ from typing import Final
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.nuisances import ColumnInputs, Nuisance
+from analysis.weighing.nuisances import (
+    Nuisance,
+)
 from estimators.interpreted import compiled_inline, compiled_unless_short_log
 
 #: What all of it is in the budget.

@@ -85,7 +85,8 @@ class Weighing:
         other_motion: change of the mass with the other acceleration, if wheels and accelerometer
             disagree by more than the settings allow.
         alone: the fit without learnt priors; None if that is the answer.
-        informed: the fit with learnt priors as wide as their means are uncertain; None likewise.
+        informed: the fit with learnt priors as wide as their means are uncertain; None if `alone`
+            is.
         learnt: priors learnt by a calibration.
     """
 

@@ -27,12 +27,12 @@ from analysis.weighing.motion_samples import (
     compute_ground_to_wheel_speed_ratio,
 )
 from analysis.weighing.nuisances import const_term_prior_std_newtons
-from analysis.weighing.pitch_squat import estimate_pitch_squat_fraction_and_std
+from analysis.weighing.pitch_squat import estimate_pitch_gravity_per_acceleration_and_std
 from analysis.weighing.stretch_means import (
     EVERY,
     MEAN,
     average_overlapping_blocks,
-    make_stretch_trend_columns,
+    make_constant_and_slope_of_each_stretch,
     subtract_fitted_line,
 )
 from analysis.weighing.weighing_limits import LIMITS
@@ -85,7 +85,7 @@ def compare_wheels_with_accelerometer(
     )
     if still is None:
         return None
-    swing = swing if level is None else swing.with_squat_by_gravity(still.squat[0])
+    swing = swing if level is None else swing.with_swing_of_gravity_squat(still.squat[0])
     return replace(still, swing=swing, springs=springs)
 
 
@@ -117,7 +117,7 @@ def compare_wheels_with_or_without_gravity(
     level = _fit_wheel_comparison(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
-    squat = estimate_pitch_squat_fraction_and_std(
+    squat = estimate_pitch_gravity_per_acceleration_and_std(
         motion.specific_force - motion.without_gravity, motion
     )
     if squat is not None:
@@ -211,7 +211,7 @@ def _fit_wheel_comparison(
         return None
     lines = loss = None
     if earlier_kinematics is not None:
-        lines = make_stretch_trend_columns(rows[2])
+        lines = make_constant_and_slope_of_each_stretch(rows[2])
         loss = compute_autocovariance_loss(rows[2], lines)
     wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
@@ -223,7 +223,9 @@ def _fit_wheel_comparison(
         # the slip is of the ground's speed, and an offset matters by what slip there is
         slip_1_N = float(np.clip(slips_1_N, -largest, largest))
         about = abs(slip_1_N) + (
-            wide.fit.std[1] if earlier_kinematics is None else earlier_kinematics.slip_1_N[1]
+            wide.fit.parameter_stds[1]
+            if earlier_kinematics is None
+            else earlier_kinematics.slip_1_N[1]
         )
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
@@ -235,7 +237,7 @@ def _fit_wheel_comparison(
         )
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
-            lines = make_stretch_trend_columns(rows[2])
+            lines = make_constant_and_slope_of_each_stretch(rows[2])
             loss = compute_autocovariance_loss(rows[2], lines)
         wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
@@ -248,7 +250,7 @@ def _fit_wheel_comparison(
         prior_stds(LIMITS.gain_search_std_1, about) / max(free.residual_rms, rounding_m_s),
         1.0 / motion.rate_hz,
     )
-    if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
+    if free.theta[1] < -LIMITS.negative_slip_std * free.parameter_stds[1]:
         narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
         stiff = prior_stds(LIMITS.gain_search_std_1, about, narrow_std)
         rolling = solve_rows(rows, stiff, delay_s, lines, loss).fit
@@ -262,13 +264,13 @@ def _fit_wheel_comparison(
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
     least = compute_parameter_std_bounds_by_noise(rows, noise, std, 1.0 / motion.rate_hz)
-    widened = np.maximum(least / found.std, 1.0)
+    widened = np.maximum(least / found.parameter_stds, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
     values = list(
         zip(found.theta[:3].tolist(), np.sqrt(np.diag(covariance)).tolist()[:3], strict=True)
     )
     return WheelKinematics(
-        gain=(float(free.theta[0]), float(free.std[0])),
+        gain=(float(free.theta[0]), float(free.parameter_stds[0])),
         gain_by_prior=values[0],
         slip_1_N=values[1],
         delay_s=(delay_s + values[2][0], values[2][1]),
@@ -292,7 +294,7 @@ def is_accelerometer_gain_significant(fit: MapFit, noise_m_s: float, least_1: fl
     # where the two do not go together, deviations say nothing
     agrees = fit.residual_rms / noise_m_s <= LIMITS.max_kinematic_mismatch
     times = LIMITS.gain_min_std if agrees else 0.0
-    return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0], least_1))
+    return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.parameter_stds[0], least_1))
 
 
 def _make_comparison_rows(

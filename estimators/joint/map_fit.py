@@ -60,7 +60,7 @@ class MapFit:
         return bool(self.misfit.any())
 
     @cached_property
-    def std(self) -> Floats:
+    def parameter_stds(self) -> Floats:
         """(p,) standard deviations; NaN if lost to rounding."""
         variance = np.diag(self.covariance)
         return np.sqrt(np.where(variance < 0.0, np.nan, variance))

@@ -54,7 +54,7 @@ class Partition:
         return self.levels.size
 
     @property
-    def dof(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Number of units minus number of levels."""
         return self.state.size - int(self.level.max()) - 1
 

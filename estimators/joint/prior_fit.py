@@ -333,7 +333,9 @@ class _InformativeGroups:
     shape: InterceptShape
     number: list[int]
 
-    def common_residual_scores(self, A: Floats, direction: Floats, group_length: int) -> Floats:
+    def scores_per_unit_of_common_residual(
+        self, A: Floats, direction: Floats, group_length: int
+    ) -> Floats:
         """(length, wide) scores caused by a common residual of 1 at each place in the groups."""
         count = self.shape.levels.level_count
         total = np.zeros((group_length, count + A.shape[1] - 1))
@@ -386,6 +388,8 @@ def estimate_common_misfit_and_ratio(
         return nothing, common_residual.ratio
     mean, length = common_residual.mean, common_residual.length
     correlation, _ = estimate_pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
-    moved = gain.apply_to_rows(informative_groups.common_residual_scores(A, group_signs, length))
+    moved = gain.apply_to_rows(
+        informative_groups.scores_per_unit_of_common_residual(A, group_signs, length)
+    )
     lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
     return moved.T @ lasts @ moved * common_residual.excess, common_residual.ratio

@@ -239,7 +239,8 @@ def solve_with_priors_iteratively(
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, with S the covariance of b - G θ.
 
     S is σ² AᵀA, with the residuals' long-run variance, plus the uncertainty of the noise
-    correction; without the latter, repeated samples would outvote the priors with that error.
+    correction. All samples have the error of that correction in common: without its uncertainty,
+    many of them would outweigh the priors, however wrong the correction is.
 
     Args:
         A: (n, p) columns.
@@ -283,12 +284,12 @@ def solve_with_priors_iteratively(
         kept = min(1.0, LIMITS.max_noise_fraction / share) if share > 0 else 1.0
         turned = weight_equations_of_units(units, intercept_shape, of_units, kept, theta, variance)
         if solved is None:
-            theta = solve_for_white_noise(turned, (wide_precision, wide_believed), variance)
+            theta = solve_given_white_noise(turned, (wide_precision, wide_believed), variance)
             turned = weight_equations_of_units(
                 units, intercept_shape, of_units, kept, theta, variance
             )
         doubted = compute_uncertain_fraction_of_noise(kept) * turned.taken
-        theta, gain = solve_for_noise_with_common_error(
+        theta, gain = solve_given_error_common_to_samples(
             turned, (wide_precision, wide_believed), variance, doubted
         )
         residual = compute_grouped_residuals(
@@ -303,7 +304,7 @@ def solve_with_priors_iteratively(
     return solved
 
 
-def solve_for_white_noise(
+def solve_given_white_noise(
     equations: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
 ) -> Floats:
     """Estimates (wide,) for white noise, S = σ² G: where the iteration begins."""
@@ -323,7 +324,7 @@ def solve_for_white_noise(
     return found @ wanted
 
 
-def solve_for_noise_with_common_error(
+def solve_given_error_common_to_samples(
     equations: WeightedNormalEquations,
     priors: tuple[Floats, Floats],
     variance: float,

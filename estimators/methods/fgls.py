@@ -91,7 +91,7 @@ def solve_windows_by_reweighting(
     ).theta
 
 
-def trace(
+def estimate_along_log(
     A: Floats, f: Floats, window: int, accepted: Bools, options: FglsOptions | None = None
 ) -> Trace:
     """Estimate every accepted window; row k equals `fit` of the `window` samples that end at k.

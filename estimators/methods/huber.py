@@ -225,7 +225,7 @@ def summarise_clipped_residuals(
     return kept / window, squares
 
 
-def trace(
+def estimate_along_log(
     A: Floats, f: Floats, window: int, accepted: Bools, options: HuberOptions | None = None
 ) -> Trace:
     """Estimate every accepted window; row k equals `fit` of the `window` samples that end at k.

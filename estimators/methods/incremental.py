@@ -1,10 +1,10 @@
 """The estimators sample by sample: state in, state out, bounded work, same θ as in replay.
 
-Every function here takes the sums that the compiled `trace` would have for the window that ends
-now, in the same order, and calls the same loops for one window: so θ equals the replay's bit for
-bit. The deviations are their own, since the residuals' autocorrelation over the log is not known
-yet: residuals are taken for white noise after a moving mean of `mean` samples, and the regressor
-for steady over that span, which makes the textbook's variance `mean` times larger.
+Every function here takes the sums that the compiled `estimate_along_log` would have for the window
+that ends now, in the same order, and calls the same loops for one window: so θ equals the replay's
+bit for bit. The deviations are their own, since the residuals' autocorrelation over the log is not
+known yet: residuals are taken for white noise after a moving mean of `mean` samples, and the
+regressor for steady over that span, which makes the textbook's variance `mean` times larger.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from estimators.methods.huber import solve_windows_robustly as reweight_huber
 from estimators.methods.ls import (
     LsOptions,
     WindowStatistics,
-    compute_gate_statistics_from_products,
+    compute_fit_statistics_of_windows,
     solve_windows_by_normal_equations,
 )
 from estimators.methods.pooled import PooledOptions, add_one_sample_product, subtract_expected_noise
@@ -132,7 +132,9 @@ def advance_window(state: WindowState, sample: Floats) -> WindowState:
     return WindowState(z, seen, centre, suffix, prefix, products, moments)
 
 
-def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
+def compute_window_statistics_for_gate(
+    state: WindowState, noise: Floats | None = None
+) -> WindowStatistics:
     """Statistics of the current window for the gate, (1,) each.
 
     `noise` is as for `ls.window_statistics`.
@@ -141,30 +143,30 @@ def compute_gate_statistics(state: WindowState, noise: Floats | None = None) -> 
     rho, spread = np.empty(1), np.empty(1)
     fill_correlation_and_relative_variance(state.moments, state.centre, window, rho, spread)
     return WindowStatistics(
-        rho, spread, *compute_gate_statistics_from_products(state.products, window, noise)
+        rho, spread, *compute_fit_statistics_of_windows(state.products, window, noise)
     )
 
 
-def ls(state: WindowState, mean_samples: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
+def estimate_by_ls(state: WindowState, mean_samples: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the current window."""
     A, f, end = unroll_window_to_samples(state)
     theta, _ = solve_windows_by_normal_equations(A, f, f.size, end, state.products)
     return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
-def fgls(state: WindowState, mean_samples: int, options: FglsOptions) -> Estimate:
+def estimate_by_fgls(state: WindowState, mean_samples: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the current window: O(window)."""
     A, f, end = unroll_window_to_samples(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
     return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
 
 
-def tls(state: WindowState, mean_samples: int, options: TlsOptions) -> Estimate:
+def estimate_by_tls(state: WindowState, mean_samples: int, options: TlsOptions) -> Estimate:
     """Total least squares of the current window."""
     return make_window_estimate(state, *solve_scaled_tls(state.products, options), mean_samples)
 
 
-def huber(state: WindowState, mean_samples: int, options: HuberOptions) -> Estimate:
+def estimate_by_huber(state: WindowState, mean_samples: int, options: HuberOptions) -> Estimate:
     """Huber regression of the current window: at most a hundred steps of O(window)."""
     A, f, end = unroll_window_to_samples(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
@@ -249,7 +251,7 @@ def make_recursive_estimate(
     return Estimate(theta, std, float(np.sqrt(rss / past.weight)), condition)
 
 
-def rls(
+def estimate_by_rls(
     state: WindowState,
     past: WindowHistory | RlsState | None,
     new_samples: int,
@@ -334,7 +336,7 @@ def _step_directional_rls(
     return past, Estimate(past.theta, std, rms, compute_scaled_condition(R))
 
 
-def rtls(
+def estimate_by_rtls(
     state: WindowState,
     past: WindowHistory | None,
     new_samples: int,

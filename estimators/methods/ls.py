@@ -195,7 +195,7 @@ def compute_window_statistics(
         products, *seen = sum_window_products_and_correlation(A, f, window, window_ends[rows])
         for whole, part in zip(
             out,
-            (*seen, *compute_gate_statistics_from_products(products, window, noise)),
+            (*seen, *compute_fit_statistics_of_windows(products, window, noise)),
             strict=True,
         ):
             whole[rows] = part
@@ -204,7 +204,7 @@ def compute_window_statistics(
     return out
 
 
-def compute_gate_statistics_from_products(
+def compute_fit_statistics_of_windows(
     products: Floats, window: int, noise: Floats | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Last four fields of `WindowStatistics`, (m,) each, from packed products (entries, m)."""
@@ -278,7 +278,7 @@ def compute_residual_noise_variance(theta: Floats, noise: Floats) -> Floats:
     return np.maximum(own + noise[p, p] - 2.0 * shared, 0.0)
 
 
-def trace(
+def estimate_along_log(
     A: Floats, f: Floats, window: int, accepted: Bools, options: LsOptions | None = None
 ) -> Trace:
     """Estimate every accepted window; row k equals `fit` of the `window` samples that end at k.

@@ -74,7 +74,9 @@ def subtract_expected_noise(products: Floats, counts: Floats, options: PooledOpt
     return clean
 
 
-def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None) -> Trace:
+def estimate_along_log(
+    A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None
+) -> Trace:
     """Estimate every segment.
 
     Args:

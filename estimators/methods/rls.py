@@ -112,7 +112,7 @@ def step(state: RlsState, a: Floats, f: float, options: RlsOptions | None = None
     )
 
 
-def trace(
+def estimate_along_log(
     A: Floats, f: Floats, window: int, accepted: Bools, options: RlsOptions | None = None
 ) -> Trace:
     """Run the recursion over the union of the accepted windows; equals repeated `step`.

@@ -83,7 +83,7 @@ def rescale_gram_to_original_units(state: RtlsState, options: RtlsOptions) -> Fl
     return state.C * np.outer(units, units)
 
 
-def trace(
+def estimate_along_log(
     A: Floats, f: Floats, window: int, accepted: Bools, options: RtlsOptions | None = None
 ) -> Trace:
     """Run the recursion over the union of the accepted windows; equals repeated `step`.

@@ -172,7 +172,7 @@ def solve_windows(
     return out
 
 
-def trace(
+def estimate_along_log(
     A: Floats, f: Floats, window: int, accepted: Bools, options: TlsOptions | None = None
 ) -> Trace:
     """Estimate every accepted window; row k equals `fit` of the `window` samples that end at k.

@@ -57,12 +57,12 @@ class BaseEstimate:
     Attributes:
         identifiability: which parameters without a prior are determined.
         parameters: (p,) names of all parameters.
-        theta: (p,) estimates; NaN where the motion does not determine them.
-        by_axis: (k, p) contributions of each axis' force, on which a gain of that axis acts; NaN
-            likewise.
-        covariance: (p, p) covariance; NaN likewise.
+        theta: (p,) estimates; this and the next three are NaN where the motion does not determine
+            a parameter.
+        by_axis: (k, p) contributions of each axis' force, on which a gain of that axis acts.
+        covariance: (p, p) covariance.
         responses: (q, p) response to one standard deviation of each prior, and of each uncertainty
-            that was added; NaN likewise. Correlated priors are as in `Prior.covariance`.
+            that was added. Correlated priors are as in `Prior.covariance`.
         coefficients: (p,) coefficients of the columns of A in the fit; 0 for excluded ones.
         combination: (c,) values of `identifiability.combinations`.
         combination_std: (c,) their standard deviations.
@@ -81,7 +81,7 @@ class BaseEstimate:
     residual_rms: Floats
 
     @property
-    def std(self) -> Floats:
+    def parameter_stds(self) -> Floats:
         """(p,) standard deviations, NaN where the motion does not determine a parameter."""
         return np.sqrt(np.diagonal(self.covariance))
 

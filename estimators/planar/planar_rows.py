@@ -186,10 +186,11 @@ def compute_column_noise_rms(
     Args:
         yaw_rate_rms: r.m.s. of the yaw rate itself, in rad/s.
         specific_force_x: r.m.s. noise after smoothing, in m/s².
-        specific_force_y: likewise; about v times that of ω where no accelerometer measures it.
-        speed: likewise, in m/s.
-        yaw_rate: likewise, in rad/s.
-        yaw_acceleration: likewise, in rad/s².
+        specific_force_y: r.m.s. noise after smoothing, in m/s²; about v times that of ω where no
+            accelerometer measures it.
+        speed: r.m.s. noise after smoothing, in m/s.
+        yaw_rate: r.m.s. noise after smoothing, in rad/s.
+        yaw_acceleration: r.m.s. noise after smoothing, in rad/s².
 
     Returns:
         (2, 6): rows force and yaw torque, columns in the order of `PARAMETERS`; 0 where a column is

@@ -33,7 +33,6 @@ from recordings.calibration.bundle_folder import (
     read_bundle_file,
 )
 from recordings.calibration.bundle_limits import LIMITS
-from recordings.calibration.bundle_tables import UntrustedTable, read_untrusted_tables
 from recordings.calibration.chain_check import (
     check_counter_of_chain_link,
     check_link_to_previous_evidence,
@@ -51,6 +50,7 @@ from recordings.calibration.evidence_document import (
 )
 from recordings.calibration.notary_stretch import check_notary_list_range
 from recordings.calibration.recomputation import compare_bundle_with_recomputed
+from recordings.calibration.strange_files import UntrustedTable, read_untrusted_tables
 from recordings.calibration.timestamp import check_bundle_timestamp
 from recordings.calibration.write_bundle import make_signed_statement_predicate
 from recordings.signatures.keyring import Keyring

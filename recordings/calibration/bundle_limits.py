@@ -23,15 +23,6 @@ class BundleLimits:
     #: and bytes that are read at once of one that is not.
     chunk_bytes: int = 1 << 20
 
-    # bundle_tables
-    #: Time in s that reading the tables may take.
-    tables_max_s: float = 60.0
-    #: Bytes of JSON that tables may become.
-    tables_output_bytes: int = 256 << 20
-    #: Bytes of tables whose reading is kept: those of evidence have some kB, and are read again
-    #: with the evidence after it and with the chain.
-    kept_tables_bytes: int = 1 << 20
-
     # calibration_plots
     #: Height of a figure of the report, in units of the drawing,
     figure_height: int = 232
@@ -66,6 +57,13 @@ class BundleLimits:
     fault_characters: int = 200
 
     # strange_files
+    #: Time in s that reading the tables may take.
+    tables_max_s: float = 60.0
+    #: Bytes of JSON that tables may become.
+    tables_output_bytes: int = 256 << 20
+    #: Bytes of tables whose reading is kept: those of evidence have some kB, and are read again
+    #: with the evidence after it and with the chain.
+    kept_tables_bytes: int = 1 << 20
     #: Time in s that recordings of long logs may take.
     recordings_max_s: float = 900.0
     #: Bytes of JSON that a process may answer with.

@@ -24,7 +24,7 @@ def parse_begin_time_of_log(log: EvidenceLog) -> dt.datetime | None:
         return None
 
 
-def iter_contradicted_run_days(
+def iter_contradicted_run_day_sentences(
     campaign: CalibrationCampaign,
     logs: Sequence[EvidenceLog],
     zone: ZoneInfo,
@@ -65,7 +65,7 @@ def iter_contradicted_run_days(
             )
 
 
-def iter_repeated_runs(
+def iter_repeated_run_sentences(
     campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], readings: pl.DataFrame
 ) -> Iterator[str]:
     """Yield a sentence for each pair of runs that count the same starts twice.
@@ -127,7 +127,7 @@ def _compute_run_span(
     )
 
 
-def iter_contradictions_to_machine(
+def iter_contradicted_machine_sentences(
     serial_number: str, machine: Machine, logs: Sequence[EvidenceLog]
 ) -> Iterator[str]:
     """Yield contradictions to the machine of a campaign, a sentence each.

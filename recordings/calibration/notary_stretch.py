@@ -60,7 +60,7 @@ def check_notary_list_range(
         return
     kept = check_untrusted_notary_list(list_bytes, dt.datetime.now(dt.UTC), stretch.first)
     checked_bundle.findings += iter_faults_of_notary_list_range(document, stretch, kept)
-    reasons = stretch.omission_reasons_by_log
+    reasons = stretch.omission_reason_by_log_number
     checked_bundle.notes += [
         f"{NOTARY}: {each.what} (left out: {reasons[each.counter]})"
         for each in kept.faults
@@ -77,7 +77,7 @@ def iter_faults_of_notary_list_range(
     for fault in checked_list.faults:
         if fault.forged:
             yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, fault.what)
-        elif fault.counter not in list_range.omission_reasons_by_log:
+        elif fault.counter not in list_range.omission_reason_by_log_number:
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, fault.what)
     if checked_list.head is None:
         return
@@ -91,19 +91,19 @@ def iter_faults_of_notary_list_range(
         if number not in listed:
             what = f"number {number} is missing, although the campaign names it"
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    for what in iter_unaccounted_logs(list_range, document.logs, checked_list.log_entries):
+    for what in iter_unaccounted_log_sentences(list_range, document.logs, checked_list.log_entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
     yield from iter_contradictions_to_notary_list(document, list_range, checked_list.log_entries)
 
 
-def iter_unaccounted_logs(
+def iter_unaccounted_log_sentences(
     list_range: NotaryStretch, logs: Sequence[EvidenceLog], list_entries: Sequence[NotaryEntry]
 ) -> Iterator[str]:
     """Yield logs that are neither used nor left out, and used logs without a line."""
     for entry in list_entries:
         if not list_range.first <= entry.counter <= list_range.last:
             yield f"number {entry.counter} is not among the numbers that the campaign names"
-        elif entry.counter not in list_range.omission_reasons_by_log and not any(
+        elif entry.counter not in list_range.omission_reason_by_log_number and not any(
             _is_entry_of_log(log, entry) for log in logs
         ):
             yield (
@@ -133,7 +133,7 @@ def iter_contradictions_to_notary_list(
         said = ""
         if listed > made + _CLOCK:
             said = f"number {number} was listed {entry.listed}, after the evidence was made"
-        elif own is not None and number in list_range.omission_reasons_by_log:
+        elif own is not None and number in list_range.omission_reason_by_log_number:
             said = f"number {number} is left out, although {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"

@@ -23,9 +23,9 @@ from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REP
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.campaign_faults import (
-    iter_contradicted_run_days,
-    iter_contradictions_to_machine,
-    iter_repeated_runs,
+    iter_contradicted_machine_sentences,
+    iter_contradicted_run_day_sentences,
+    iter_repeated_run_sentences,
     parse_creation_time,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
@@ -175,12 +175,12 @@ def _make_irreproducible_finding(item_name: str, difference: str) -> BundleFindi
 def compare_evidence_with_campaign(document: EvidenceDocument) -> Findings:
     """Check values that follow from campaign and machine file."""
     campaign, machine = document.campaign, document.machine
-    if document.kind == "calibration" and document.expires != campaign.expires:
+    if document.kind == "calibration" and document.expires != campaign.last_valid_day:
         yield _make_irreproducible_finding(
-            "expires", f"is not {campaign.expires}, as the runs' days give"
+            "expires", f"is not {campaign.last_valid_day}, as the runs' days give"
         )
     made, now = parse_creation_time(document), dt.datetime.now(dt.UTC)
-    for fault in iter_contradicted_run_days(
+    for fault in iter_contradicted_run_day_sentences(
         campaign, document.logs, machine.machine.time_zone, made
     ):
         yield _make_irreproducible_finding("campaign.runs", fault)
@@ -188,7 +188,7 @@ def compare_evidence_with_campaign(document: EvidenceDocument) -> Findings:
         yield _make_irreproducible_finding(
             "made", f"is in the future: {document.made}, but now it is {now:%F %R}"
         )
-    for fault in iter_contradictions_to_machine(campaign.machine.id, machine, document.logs):
+    for fault in iter_contradicted_machine_sentences(campaign.machine.id, machine, document.logs):
         yield _make_irreproducible_finding("campaign.machine.id", fault)
     yield from compare_learnt_priors_with_pooled(document)
     if document.estimator != make_estimator_with_digest(
@@ -212,7 +212,7 @@ def compare_evidence_with_campaign(document: EvidenceDocument) -> Findings:
         yield _make_irreproducible_finding("options", "are not those of the campaign's method")
     for overdue in campaign.describe_invalid_certificates():
         yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
-    if tuple(log.log for log in document.logs) != campaign.logs:
+    if tuple(log.log for log in document.logs) != campaign.log_names:
         yield BundleFinding(
             BundleOutcome.INCOMPLETE, f"{EVIDENCE}: logs", "are not the logs of the campaign's runs"
         )
@@ -237,7 +237,7 @@ def compare_learnt_priors_with_pooled(document: EvidenceDocument) -> Findings:
     if not all(near for _, near in find_differing_json_values(stored, computed)):
         yield _make_irreproducible_finding("learnt", "does not follow from its logs")
     said = {each.log for each in learnt.logs}
-    if document.kind == "calibration" and not said <= set(campaign.logs):
+    if document.kind == "calibration" and not said <= set(campaign.log_names):
         yield _make_irreproducible_finding("learnt", "belongs to other logs than the campaign's")
 
 
@@ -254,7 +254,7 @@ def check_runs_and_readings(document: EvidenceDocument, readings: pl.DataFrame) 
         if run is None:
             yield BundleFinding(BundleOutcome.TAMPERED, item, "belongs to no run of the campaign")
             continue
-        for what in _iter_contradictions_of_reading_to_run(
+        for what in _iter_sentences_on_reading_unlike_run(
             row, run, seen[name], weighs.get(run.log, False)
         ):
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)
@@ -263,11 +263,11 @@ def check_runs_and_readings(document: EvidenceDocument, readings: pl.DataFrame) 
     for name in runs:
         if name not in seen:
             yield BundleFinding(BundleOutcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
-    for fault in iter_repeated_runs(document.campaign, document.logs, readings):
+    for fault in iter_repeated_run_sentences(document.campaign, document.logs, readings):
         yield _make_irreproducible_finding("campaign.runs", fault)
 
 
-def _iter_contradictions_of_reading_to_run(
+def _iter_sentences_on_reading_unlike_run(
     reading_row: dict[str, Any], run: CampaignRun, reading_number: int, is_run_weighing: bool
 ) -> Iterator[str]:
     """Yield contradictions between a reading and its run."""
@@ -339,11 +339,11 @@ def compare_fit_with_refitted(
             f"library (made with payscope {document.software.payscope}, "
             f"{document.software.platform})"
         )
-    if points is not None and (wrong or not places) and not points.equals(fitted.frame):
+    if points is not None and (wrong or not places) and not points.equals(fitted.point_frame):
         yield BundleFinding(
             BundleOutcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings"
         )
-    yield from compare_errors_of_previous_line(document, fitted.frame)
+    yield from compare_errors_of_previous_line(document, fitted.point_frame)
 
 
 class _Refit(NamedTuple):

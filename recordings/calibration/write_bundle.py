@@ -20,10 +20,10 @@ from recordings.calibration.bundle_folder import (
     list_bundle_files_and_faults,
     read_bundle_file,
 )
-from recordings.calibration.bundle_tables import encode_table_as_parquet
 from recordings.calibration.calibration_report import render_report_html, write_report_pdf
 from recordings.calibration.calibration_text import describe_exchanged_runs
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
+from recordings.calibration.strange_files import encode_table_as_parquet
 from recordings.signatures.signing import (
     SigningKey,
     encode_in_toto_statement,

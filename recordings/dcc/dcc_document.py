@@ -108,10 +108,10 @@ def iter_faults_against_dcc_schema(certificate: "_Element") -> Iterator[str]:
                 yield f"has two elements of the id '{value[:60]}'"
             if value is not None:
                 seen.add(value)
-    yield from _iter_missing_or_repeated_elements(certificate)
+    yield from _iter_faults_of_missing_or_repeated_elements(certificate)
 
 
-def _iter_missing_or_repeated_elements(certificate: "_Element") -> Iterator[str]:
+def _iter_faults_of_missing_or_repeated_elements(certificate: "_Element") -> Iterator[str]:
     """Yield faults: parts that must occur once, but are missing or repeated."""
     names = [child.tag for child in certificate]
     for name in ("administrativeData", "measurementResults"):

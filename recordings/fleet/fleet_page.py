@@ -208,10 +208,8 @@ def _make_machine_row(
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
-        flagged = chart is not None and chart.chart.flagged is not None
-        cells.append(
-            format_sortable_cell(chart.change if chart is not None and flagged else None, "+,.1f")
-        )
+        change = None if chart is None or chart.chart.flagged is None else chart.flagged_change
+        cells.append(format_sortable_cell(change, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
     cells.append(format_sortable_cell(looks, ",.0f"))
     return {"name": name, "cells": cells}
@@ -233,7 +231,7 @@ def format_sortable_cell(value: float | None, number_format: str) -> SortableCel
 
 def _make_drift_sort_key(drift_chart: MachineChart) -> tuple[float, str, str]:
     """Sorting key that puts the change with the largest ratio to its deviation first."""
-    change, std = abs(drift_chart.change), drift_chart.change_std
+    change, std = abs(drift_chart.flagged_change), drift_chart.flagged_change_std
     known = math.isfinite(change) and std > 0.0
     return -(change / std if known else 0.0), drift_chart.machine, drift_chart.signal.name
 
@@ -243,11 +241,11 @@ def _make_drift_cells(drift_chart: MachineChart) -> tuple[str, ...]:
     assert found.flagged is not None
     assert found.since is not None
     unit = drift_chart.signal.unit
-    change = f"{drift_chart.change:+,.1f} ± {K * drift_chart.change_std:,.1f} {unit}"
+    change, std = drift_chart.flagged_change, drift_chart.flagged_change_std
     return (
         drift_chart.machine,
         drift_chart.signal.name,
-        change if math.isfinite(drift_chart.change) else "–",
+        f"{change:+,.1f} ± {K * std:,.1f} {unit}" if math.isfinite(change) else "–",
         str(drift_chart.days[found.since]),
         str(drift_chart.days[found.flagged]),
         drift_chart.signal.means,

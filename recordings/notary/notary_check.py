@@ -124,7 +124,7 @@ def _check_head_signature(checked_list: CheckedList, notary_lines: Sequence[Nota
         if not line.is_signed_by(key):
             counter = line.content.counter
             checked_list.add_forgery_fault(
-                f"number {counter} is not signed by the key of its head", counter
+                f"number {counter} is not signed by the key that the list's head names", counter
             )
 
 
@@ -177,7 +177,10 @@ def _iter_contradictory_times(
             yield ListFault(True, number, f"number {number} ends before it begins")
         if listed > current_time + clock:
             yield ListFault(
-                False, number, f"number {number} was listed in the future, {entry.listed}"
+                False,
+                number,
+                f"number {number} was listed in the future, {entry.listed}: the recorder's clock "
+                "is ahead of this computer's",
             )
         if ends is not None and ends > listed + clock:
             yield ListFault(

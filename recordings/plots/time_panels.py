@@ -26,7 +26,7 @@ from recordings.rrd.display_frames import (
     list_displayed_columns,
     should_draw_as_points,
 )
-from recordings.rrd.provenance_texts import format_local_time
+from recordings.rrd.recording_properties import format_local_time
 from recordings.rrd.recording_views import View, ViewKind
 from recordings.rrd.stored_names import STATE
 

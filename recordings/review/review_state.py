@@ -26,7 +26,7 @@ from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.review.review_limits import LIMITS
 from recordings.review.torn_logs import TornLog
-from recordings.rrd.provenance_texts import format_local_time, read_machine_section
+from recordings.rrd.recording_properties import format_local_time, read_machine_section
 from recordings.rrd.recording_texts import read_machine_name
 
 STATE: Final = "review.json"
@@ -132,7 +132,7 @@ class ReviewState(BaseModel):
         return tuple(each for each in self.failed if each.consequence == "withhold")
 
     @property
-    def remarks(self) -> tuple[FailedCheck, ...]:
+    def failed_checks_that_withhold_nothing(self) -> tuple[FailedCheck, ...]:
         """Failed checks that withhold no mass."""
         return tuple(each for each in self.failed if each.consequence != "withhold")
 

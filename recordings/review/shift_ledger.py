@@ -76,7 +76,7 @@ def make_ledger_frame(
     rejected = pl.Series(
         "rejected", [each is not None and each.reject for each in rows], dtype=pl.Boolean
     )
-    doubts = pl.Series("doubt", list_cycle_doubts(cycles), dtype=pl.String)
+    doubts = pl.Series("doubt", describe_doubts_of_each_cycle(cycles), dtype=pl.String)
     times = [
         (pl.col(f"{name}_t_ns") + t0_unix_ns).alias(f"{name}_unix_ns")
         for name in ("start", "end", "dig", "dump")
@@ -316,7 +316,7 @@ def _parse_utc_offset(text: str) -> dt.timezone:
     return dt.timezone(sign * dt.timedelta(hours=int(digits[:2]), minutes=int(digits[2:])))
 
 
-def list_cycle_doubts(cycle_rows: pl.DataFrame) -> list[str]:
+def describe_doubts_of_each_cycle(cycle_rows: pl.DataFrame) -> list[str]:
     """Doubts about each cycle, joined by semicolons; empty without doubts or payload.
 
     Args:

@@ -78,14 +78,14 @@ def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
             folder,
             state.begins,
             format_machine_title(state),
-            tuple(_list_uncounted_work_of_shift(state)),
+            tuple(_describe_uncounted_work_of_shift(state)),
             _read_friction_of_shift_day(state),
         )
         for folder, state in states
     ]
 
 
-def _list_uncounted_work_of_shift(state: ReviewState) -> Iterable[str]:
+def _describe_uncounted_work_of_shift(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
         yield make_warning_of_mixed_machines(state)
     if gaps := format_spans_of_recording_gaps(state):

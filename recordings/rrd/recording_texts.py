@@ -35,14 +35,14 @@ from recordings.report.number_text import (
 from recordings.report.planar_text import describe_planar_fits, format_planar_markdown
 from recordings.report.shift_text import describe_shift_payload
 from recordings.rrd.display_frames import find_time_span_of_grid_ns
-from recordings.rrd.provenance_texts import (
+from recordings.rrd.recording_limits import LIMITS
+from recordings.rrd.recording_properties import (
     format_local_time,
     format_provenance_markdown,
     format_settings_markdown,
     read_machine_section,
     read_timezone_name,
 )
-from recordings.rrd.recording_limits import LIMITS
 
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
 _MARK: Final = "="

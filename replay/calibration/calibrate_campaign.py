@@ -186,7 +186,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             return campaign_file.parent / log
 
         learnt = None
-        if campaign.does_learn_priors and len(campaign.logs) >= USE_LIMITS.min_logs:
+        if campaign.does_learn_priors and len(campaign.log_names) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_campaign_logs(campaign, machine, path_of_log, None, on_log)
             refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)
@@ -307,11 +307,11 @@ def write_verified_evidence(
         CampaignError: no run gave a reading.
         OutputError: the written evidence fails verification.
     """
-    readings, points = evidence.replayed.readings, evidence.fitted.frame
+    readings, points = evidence.replayed.readings, evidence.fitted.point_frame
     if readings["mass_kg"].null_count() == readings.height:
         raise CampaignError(
-            f"{', '.join(evidence.campaign.logs)}: no run yielded a reading; run `payscope run` "
-            "on each log to see why"
+            f"{', '.join(evidence.campaign.log_names)}: no run yielded a reading; "
+            "run `payscope run` on each log to see why"
         )
     tables, digests = encode_evidence_tables(readings, points)
     document = _make_evidence_document(evidence, digests, key, earlier_bundle)
@@ -348,7 +348,7 @@ def _make_evidence_document(
         notice=NOTICE,
         campaign=campaign,
         # a check does not prolong what it checks
-        expires=last.expires if last and evidence.kind == "check" else campaign.expires,
+        expires=last.expires if last and evidence.kind == "check" else campaign.last_valid_day,
         machine=machine,
         learnt=learnt,
         estimator=estimator,
@@ -362,7 +362,7 @@ def _make_evidence_document(
         limits=fitted.limits,
         drift=evidence.drift,
         as_found=evaluate_previous_line_as_found(
-            last, recompute_estimator_of_previous(last), estimator, fitted.frame
+            last, recompute_estimator_of_previous(last), estimator, fitted.point_frame
         ),
         replay_tolerance_kg=LIMITS.replay_tolerance_kg,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,

@@ -79,7 +79,7 @@ def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
         raise CampaignError(
             f"{path}: {overdue[0]}{more}; give a valid certificate, or leave the mass out"
         )
-    for log in campaign.logs:
+    for log in campaign.log_names:
         if not (path.parent / log).exists():
             raise CampaignError(
                 f"{path}: no log '{log}' in {path.parent}; paths of logs are relative to the "

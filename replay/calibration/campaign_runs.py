@@ -103,7 +103,7 @@ def replay_campaign_logs(
     terms: list[TermOfLog] = []
     responses: list[RunResponse] = []
     refusals: dict[str, str] = {}
-    for number, name in enumerate(campaign.logs, start=1):
+    for number, name in enumerate(campaign.log_names, start=1):
         on_log(name)
         runs = [each for each in campaign.runs if each.log == name]
         known = (

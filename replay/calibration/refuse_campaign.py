@@ -7,11 +7,14 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError
 from recordings.calibration.campaign_faults import (
-    iter_contradicted_run_days,
-    iter_contradictions_to_machine,
-    iter_repeated_runs,
+    iter_contradicted_machine_sentences,
+    iter_contradicted_run_day_sentences,
+    iter_repeated_run_sentences,
 )
-from recordings.calibration.notary_stretch import cut_range_from_notary_list, iter_unaccounted_logs
+from recordings.calibration.notary_stretch import (
+    cut_range_from_notary_list,
+    iter_unaccounted_log_sentences,
+)
 from recordings.notary.notary_check import check_untrusted_notary_list
 from replay.calibration.campaign_runs import CampaignReplay
 
@@ -33,7 +36,7 @@ def refuse_run_days_unlike_logs(
     Raises:
         CampaignError: a run's log is of another day.
     """
-    faults = iter_contradicted_run_days(
+    faults = iter_contradicted_run_day_sentences(
         campaign, replayed_logs.logs, machine.machine.time_zone, dt.datetime.now(dt.UTC)
     )
     fault = next(faults, None)
@@ -49,7 +52,9 @@ def refuse_repeated_runs(
     Raises:
         CampaignError: a drive counts twice.
     """
-    fault = next(iter_repeated_runs(campaign, replayed_logs.logs, replayed_logs.readings), None)
+    fault = next(
+        iter_repeated_run_sentences(campaign, replayed_logs.logs, replayed_logs.readings), None
+    )
     if fault is not None:
         raise CampaignError(f"{campaign_path}: {fault}; remove one, or say why in excluded")
 
@@ -66,7 +71,7 @@ def refuse_machine_unlike_logs(
         CampaignError: another machine is named.
     """
     fault = next(
-        iter_contradictions_to_machine(campaign.machine.id, machine, replayed_logs.logs), None
+        iter_contradicted_machine_sentences(campaign.machine.id, machine, replayed_logs.logs), None
     )
     if fault is not None:
         raise CampaignError(f"{campaign_path}: {fault}; name logs and machine file of one machine")
@@ -99,7 +104,7 @@ def load_range_of_notary_list(campaign_path: Path, campaign: CalibrationCampaign
         if each.forged
         or (
             stretch.first <= each.counter <= stretch.last
-            and each.counter not in stretch.omission_reasons_by_log
+            and each.counter not in stretch.omission_reason_by_log_number
         )
     ]
     if faults:
@@ -135,7 +140,9 @@ def refuse_unaccounted_logs_of_list(
     if campaign.notary is None or list_range is None:
         return
     kept = check_untrusted_notary_list(list_range, dt.datetime.now(dt.UTC), campaign.notary.first)
-    fault = next(iter_unaccounted_logs(campaign.notary, replayed_logs.logs, kept.log_entries), None)
+    fault = next(
+        iter_unaccounted_log_sentences(campaign.notary, replayed_logs.logs, kept.log_entries), None
+    )
     if fault is not None:
         raise CampaignError(
             f"{campaign_path}: notary: {fault}; add a run for that log, or give the reason for "

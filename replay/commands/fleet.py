@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from analysis.fleet.results_comparison import FleetComparison
     from replay.fleet.compare_results import DayRange
     from replay.fleet.gathered_tables import FleetResults
+    from replay.fleet.ray_engine import TaskEngine
     from replay.fleet.run_fleet import FleetRun
-    from replay.fleet.task_engine import TaskEngine
 
 app = typer.Typer(
     help="Replay a fleet's recordings on an engine; query, report and compare the results.",
@@ -84,8 +84,8 @@ def run_command(
 
     Exit status 1 if a recording has no result.
     """
-    from replay.commands.fleet_progress import FleetProgress
     from replay.commands.print_tables import print_json
+    from replay.commands.progress_bar import FleetProgress
     from replay.fleet.log_sources import list_logs_of_sources
     from replay.fleet.machine_setups import load_fleet
     from replay.fleet.run_fleet import replay_logs_of_fleet
@@ -309,7 +309,7 @@ def _replay_fleet_with_other_settings(
     days: "DayRange",
     engine: "Callable[[], AbstractContextManager[TaskEngine]]",
 ) -> "FleetResults":
-    from replay.commands.fleet_progress import FleetProgress
+    from replay.commands.progress_bar import FleetProgress
     from replay.fleet.compare_results import RunCallbacks, replay_fleet_with_settings
 
     with FleetProgress() as shown:

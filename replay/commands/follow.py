@@ -135,7 +135,9 @@ def command(
             digests.add_followed_rows(rows)
             printer.print_row_reports(following, rows)
             if change.has_file_changed():
-                print_message(f"{machine}: has changed; what follow began with stays in use")
+                print_message(
+                    f"{machine}: has changed; `follow` keeps the machine file that it began with"
+                )
 
         following = follow_logs(
             logs,
@@ -148,7 +150,7 @@ def command(
             interrupts=interrupts,
         )
         if not following.lost:
-            printer.print_last_replay(
+            printer.wait_for_last_replay_and_print_it(
                 following, lambda: must_following_end_quickly(following, interrupts)
             )
         replays.kill_replay_process()

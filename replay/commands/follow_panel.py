@@ -161,11 +161,15 @@ class ReportPrinter:
         self.print_replay_result(self._replays.take_result_and_start_next())
         self._panel.show_followed_log(following, made)
 
-    def print_last_replay(self, following: Following, is_skipped: Callable[[], bool]) -> None:
+    def wait_for_last_replay_and_print_it(
+        self, following: Following, is_wait_cancelled: Callable[[], bool]
+    ) -> None:
         """Wait for the replay of the whole log and print it, unless it is left out."""
         self.print_replay_result(
             self._replays.wait_for_replay_of_whole_log(
-                self._panel.show_waiting_for_replay, is_skipped, is_growing=following.is_interrupted
+                self._panel.show_waiting_for_replay,
+                is_wait_cancelled,
+                is_growing=following.is_interrupted,
             )
         )
 

@@ -1,14 +1,26 @@
-"""Progress on stderr: a bar on a terminal, and seconds per stage on request."""
+"""Progress on stderr: bars on a terminal, and seconds per stage on request.
 
+A bar of stages is for one run; that of a fleet counts recordings, and estimates the time left.
+"""
+
+import math
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from replay.commands.screen_limits import LIMITS
+
+if TYPE_CHECKING:
+    from replay.fleet.log_sources import FleetLog
+    from replay.fleet.ray_engine import TaskEngine
+    from replay.fleet.recording_task import TaskOutcome
+
 
 #: Compiling is worth a line when it has taken this long.
 LONG_S: Final = 2.0
@@ -16,6 +28,8 @@ COMPILING: Final = (
     "payscope: compiling numerical code for this version, once; up to a minute "
     "(payscope warm-up does it ahead)"
 )
+#: Of an interval of 95 %.
+_K: Final = 2.0
 
 
 class StageProgress:
@@ -120,3 +134,100 @@ def warn_of_slow_compilation(print_warning: Callable[[], None]) -> Generator[Non
         yield
     finally:
         event.unregister("numba:compile", listener)
+
+
+class FleetProgress:
+    """Progress bar, shown only on a terminal."""
+
+    def __init__(self) -> None:
+        self._bar = Progress(
+            TextColumn("recordings"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+            console=Console(stderr=True),
+            transient=True,
+            disable=not sys.stderr.isatty(),
+        )
+        self._task = self._bar.add_task("recordings", total=None, left="")
+        self._slots = 1
+
+    def begin_progress_bar(self, fleet_logs: "Sequence[FleetLog]") -> None:
+        """Start the bar with the known logs."""
+        self._left = TimeLeft([log.size_bytes for log in fleet_logs])
+        self._bar.update(self._task, total=len(fleet_logs))
+
+    def note_engine_slots(self, engine: "TaskEngine") -> None:
+        """Take the number of parallel slots from the opened engine."""
+        self._slots = engine.count_parallel_slots()
+
+    def count_finished_log(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
+        """Count a finished log."""
+        took = outcome.seconds + outcome.overhead_s
+        self._left.add_finished_recording(
+            log.size_bytes, took if outcome.status == "made" else None
+        )
+        left = format_time_left(self._left.estimate_time_left_interval_s(self._slots))
+        self._bar.update(self._task, advance=1, left=left)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+
+class TimeLeft:
+    """Estimate of the time left, from the seconds per size of finished recordings."""
+
+    def __init__(self, sizes_bytes: list[int]) -> None:
+        self._left = sum(map(_count_progress_units, sizes_bytes))
+        self._squares = sum(_count_progress_units(size) ** 2 for size in sizes_bytes)
+        self._done: list[tuple[float, float]] = []
+
+    def add_finished_recording(self, size_bytes: int, replay_s: float | None) -> None:
+        """Add a finished recording and its seconds on the node; None if it already existed."""
+        weight = _count_progress_units(size_bytes)
+        self._left -= weight
+        self._squares -= weight**2
+        if replay_s is not None:
+            self._done.append((weight, replay_s))
+
+    def estimate_time_left_interval_s(self, parallel_slots: int) -> tuple[float, float] | None:
+        """Interval of the time left in s for `parallel_slots` in parallel; None if not yet known.
+
+        Seconds are a rate times a weight, with a scatter that grows with the weight.
+        """
+        if len(self._done) < LIMITS.forecast_min_recordings:
+            return None
+        weight = sum(w for w, _ in self._done)
+        rate = sum(s for _, s in self._done) / weight
+        apart = sum((s / w - rate) ** 2 for w, s in self._done) / (len(self._done) - 1)
+        expected = rate * self._left
+        # of the rate, and of each that is left
+        u = math.sqrt(apart * (self._left**2 / len(self._done) + max(self._squares, 0.0)))
+        low, high = max(expected - _K * u, 0.0), expected + _K * u
+        return low / parallel_slots, high / parallel_slots
+
+
+def _count_progress_units(size_bytes: int) -> float:
+    """Weight of a recording in the progress: its size plus a constant."""
+    return float(size_bytes + LIMITS.base_bytes)
+
+
+def format_time_left(interval_s: tuple[float, float] | None) -> str:
+    """Format the interval in a suitable unit."""
+    if interval_s is None:
+        return ""
+    low, high = interval_s
+    for unit, seconds in (("h", 3600.0), ("min", 60.0)):
+        if high >= 2 * seconds:
+            return f"{low / seconds:.1f} to {high / seconds:.1f} {unit} left"
+    return f"{low:.0f} to {high:.0f} s left"

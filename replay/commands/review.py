@@ -148,9 +148,10 @@ def command(
     from replay.review.give_verdicts import (
         GivenVerdicts,
         is_review_folder,
+        parse_label_channel,
+        read_label_spans,
         recount_review_with_verdicts,
     )
-    from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review_shift
 
     if week:
@@ -322,7 +323,10 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         print_line(console, review.calibration.description)
     if failed := [check.check for check in state.mass_withholding_checks]:
         print_line(console, f"checks that failed: {', '.join(failed)}")
-    if remarks := [f"{each.check} ({REMARKED[each.consequence]})" for each in state.remarks]:
+    if remarks := [
+        f"{each.check} ({REMARKED[each.consequence]})"
+        for each in state.failed_checks_that_withhold_nothing
+    ]:
         print_line(console, f"checks with a remark: {', '.join(remarks)}")
     for loss in list_losses_besides_torn_ends(state):
         print_line(console, f"lost: {loss}")

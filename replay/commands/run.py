@@ -352,7 +352,11 @@ def print_weighing_verdict(console: "Console", answer: "Answer", verbosity: int)
     else:
         console.print("Log not usable for weighing: the mass is withheld. Failed checks:")
     near = verdict.checks_near_limit if verdict.can_weigh else ()
-    shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
+    shown = (
+        (*failed, *verdict.failed_checks_that_withhold_nothing, *near)
+        if verdict.can_weigh
+        else failed
+    )
     if shown or verbosity > 1:
         print_table_uncut(console, make_table_of_checks(verdict.checks if verbosity > 1 else shown))
     print_remedies_with_checks(console, failed)

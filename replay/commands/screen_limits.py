@@ -30,7 +30,7 @@ class ScreenLimits:
     #: Rows of a fleet that are printed unless more are asked for.
     fleet_rows: int = 20
 
-    # fleet_progress
+    # progress_bar
     #: Bytes that take as long as whatever a recording takes besides its size.
     base_bytes: int = 2_000_000
     #: Recordings that are done before anything is said of the rest.

@@ -17,8 +17,8 @@ from replay.fleet.gathered_tables import FleetResults, open_results_of_fleet
 from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
 from replay.fleet.log_sources import FleetLog, list_logs_of_sources
 from replay.fleet.machine_setups import MachineSetup, make_setups_of_machine
+from replay.fleet.ray_engine import TaskEngine
 from replay.fleet.run_fleet import FleetRun, OnDone, replay_logs_of_fleet
-from replay.fleet.task_engine import TaskEngine
 
 WHAT_IF: Final = "what-if"
 #: Hexadecimal digits of a digest that tell settings apart.
@@ -77,7 +77,7 @@ class PlanWithOtherSettings:
         return self.last.fleet
 
     @property
-    def task_limits(self) -> TaskLimits:
+    def time_and_memory_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         return self.last.limits
 

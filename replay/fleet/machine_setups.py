@@ -231,7 +231,7 @@ class Fleet:
         return self.rules.fleet.name
 
     @property
-    def task_limits(self) -> TaskLimits:
+    def time_and_memory_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         return self.rules.limits
 

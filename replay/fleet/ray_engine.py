@@ -1,4 +1,9 @@
-"""The engine on Ray; no other file imports it."""
+"""Engine of a fleet: runs one function over many tasks anywhere; its interface, and that on Ray.
+
+An engine places tasks on nodes by the memory that each declares, gives each one thread, restarts
+tasks of a lost node or worker, and reports the tasks that it gave up, with the reason. That on Ray
+is the only one so far, and no other file imports Ray; another one needs the same two methods.
+"""
 
 import importlib
 import importlib.util
@@ -11,12 +16,14 @@ import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 from estimators.errors import FleetError
 from replay.fleet.engine_limits import LIMITS
-from replay.fleet.task_engine import LostTask, Result, Task, TaskWork
 
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 #: Bytes of a GiB.
 _GIB: Final = 2**30
 #: A task has one thread, whichever library would start more.
@@ -29,6 +36,35 @@ _ONE_THREAD: Final = {
 #: alone listens on the loopback address.
 _QUIET: Final = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_DEDUP_LOGS": "0"}
 _LOOPBACK: Final = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
+
+
+@dataclass(frozen=True, slots=True)
+class TaskWork(Generic[Task]):
+    """A task, and the memory in bytes that it is placed by."""
+
+    task: Task
+    memory_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class LostTask:
+    """A task that the engine gave up, and why."""
+
+    reason: str
+
+
+class TaskEngine(Protocol):
+    """Runs a function over tasks."""
+
+    def count_parallel_slots(self) -> int:
+        """Number of tasks that run in parallel, as far as the engine knows."""
+        ...
+
+    def run_tasks(
+        self, function: Callable[[Task], Result], task_work: Sequence[TaskWork[Task]]
+    ) -> Iterator[tuple[Task, Result | LostTask]]:
+        """Yield each task with its result as it comes, in any order; each exactly once."""
+        ...
 
 
 @contextmanager

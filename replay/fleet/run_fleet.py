@@ -15,9 +15,9 @@ from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun,
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, choose_setup_valid_on_day
 from replay.fleet.object_store import S3, ObjectStore
+from replay.fleet.ray_engine import LostTask, TaskEngine, TaskWork
 from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_and_store_result
 from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
-from replay.fleet.task_engine import LostTask, TaskEngine, TaskWork
 from replay.inputs.channel_inputs import collect_versions_of_packages
 
 
@@ -30,7 +30,7 @@ class FleetPlan(Protocol):
         ...
 
     @property
-    def task_limits(self) -> TaskLimits:
+    def time_and_memory_limits(self) -> TaskLimits:
         """Resource limits of one recording."""
         ...
 
@@ -126,7 +126,9 @@ def replay_logs_of_fleet(
         )
         for machine, each in setups.items()
     }
-    results.store_last_run(LastRun(fleet=plan.name, limits=plan.task_limits, machines=machines))
+    results.store_last_run(
+        LastRun(fleet=plan.name, limits=plan.time_and_memory_limits, machines=machines)
+    )
     _store_calibrations_in_use(results, setups)
     left, there = split_tasks_into_pending_and_finished(tasks, results)
     for task, outcome in there:
@@ -173,8 +175,8 @@ def _plan_replay_tasks(
             fleet_run.failed[log.source] = str(error)
             continue
         by_machine[setups[0].name] = setups
-        memory = plan.task_limits.memory_bytes_for_log(log.size_bytes)
-        seconds = plan.task_limits.seconds
+        memory = plan.time_and_memory_limits.memory_bytes_for_log(log.size_bytes)
+        seconds = plan.time_and_memory_limits.seconds
         tasks.append(ReplayTask(log, setups, store_address, recordings, seconds, memory, versions))
     return tasks, by_machine
 

@@ -10,10 +10,10 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, fit_daily_friction_trend
-from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.calibration_steps import find_line_changes
 from analysis.fleet.daily_figures import (
     UNDATED,
+    rank_recordings_by_concern,
     sum_daily_results_over_machines,
     sum_tonnes_by_group,
     sum_weekly_tonnes,
@@ -107,7 +107,7 @@ def make_fleet_page(results: FleetResults, destination: str, fleet_name: str) ->
         charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
-        looks=add_commands_to_open_recordings(
+        looks=add_column_of_open_commands(
             rank_recordings_by_concern(
                 rows, cycles, results.scan_rows_of_selected_results("findings")
             ),
@@ -118,7 +118,7 @@ def make_fleet_page(results: FleetResults, destination: str, fleet_name: str) ->
     )
 
 
-def add_commands_to_open_recordings(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
+def add_column_of_open_commands(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
     """With the command that opens each recording at its place."""
     where = shlex.quote(destination)
     commands = [
@@ -136,8 +136,8 @@ def _convert_drift_to_dict(drift_chart: MachineChart) -> dict[str, Any]:
     return {
         "machine": drift_chart.machine,
         "of": drift_chart.signal.name,
-        "change": drift_chart.change,
-        "change_std": drift_chart.change_std,
+        "change": drift_chart.flagged_change,
+        "change_std": drift_chart.flagged_change_std,
         "unit": drift_chart.signal.unit,
         "since": str(drift_chart.days[found.since]),
         "flagged": str(drift_chart.days[found.flagged]),

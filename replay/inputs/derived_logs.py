@@ -84,10 +84,10 @@ class CachedLog(DerivedLog):
         """Serial numbers of machines in the log."""
         return self._log.machine_ids()
 
-    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
+    def announce_fields_to_read(self, fields: Mapping[str, Sequence[str]]) -> None:
         """Announce the fields that will be read, unless they are cached."""
         if not self._kept:
-            self._log.expect(fields)
+            self._log.announce_fields_to_read(fields)
 
 
 class LogPart(DerivedLog):
@@ -176,7 +176,7 @@ def assign_own_topics_to_parallel_tables(logs: Sequence[Log], machine: Machine) 
     """
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
     for log in logs:
-        log.expect({TABLE: sorted(wanted)})
+        log.announce_fields_to_read({TABLE: sorted(wanted)})
     logs = _rename_topics_of_disjoint_tables(logs, wanted)
     columns = {
         topic: set[str](fields or [])

@@ -121,24 +121,24 @@ class ConvertedTopics:
                 )
             else:
                 values = values.list.get(
-                    self._make_element_index(name, elements, number), null_on_oob=True
+                    self._make_list_index_expression(name, elements, number), null_on_oob=True
                 )
         if not depth:
             values = _cast_numbers_to_64_bits(values, self.schema[whole])
         return values.alias(name)
 
-    def _make_element_index(
-        self, name: str, elements: Sequence[str], element_position: int
+    def _make_list_index_expression(
+        self, name: str, elements: Sequence[str], list_number: int
     ) -> pl.Expr:
         """Index of a list element, given directly or by its name in the list `name`."""
-        element = elements[element_position]
+        element = elements[list_number]
         if element.isascii() and element.isdigit():
             index = int(element) if len(element) <= LIMITS.index_digits else 10**LIMITS.index_digits
-            length = self._find_fixed_list_length(name, element_position)
+            length = self._find_fixed_list_length(name, list_number)
             if length is not None and index >= length:
                 raise ConvertedFieldError(f"'{name}' is out of range; it has {length} elements")
             return pl.lit(index)
-        before = name[: [m.start() for m in _ELEMENT.finditer(name)][element_position]]
+        before = name[: [m.start() for m in _ELEMENT.finditer(name)][list_number]]
         parent = before.rpartition(".")[0]
         names = f"{parent}.name[]".lstrip(".")
         whole = _ELEMENT.sub("[]", names)
@@ -147,14 +147,14 @@ class ConvertedTopics:
                 f"'{name}' picks by name, but there is no list '{names}'; use an index"
             )
         there = pl.col(whole)
-        for outer in elements[:element_position]:
+        for outer in elements[:list_number]:
             there = there.list.get(int(outer), null_on_oob=True)
         first = there.list.eval(pl.element() == element).list
         return pl.when(first.any()).then(first.arg_max())
 
-    def _find_fixed_list_length(self, name: str, element_position: int) -> int | None:
+    def _find_fixed_list_length(self, name: str, list_number: int) -> int | None:
         lengths = self.leaf_fields_by_name[_ELEMENT.sub("[]", name)].lengths
-        return lengths[element_position] if element_position < len(lengths) else None
+        return lengths[list_number] if list_number < len(lengths) else None
 
 
 class ConvertedLog(Log):

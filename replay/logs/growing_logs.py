@@ -16,6 +16,9 @@ from replay.logs.storage import Connection, Tail
 
 #: What rosbag calls a bag until it is closed.
 ACTIVE: Final = ".active"
+#: Suffixes of growing logs of messages, and of tables.
+_LOGS: Final = (".bag", ".mcap", ".db3")
+_TABLES: Final = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".prn")
 
 
 class TailParts:
@@ -101,35 +104,6 @@ class TailParts:
         ]
 
 
-# The libraries behind the formats are imported when a log of theirs is followed.
-
-
-def _make_bag_tail(path: Path) -> Tail:
-    from replay.logs.bag import BagTail
-
-    return BagTail(path)
-
-
-def _make_mcap_tail(path: Path) -> Tail:
-    from replay.logs.mcap import McapTail
-
-    return McapTail(path)
-
-
-def _make_db3_tail(path: Path) -> Tail:
-    from replay.logs.sqlite import Db3Tail
-
-    return Db3Tail(path)
-
-
-_TAILS: Final[Mapping[str, Callable[[Path], Tail]]] = {
-    ".bag": _make_bag_tail,
-    ".mcap": _make_mcap_tail,
-    ".db3": _make_db3_tail,
-}
-_TABLES: Final = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".prn")
-
-
 class GrowingLogFile(Protocol):
     """A growing log of messages, or a growing table."""
 
@@ -189,11 +163,11 @@ def open_growing_log(
         from replay.logs.log_tails import TableTail
 
         return TableTail(first, time_axis, fields)
-    unknown = suffixes - set(_TAILS)
+    unknown = suffixes - set(_LOGS)
     if unknown:
         raise LogError(
             f"{first}: a file of type '{unknown.pop()}' cannot be followed while it grows; "
-            f"{', '.join((*_TAILS, *_TABLES))}, or a folder of them"
+            f"{', '.join((*_LOGS, *_TABLES))}, or a folder of them"
         )
     from replay.logs.log_tails import MessageTail
     from replay.logs.rosbag2 import METADATA
@@ -214,12 +188,24 @@ def find_format_suffix(path: Path) -> str:
 
 
 def _open_tail(path: Path) -> Tail:
-    return _TAILS[find_format_suffix(path)](path)
+    # the libraries behind a format are imported when a log of it is followed
+    suffix = find_format_suffix(path)
+    if suffix == ".bag":
+        from replay.logs.bag import BagTail
+
+        return BagTail(path)
+    if suffix == ".mcap":
+        from replay.logs.mcap import McapTail
+
+        return McapTail(path)
+    from replay.logs.sqlite import Db3Tail
+
+    return Db3Tail(path)
 
 
 def _list_parts_of_split_log(folder: Path) -> list[Path]:
     """Files of a recorder that splits its log, ordered by the numbers in their names."""
-    found = [path for path in folder.iterdir() if find_format_suffix(path) in _TAILS]
+    found = [path for path in folder.iterdir() if find_format_suffix(path) in _LOGS]
     return sorted(
         found,
         key=lambda path: [

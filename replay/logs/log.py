@@ -99,7 +99,7 @@ class Log(ABC):
 
         Columns: topic, type (in ROS 2 spelling, `sensor_msgs/msg/Imu`, also for ROS 1), encoding
         (String), messages (Int64), start_ns, end_ns (Int64 log times, null when empty), rate_hz
-        (Float64 mean rate, null below two messages), longest_gap_s (Float64, likewise), fields
+        (Float64 mean rate) and longest_gap_s (Float64), null below two messages, fields
         (List[String], dotted leaves; a list shows as `effort[]`), problem (String: why it cannot
         be decoded, else null), decoder (String: columnar, or rosbags, json, protobuf for a type
         that is read message by message, some fifty times slower; null where there is a problem).
@@ -255,7 +255,7 @@ class Log(ABC):
         """Notes on assumptions about the log's format."""
         return ()
 
-    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:  # noqa: B027 most have no use for it
+    def announce_fields_to_read(self, fields: Mapping[str, Sequence[str]]) -> None:  # noqa: B027 most have no use for it
         """Announce the fields that will be read next, by topic.
 
         A log that must scan all messages for their times reads them in the same pass.

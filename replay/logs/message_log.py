@@ -108,7 +108,7 @@ class MessageLog(Log):
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
         groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
-        self._decode_all_batches_in_streams((group.batches for group in groups), streams)
+        self._feed_all_batches_to_streams((group.batches for group in groups), streams)
         return {
             topic: self._drain_stream_and_note_losses(topic, reading)
             for topic, reading in readings.items()
@@ -192,13 +192,13 @@ class MessageLog(Log):
         picked = self._resolve_fields(topic, fields, kind)
         return TopicStream(make_decoder_of_fields(kind, picked), make_frame_schema(picked))
 
-    def _decode_all_batches_in_streams(
+    def _feed_all_batches_to_streams(
         self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "TopicStream"]
     ) -> None:
         # numba is slow to import, and a log can be described without it
-        from replay.logs.decoding.batch_stream import decode_batches_in_streams
+        from replay.logs.decoding.batch_stream import feed_batches_to_streams
 
-        decode_batches_in_streams(groups, streams)
+        feed_batches_to_streams(groups, streams)
 
     def _drain_stream_and_note_losses(self, topic: str, stream: "TopicStream") -> pl.DataFrame:
         frame = stream.drain_all_rows()
@@ -273,7 +273,7 @@ class MessageLog(Log):
                 yield [batch for batch in group if topics[batch.connection_id] in streams]
 
         group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
-        self._decode_all_batches_in_streams(count_messages(), group_by_key)
+        self._feed_all_batches_to_streams(count_messages(), group_by_key)
         for topic, stream in streams.items():
             stream.drain_all_rows()
             self._note_undecoded_messages(topic, stream.tally)

@@ -67,7 +67,7 @@ def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
         ready = [file for file in waiting if added.issuperset(file.dependency)]
         if not ready:
             raise _make_unusable_descriptors_error(
-                f"{waiting[0].name} depends on files that are not there"
+                f"{waiting[0].name} imports files that the descriptors do not include"
             )
         for file in ready:
             try:

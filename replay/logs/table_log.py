@@ -110,7 +110,7 @@ class TableLog(Log):
             return columns
         path = self.path
         if self._suffix == "xlsx":
-            from replay.logs.tables.excel import write_sheet_as_csv
+            from replay.logs.tables.text import write_sheet_as_csv
 
             path = write_sheet_as_csv(path, self._hints.sheet, copies)
         columns = CsvColumns(path, self._hints)
@@ -148,7 +148,7 @@ class TableLog(Log):
             )
         return found
 
-    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
+    def announce_fields_to_read(self, fields: Mapping[str, Sequence[str]]) -> None:
         """Announce fields that are read together with the times."""
         inside = {name for topic in self._parts for name in self._list_fields_of_topic(topic)}
         asked = dict.fromkeys(name for names in fields.values() for name in names)

@@ -182,7 +182,7 @@ def list_columns_of_log(log: Log) -> list[LogColumn]:
                 said = replace(said, side=None)
             said = replace(said, side=said.side or side, axis=said.axis or axis)
             if topic is None and (match := _VECTOR_PATH.search(field)):
-                said, unit = _interpret_vector_path(said, match, unit)
+                said, unit = interpret_vector_path(said, match, unit)
             if said.is_no_reading or said.is_elsewhere:
                 said = replace(said, quantity=None)
                 found.append(LogColumn(topic, field, unit, said, None))
@@ -231,7 +231,7 @@ def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None
     return column_meaning
 
 
-def _interpret_vector_path(
+def interpret_vector_path(
     column_meaning: ColumnMeaning, match: re.Match[str], unit: str | None
 ) -> tuple[ColumnMeaning, str | None]:
     """Meaning and unit of a column whose name is the path of a vector in a standard message."""

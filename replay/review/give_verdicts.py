@@ -1,21 +1,29 @@
-"""Add verdicts to a review's folder, and recount the review without its logs."""
+"""Verdicts and labels of a review, which is recounted with them and without its logs.
+
+A reviewer gives them on the command line; text topics of the logs say who drove and what was
+loaded.
+"""
 
 import datetime as dt
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import polars as pl
 from pydantic import ValidationError
 
+from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
-from estimators.errors import RecordingError, ReviewError
+from estimators.errors import LogError, RecordingError, ReviewError, suggest_choice
 from estimators.file_digest import file_sha256
 from recordings import read_frame
 from recordings.report.atomic_output import stage_output_files
 from recordings.review.review_state import RECORDING, ReviewState, read_review_state
 from recordings.review.reviewer_verdicts import (
+    LABELS,
     VERDICTS,
     CycleVerdict,
     ShiftVerdict,
@@ -31,6 +39,9 @@ from recordings.review.shift_ledger import (
     make_cycles_frame,
     parse_local_instant,
 )
+from replay.inputs.channel_inputs import merge_messages_of_logs
+from replay.logs import expand_log_folders, open_log
+from replay.machines.machine_file import find_time_axis_of_machine
 from replay.review.review_folder import lock_review_folder
 from replay.review.write_review import (
     OUTPUTS,
@@ -41,6 +52,9 @@ from replay.review.write_review import (
 )
 
 _MODEL_KEYS: Final = {"id", "author", "time"}
+_CHANNEL: Final = re.compile(r"(?P<label>\w+)=(?P<topic>.+):(?P<field>[^:]+)")
+#: Author of what the logs say.
+BY_LOGS: Final = "the logs"
 
 
 @dataclass(frozen=True)
@@ -72,11 +86,11 @@ class GivenVerdicts:
     def __bool__(self) -> bool:
         """Whether there is any verdict."""
         return bool(
-            self.named_cycles_and_rejection or self.note or self._given_labels or self.spans
+            self.rejection_of_each_named_cycle or self.note or self._given_labels or self.spans
         )
 
     @property
-    def named_cycles_and_rejection(self) -> list[tuple[str, bool | None]]:
+    def rejection_of_each_named_cycle(self) -> list[tuple[str, bool | None]]:
         """Named cycles, and whether each is rejected; None leaves it unchanged."""
         return [
             *((each, True) for each in self.reject),
@@ -94,11 +108,13 @@ class GivenVerdicts:
         Raises:
             ReviewError: the verdicts are incomplete; one line.
         """
-        if self.named_cycles_and_rejection and not self.author.strip():
+        if self.rejection_of_each_named_cycle and not self.author.strip():
             raise ReviewError("a verdict on a cycle needs an author; add --author NAME")
-        if self.note and not self.named_cycles_and_rejection:
+        if self.note and not self.rejection_of_each_named_cycle:
             raise ReviewError("a note needs a cycle; add --reject, --accept or --cycle WHEN")
-        if (self.begin or self.end) and (self.named_cycles_and_rejection or not self._given_labels):
+        if (self.begin or self.end) and (
+            self.rejection_of_each_named_cycle or not self._given_labels
+        ):
             raise ReviewError(
                 "--from and --to limit labels; add --product, --operator, --truck, --customer or "
                 "--stockpile, and name no cycle"
@@ -164,7 +180,7 @@ class GivenVerdicts:
                     f"{self.end or 'the end'} of the shift"
                 )
             return [said]
-        if not self.named_cycles_and_rejection:
+        if not self.rejection_of_each_named_cycle:
             # labels of a part of the shift may say otherwise: the later one counts
             in_parts = any(each.begin or each.end for each in earlier_verdicts.shift)
             said = {
@@ -175,7 +191,7 @@ class GivenVerdicts:
             return [ShiftVerdict.model_validate(said | signed)] if said else []
         standing = assign_verdicts_to_rows(earlier_verdicts, ledger_rows["id"], review_folder)
         found: dict[int, CycleVerdict] = {}
-        for when, reject in self.named_cycles_and_rejection:
+        for when, reject in self.rejection_of_each_named_cycle:
             row = find_ledger_row_of_cycle(when, ledger_rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)
@@ -238,3 +254,95 @@ def recount_review_with_verdicts(folder: Path, verdicts: GivenVerdicts) -> Shift
             if added:
                 (stage / VERDICTS).write_text(text, encoding="utf-8")
     return ShiftReview.from_replay(folder, page, is_newly_replayed=False)
+
+
+class LabelChannel(NamedTuple):
+    """Source of a label, written `operator=/shift/operator:data`."""
+
+    label: str
+    topic: str
+    field: str
+
+
+def parse_label_channel(text: str) -> LabelChannel:
+    """Parse `LABEL=TOPIC:FIELD`.
+
+    Raises:
+        ReviewError: it is written otherwise, or no label is called so.
+    """
+    match = _CHANNEL.fullmatch(text.strip())
+    if match is None:
+        raise ReviewError(f"'{text}': write LABEL=TOPIC:FIELD, as operator=/shift/operator:data")
+    found = LabelChannel(match["label"], match["topic"], match["field"])
+    if found.label not in LABELS:
+        raise ReviewError(
+            f"'{text}': no label '{found.label}'; {suggest_choice(found.label, LABELS)}"
+        )
+    return found
+
+
+def read_label_spans(
+    paths: Sequence[Path], channels: Sequence[LabelChannel], machine: Machine
+) -> list[ShiftVerdict]:
+    """Labels of loads in the logs, each valid until the next different message.
+
+    Args:
+        paths: logs of the review; all must be dated or share one time line.
+        channels: sources of labels.
+        machine: machine file with the time format of tables.
+
+    Raises:
+        LogError: no log has a topic, or its field.
+    """
+    found: list[ShiftVerdict] = []
+    with ExitStack() as stack:
+        logs = [
+            stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
+            for path in expand_log_folders(paths)
+        ]
+        for channel in channels:
+            holders = [log for log in logs if channel.topic in log.topic_names()]
+            if not holders:
+                names = sorted({name for log in logs for name in log.topic_names()})
+                raise LogError(
+                    f"{paths[0]}: no log has the topic '{channel.topic}'; "
+                    f"{suggest_choice(channel.topic, names)}"
+                )
+            parts = {log: log.read(channel.topic, [channel.field]) for log in holders}
+            found += iter_verdicts_of_label_spans(
+                channel, merge_messages_of_logs(channel.topic, parts)
+            )
+    return found
+
+
+def iter_verdicts_of_label_spans(
+    channel: LabelChannel, topic_frame: pl.DataFrame
+) -> Iterable[ShiftVerdict]:
+    """Yield a verdict for each stretch with the same text."""
+    texts = [_format_label_value(each) for each in topic_frame[channel.field]]
+    times = topic_frame["log_time_ns"].to_list()
+    changes = [k for k, text in enumerate(texts) if k == 0 or text != texts[k - 1]]
+    for place, after in zip(changes, [*changes[1:], None], strict=True):
+        if texts[place]:
+            yield ShiftVerdict.model_validate(
+                {
+                    channel.label: texts[place],
+                    "begin": _round_unix_time_to_second(times[place]),
+                    "end": None if after is None else _round_unix_time_to_second(times[after]),
+                    "author": BY_LOGS,
+                }
+            )
+
+
+def _format_label_value(value: object) -> str:
+    """Text of a message's value; whole numbers without decimals."""
+    if value is None:
+        return ""
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return str(value).strip()
+
+
+def _round_unix_time_to_second(unix_ns: int) -> dt.datetime:
+    """Round to a second, as verdicts are written."""
+    return dt.datetime.fromtimestamp(int(unix_ns // NS_PER_S), dt.UTC)

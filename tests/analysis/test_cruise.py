@@ -28,7 +28,7 @@ def errors(drive, excitation_of, machine):
         for gated in (True, False):
             for directional in (True, False):
                 options = rls.RlsOptions(settings.trace.forgetting, directional)
-                traced = rls.trace(A, f, window, accepted if gated else every, options)
+                traced = rls.estimate_along_log(A, f, window, accepted if gated else every, options)
                 error = traced.theta[-1, 0] - TRUE_KG
                 found.setdefault((gated, directional), []).append(error)
     return found

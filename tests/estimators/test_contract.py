@@ -87,7 +87,7 @@ def repeated_steps(log, _traced, options):
     gram = log.A[first].T @ log.A[first]
     fed = list(range(first.start, first.stop))
     weights = np.linalg.pinv(log.A[first])
-    alone = ls.trace(log.A, log.f, WINDOW, log.accepted)
+    alone = ls.estimate_along_log(log.A, log.f, WINDOW, log.accepted)
     residuals = compute_disjoint_window_residuals(log.A, log.f, alone.theta, ends, WINDOW)
     correlation, variance = estimate_pooled_autocorrelation(*residuals, log.A)
 
@@ -181,31 +181,31 @@ def segments_by_lstsq(log, traced, options):
 
 @dataclass(frozen=True)
 class Estimator:
-    trace: Callable[..., Trace]
+    estimate_along_log: Callable[..., Trace]
     rows: Callable[[Log, Trace, object], list]
     options: object
     options_at_ten_times_the_force: object
 
 
 def windowed(method, options, scaled=None):
-    def trace(log, options):
-        return method.trace(log.A, log.f, WINDOW, log.accepted, options)
+    def estimate_along_log(log, options):
+        return method.estimate_along_log(log.A, log.f, WINDOW, log.accepted, options)
 
-    return Estimator(trace, windows_by_fit(method), options, scaled or options)
+    return Estimator(estimate_along_log, windows_by_fit(method), options, scaled or options)
 
 
 def recursive(method, options, scaled=None):
-    def trace(log, options):
-        return method.trace(log.A, log.f, WINDOW, log.accepted, options)
+    def estimate_along_log(log, options):
+        return method.estimate_along_log(log.A, log.f, WINDOW, log.accepted, options)
 
-    return Estimator(trace, STEPS[method], options, scaled or options)
+    return Estimator(estimate_along_log, STEPS[method], options, scaled or options)
 
 
 def by_segment(method, options, scaled=None):
-    def trace(log, options):
-        return method.trace(log.A, log.f, segments_of(log), options)
+    def estimate_along_log(log, options):
+        return method.estimate_along_log(log.A, log.f, segments_of(log), options)
 
-    return Estimator(trace, segments_by_lstsq, options, scaled or options)
+    return Estimator(estimate_along_log, segments_by_lstsq, options, scaled or options)
 
 
 STEPS = {rls: repeated_steps, rtls: repeated_total_steps}
@@ -239,7 +239,7 @@ def check(function):
 
 
 def run(estimator, log):
-    return estimator.trace(log, estimator.options)
+    return estimator.estimate_along_log(log, estimator.options)
 
 
 @check
@@ -281,7 +281,7 @@ def noise_free_data_give_the_truth(estimator, parameters):
 def ten_times_the_force_is_ten_times_the_parameters(estimator, parameters):
     log = make_log(parameters)
     once = run(estimator, log)
-    ten = estimator.trace(
+    ten = estimator.estimate_along_log(
         Log(log.A, 10.0 * log.f, log.accepted), estimator.options_at_ten_times_the_force
     )
     np.testing.assert_allclose(ten.theta, 10.0 * once.theta, rtol=1e-9)

@@ -147,7 +147,7 @@ def test_ols_and_the_correlation_keep_nine_digits_of(case):
 def test_rls_is_its_information_form_in_extended_precision(forgetting):
     A, f = shift(20_000)
     accepted = np.arange(f.size) >= W - 1
-    traced = rls.trace(A, f, W, accepted, rls.RlsOptions(forgetting))
+    traced = rls.estimate_along_log(A, f, W, accepted, rls.RlsOptions(forgetting))
     begin = rls.start(A[:W], f[:W])
     R = np.diag(1.0 / np.diag(begin.P)).astype(np.longdouble)
     h = R @ begin.theta
@@ -166,7 +166,7 @@ def test_fgls_is_finite_where_residuals_are_exactly_zero():
     A = np.column_stack([a, v])
     f = 2.0 * a + 3.0 * v
     f[500] += 64.0
-    traced = fgls.trace(A, f, W, np.arange(1000) >= W - 1)
+    traced = fgls.estimate_along_log(A, f, W, np.arange(1000) >= W - 1)
     for array in (traced.theta, traced.std, traced.residual_rms, traced.condition):
         assert np.isfinite(array).all()
     np.testing.assert_allclose(traced.theta, [[2.0, 3.0]] * traced.index.size, rtol=1e-2)

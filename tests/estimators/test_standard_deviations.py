@@ -52,7 +52,7 @@ def test_nominal_95_percent_intervals_of_segments_cover_0_92_to_0_97_where_the_t
     covered, covered_by_textbook = [], []
     for seed in range(200):
         A, f, segment_id = campaign(seed)
-        traced = pooled.trace(A, f, segment_id)
+        traced = pooled.estimate_along_log(A, f, segment_id)
         covered.extend(np.abs(traced.theta - TRUTH) < 1.96 * traced.std)
         for run, theta in enumerate(traced.theta):
             mine = segment_id == run
@@ -67,7 +67,7 @@ def test_the_deviation_of_a_mean_of_overlapping_windows_is_its_spread():
     means, stds = [], []
     for seed in range(1000, 1120):
         A, f, _ = campaign(seed)
-        traced = ls.trace(A, f, 200, accepted_ends(200))
+        traced = ls.estimate_along_log(A, f, 200, accepted_ends(200))
         theta, std = average_window_estimates_and_stds(
             A, f, 200, traced.index, traced.theta, traced.std
         )
@@ -95,7 +95,7 @@ def test_the_deviation_of_a_recursion_is_its_spread_from_its_first_window_to_its
     thetas, stds = [], []
     for seed in range(2000, 2120):
         A, f, _ = campaign(seed)
-        traced = method.trace(A, f, 200, accepted_ends(200), options)
+        traced = method.estimate_along_log(A, f, 200, accepted_ends(200), options)
         rows = [0, traced.index.size // 2, -1]
         thetas.append(traced.theta[rows])
         stds.append(traced.std[rows])
@@ -108,7 +108,7 @@ def test_the_deviation_of_a_recursion_is_its_spread_from_its_first_window_to_its
 
 def test_a_mean_of_one_window_is_that_window():
     A, f, _ = campaign(1)
-    traced = ls.trace(A, f, 320, accepted_ends(320) & (np.arange(f.size) == 319))
+    traced = ls.estimate_along_log(A, f, 320, accepted_ends(320) & (np.arange(f.size) == 319))
     theta, std = average_window_estimates_and_stds(
         A, f, 320, traced.index, traced.theta, traced.std
     )
@@ -118,7 +118,7 @@ def test_a_mean_of_one_window_is_that_window():
 
 def test_a_mean_leaves_out_windows_without_an_estimate_and_is_nan_without_any():
     A, f, _ = campaign(2)
-    traced = ls.trace(A, f, 200, accepted_ends(200))
+    traced = ls.estimate_along_log(A, f, 200, accepted_ends(200))
     unsolved = traced.index % 3 == 0
     holes = np.where(unsolved[:, None], np.nan, traced.theta)
     kept = average_window_estimates_and_stds(

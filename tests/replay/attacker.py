@@ -24,9 +24,9 @@ from recordings.calibration.bundle_folder import (
     list_bundle_files_and_faults,
     read_bundle_file,
 )
-from recordings.calibration.bundle_tables import encode_table_as_parquet
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.evidence_document import EvidenceDocument, parse_untrusted_evidence
+from recordings.calibration.strange_files import encode_table_as_parquet
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,

@@ -69,7 +69,7 @@ class CampaignFit:
     limits: ErrorLimits | None
 
     @property
-    def frame(self) -> pl.DataFrame:
+    def point_frame(self) -> pl.DataFrame:
         """The points as a frame."""
         return pl.DataFrame([asdict(point) for point in self.points], schema=POINTS, orient="row")
 
@@ -249,8 +249,9 @@ def tabulate_reference_masses_and_covariance(
         if body.empty_mass_kg is None or body.empty_mass_u_kg is None:
             lacks = "empty_mass_kg" if body.empty_mass_kg is None else "empty_mass_u_kg"
             raise CampaignError(
-                f"neither the campaign nor the machine file has machine.{lacks}, part of every "
-                'reference; give it, or calibrate payload with method.estimator = "joint_payload"'
+                f"neither the campaign nor the machine file has machine.{lacks}, but the reference "
+                "mass of each run is the load and the empty machine; give it, or calibrate payload "
+                'with method.estimator = "joint_payload"'
             )
         reference_kg = reference_kg + body.empty_mass_kg
         covariance_kg2 = covariance_kg2 + body.empty_mass_u_kg**2

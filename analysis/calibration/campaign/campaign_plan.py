@@ -154,12 +154,12 @@ class NotaryStretch(BaseModel):
     )
 
     @property
-    def omission_reasons_by_log(self) -> dict[int, str]:
+    def omission_reason_by_log_number(self) -> dict[int, str]:
         """Reason of each log that is left out, by its number."""
         return {each.number: each.reason for each in self.left_out}
 
     @model_validator(mode="after")
-    def _refuse_wrong_log_numbers(self) -> Self:
+    def _refuse_reversed_range_and_left_out_beyond_it(self) -> Self:
         if self.last < self.first:
             raise ValueError(f"notary: last is {self.last}, before first, {self.first}")
         numbers = [each.number for each in self.left_out]
@@ -197,7 +197,7 @@ class CalibrationCampaign(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _refuse_wrong_load_numbers(cls, content: object) -> object:
+    def _fill_in_run_ids(cls, content: object) -> object:
         if not isinstance(content, dict) or not isinstance(content.get("runs"), list):
             return content
         runs = [
@@ -241,7 +241,7 @@ class CalibrationCampaign(BaseModel):
         return self.method.learn and self.method.estimator in JOINT_ESTIMATORS
 
     @property
-    def logs(self) -> tuple[str, ...]:
+    def log_names(self) -> tuple[str, ...]:
         """The logs, each once, in the runs' order."""
         return tuple(dict.fromkeys(run.log for run in self.runs))
 
@@ -251,7 +251,7 @@ class CalibrationCampaign(BaseModel):
         return tuple(dict.fromkeys(run.load_id for run in self.runs))
 
     @property
-    def expires(self) -> dt.date:
+    def last_valid_day(self) -> dt.date:
         """The last day of the evidence."""
         last = max(run.day for run in self.runs)
         return last + dt.timedelta(days=self.campaign.valid_days)

@@ -203,7 +203,7 @@ def rank_loads_for_next_run(
         more = replace(
             used[-1],
             load_id=reference.load_id,
-            day=used[-1].day if same_day else make_unused_day_label(used),
+            day=used[-1].day if same_day else make_day_label_absent_from_points(used),
             reference_kg=reference.reference_kg,
             readings=calibration.budget_at[1],
         )
@@ -223,7 +223,7 @@ def rank_loads_for_next_run(
     return tuple(sorted(found, key=lambda one: (one.determinant_1, one.load_id)))
 
 
-def make_unused_day_label(points: list[Point]) -> str:
+def make_day_label_absent_from_points(points: list[Point]) -> str:
     """Day label that no run uses."""
     return max((point.day for point in points), key=len) + "+"
 

@@ -118,9 +118,9 @@ def compute_expected_information(
     """(effects, effects) expected information on the variances.
 
     Args:
-        design: as `estimate_variances_by_reml` takes it.
-        effects: likewise.
-        known_covariance: likewise.
+        design: as in `estimate_variances_by_reml`.
+        effects: as in `estimate_variances_by_reml`.
+        known_covariance: as in `estimate_variances_by_reml`.
         within_run: as in `estimate_variances_by_reml`; its sum of squares is not used.
         variances: (effects,) the variances.
     """

@@ -39,9 +39,18 @@ class DrivenStart(NamedTuple):
 class StartOrder:
     """Command to the operator for one start.
 
-    `sign` is 1 ahead, -1 back; `digging_N` grows during `digging_s` until the throttle is shut; of
-    `load_kg` a part `spill_1_s` falls off a second; `distance_m` is when to stand again, instead of
-    after `cruise_s`.
+    Attributes:
+        sign: 1 ahead, -1 back.
+        throttle: fraction of full throttle.
+        start_s: duration of the throttle.
+        cruise_s: time at constant speed after it.
+        coast_s: time without throttle before the brakes.
+        digging_N: resistance of the pile when the throttle is shut.
+        digging_s: time before that in which the resistance grows.
+        fill_kg_s: growth of the load until the throttle is shut.
+        load_kg: load at the begin.
+        spill_1_s: fraction of the load that falls off in a second.
+        distance_m: distance after which the machine stands again; None to cruise for `cruise_s`.
     """
 
     sign: float

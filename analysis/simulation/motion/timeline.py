@@ -53,7 +53,7 @@ class Timeline:
         trial_ns: (trials + 1,) begin of each trial, and end of the last.
         driven: manoeuvres in order.
         sample: computes the motion at times (n,) in Unix ns.
-        hints: computes the other signals of a shift likewise; None in a campaign.
+        hints: computes the other signals of a shift at times (n,); None in a campaign.
     """
 
     start_ns: int

@@ -199,7 +199,7 @@ class SimulatedRolling(BaseModel):
     @model_validator(mode="after")
     def _refuse_inconsistent_ground(self) -> Self:
         if self.coefficient + self.second_ground_more < 0.0:
-            raise ValueError("'second_ground_more' leaves a coefficient below 0")
+            raise ValueError("'second_ground_more' makes the second ground's coefficient negative")
         return self
 
     @property

@@ -26,7 +26,7 @@ def fit_ungated(A: Floats, f: Floats, is_moving: Bools) -> UngatedFit:
     """First parameter, its standard deviation and R² of a fit over every moving sample."""
     if not has_enough_moving_samples(A, is_moving):
         return UngatedFit(float("nan"), float("nan"), float("nan"))
-    traced = pooled.trace(A, f, np.where(is_moving, 0, -1))
+    traced = pooled.estimate_along_log(A, f, np.where(is_moving, 0, -1))
     residual = f[is_moving] - A[is_moving] @ traced.theta[0]
     total = float(((f[is_moving] - f[is_moving].mean()) ** 2).sum())
     r_squared = 1.0 - float(residual @ residual) / total if total > 0 else float("nan")

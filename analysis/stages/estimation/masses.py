@@ -110,7 +110,7 @@ def fit_pooled_parameters_and_stds(
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
     options = method.options(settings.trace, noise)
-    whole = method.estimator.trace(A, f, np.where(used, 0, -1), options)
+    whole = method.estimator.estimate_along_log(A, f, np.where(used, 0, -1), options)
     return whole.theta[0], whole.std[0]
 
 

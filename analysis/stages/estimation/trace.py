@@ -98,7 +98,9 @@ def _trace_methods(
             fed_by = (*inputs_for_feed(method.feed), options)
             traced = trace_each_load_separately(method, A, f, fed_by, load_begin_rows)
         else:
-            traced = method.estimator.trace(A, f, *inputs_for_feed(method.feed), options)
+            traced = method.estimator.estimate_along_log(
+                A, f, *inputs_for_feed(method.feed), options
+            )
         if method.feed is not FeedKind.SEGMENTS:
             unseen = estimate_attenuation_errors_of_windows(
                 method, A, f, traced.index, traced.theta, settings, noise
@@ -130,7 +132,9 @@ def trace_each_load_separately(
     for begin, end in pairwise(bounds):
         inside = accepted[begin:end].copy()
         inside[: window - 1] = False
-        traced = method.estimator.trace(A[begin:end], f[begin:end], window, inside, options)
+        traced = method.estimator.estimate_along_log(
+            A[begin:end], f[begin:end], window, inside, options
+        )
         parts.append(replace(traced, index=traced.index + begin))
     fields = ("index", "theta", "std", "residual_rms", "condition")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in fields}

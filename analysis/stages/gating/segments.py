@@ -75,7 +75,7 @@ def estimate_each_manoeuvre_by_pooling(
         A, f = make_regressor_and_force(axis, excitation, settings)
         method = METHODS["pooled"]
         options = method.options(settings.trace, collect_axis_noise(axis, settings, noise))
-        traced = method.estimator.trace(A, f, pooled_ids, options)
+        traced = method.estimator.estimate_along_log(A, f, pooled_ids, options)
         parts.append(
             pl.DataFrame(
                 {"segment_id": pooled_ids[traced.index], **make_trace_columns(axis, traced)},

@@ -29,13 +29,15 @@ from analysis.stages.noise.grid_noise import (
     list_column_responses,
     simulate_noise_covariances_on_grid,
 )
-from analysis.stages.noise.noise_bounds import RESIDUALS, SPREAD, clip_covariances
 from analysis.stages.noise.noise_limits import LIMITS
 from analysis.stages.noise.noise_spectra import (
     LAGS,
+    RESIDUALS,
+    SPREAD,
     average_over_neighbouring_frequencies,
     choose_overlapping_block_ends,
     choose_relative_noise_band,
+    clip_covariances,
     compute_cross_spectra,
     compute_mean_block_spectrum,
     convert_spectra_to_covariances,
@@ -358,11 +360,8 @@ def estimate_noise_growth_in_motion(
     error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
     band = told & (at <= samples.max_relative_frequency)
     below = float(np.median(ratio[band])) if band.any() else 1.0
-    below = (
-        below
-        if below > 1.0 + LIMITS.growth_min_std * error * np.sqrt(1.5 / max(band.sum(), 1))
-        else 1.0
-    )
+    limit = 1.0 + LIMITS.growth_min_std * error * np.sqrt(1.5 / max(band.sum(), 1))
+    below = below if below > limit else 1.0
     near = np.where(told, average_over_neighbouring_frequencies(ratio, 2), 1.0)
     near = np.where(near > 1.0 + LIMITS.growth_min_std * error * np.sqrt(1.5 / 5.0), near, 1.0)
     return np.where(wanted < samples.min_relative_frequency, below, np.interp(wanted, at, near))

@@ -57,7 +57,7 @@ class ColumnNoise:
         return cls(names, np.diag(np.square(std))[:, :, None].astype(float))
 
     @property
-    def std(self) -> Floats:
+    def stds_of_one_sample(self) -> Floats:
         """(p,) standard deviations of one sample."""
         return np.sqrt(np.maximum(np.diagonal(self.covariances[:, :, 0]), 0.0))
 

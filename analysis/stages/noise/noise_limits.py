@@ -45,13 +45,11 @@ class NoiseLimits:
     #: same response.
     same_rate_1: float = 0.02
 
-    # noise_bounds
+    # noise_spectra
     #: Ratio to its limit from which an estimate is too large: by more than its own error.
     excess_ratio: float = 1.25
     #: Rows beyond which the residual of the equation is a limit.
     residual_min_rows: int = 20
-
-    # noise_spectra
     #: Samples of a piece of standstill at most; each has a straight line of its own.
     piece_max_samples: int = 192
     #: Samples of a piece at least: shorter stretches tell too little.

@@ -75,7 +75,7 @@ class BagFile(BlockFile):
         return tuple(self._connections.values())
 
     @staticmethod
-    def _grammar() -> RecordGrammar:
+    def _record_grammar() -> RecordGrammar:
         from replay.logs.bag.bag_grammar import GRAMMAR
 
         return GRAMMAR
@@ -204,7 +204,7 @@ class BagWalk:
                 if record.opcode == CONNECTION:
                     self.describe(CONNECTION, file.read_bytes(at, end - at), at)
             if end == at:
-                found = find_records_after_damage(file, at, self.store.grammar.find)
+                found = find_records_after_damage(file, at, self.store.record_grammar.find)
                 if found is None:
                     return
                 self.store.damage.note_unreadable_bytes(at, found)

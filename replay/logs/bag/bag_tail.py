@@ -26,7 +26,7 @@ class BagTail(GrowingBlockFile):
     """
 
     @staticmethod
-    def _grammar() -> RecordGrammar:
+    def _record_grammar() -> RecordGrammar:
         from replay.logs.bag.bag_grammar import GRAMMAR
 
         return GRAMMAR

@@ -39,7 +39,7 @@ class BlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _grammar() -> RecordGrammar:
+    def _record_grammar() -> RecordGrammar:
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
@@ -47,7 +47,7 @@ class BlockFile(ABC):
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
-        return BlockStore(self._file, self._grammar, self._register_record)
+        return BlockStore(self._file, self._record_grammar, self._register_record)
 
     def _make_second_pass_store(self) -> BlockStore:
         """Store for a second pass over the file, with shared damage notes."""

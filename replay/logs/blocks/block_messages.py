@@ -73,7 +73,7 @@ class BlockStore:
         self._topics: Mapping[int, str] = {}
 
     @cached_property
-    def grammar(self) -> RecordGrammar:
+    def record_grammar(self) -> RecordGrammar:
         """Grammar that finds records in bytes."""
         return self._load_grammar()
 
@@ -142,7 +142,7 @@ class BlockStore:
 
     def add_unindexed_blocks(self, blocks: Iterable[Block]) -> None:
         """Add blocks without an index, which are unpacked to find their messages."""
-        for slab in iter_slabs(self.file, blocks, self.grammar):
+        for slab in iter_slabs(self.file, blocks, self.record_grammar):
             for block, why in slab.damaged:
                 self.damage.note_lost_block(block, why)
             for block, first, last, unread in slab.parts:
@@ -230,7 +230,7 @@ class BlockStore:
         begins = np.array([*(block.first_ns for block in touched), END_NS], np.int64)
         floors = np.minimum.accumulate(begins[::-1])[::-1]
         done = 0
-        for slab in iter_slabs(self.file, touched, self.grammar):
+        for slab in iter_slabs(self.file, touched, self.record_grammar):
             self._compare_slab_with_index(slab)
             done += len(slab.parts) + len(slab.damaged)
             found = list(select_messages_of_connections(slab.data, slab.rows, chosen, first, last))

@@ -52,7 +52,7 @@ class GrowingBlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _grammar() -> RecordGrammar:
+    def _record_grammar() -> RecordGrammar:
         """Grammar that finds its records in bytes."""
 
     @abstractmethod
@@ -115,7 +115,7 @@ class GrowingBlockFile(ABC):
 
     def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
         """Messages in some bytes (n,), and offset of the first incomplete record."""
-        grammar = self._grammar()
+        grammar = self._record_grammar()
         _, whole = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = SlabIndex(grammar, data, 0)
         index.add_rows_of_span(0, whole)

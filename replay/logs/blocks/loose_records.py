@@ -30,7 +30,7 @@ class LooseRecords:
         """
         size = max(self._window, min(first_record_bytes, LARGEST_BYTES))
         data = np.frombuffer(self._store.file.read_bytes(offset, size), np.uint8)
-        grammar = self._store.grammar
+        grammar = self._store.record_grammar
         _, stop = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         self._window = min(2 * size, SLAB_BYTES) if stop > size // 2 else _SMALLEST_WINDOW
         if stop:

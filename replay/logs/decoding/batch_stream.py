@@ -116,39 +116,42 @@ class TopicStream:
         self._begun.append(self._decoder.begin_decoding(sort_batch_by_log_time(batch), submit))
 
 
-def decode_batches_in_streams(
-    groups: Iterable[list[RawBatch]], streams: Mapping[int, TopicStream]
+def feed_batches_to_streams(
+    batch_groups: Iterable[list[RawBatch]], stream_by_connection: Mapping[int, TopicStream]
 ) -> None:
     """Feed messages to streams; compiled work runs in other threads.
 
     Args:
-        groups: groups of batches in shared memory, which is reused for the next group.
-        streams: streams by connection; connections may share one.
+        batch_groups: groups of batches in shared memory, which is reused for the next group.
+        stream_by_connection: streams by connection; connections may share one.
     """
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
-        for group in groups:
+        for group in batch_groups:
             for batch in group:
-                streams[batch.connection_id].submit_batch(
+                stream_by_connection[batch.connection_id].submit_batch(
                     batch, lambda work: pool.submit(work).result
                 )
-            for stream in dict.fromkeys(streams[batch.connection_id] for batch in group):
+            for stream in dict.fromkeys(
+                stream_by_connection[batch.connection_id] for batch in group
+            ):
                 stream.finish_decoding()
 
 
 def iter_decoded_rows_of_streams(
-    groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, TopicStream]
+    batch_groups: Iterable[tuple[list[RawBatch], int]],
+    stream_by_connection: Mapping[int, TopicStream],
 ) -> Iterator[tuple[TopicStream, pl.DataFrame]]:
-    """Decode like `decode_batches_in_streams`, and yield the rows whose order is final.
+    """Decode like `feed_batches_to_streams`, and yield the rows whose order is final.
 
     Args:
-        groups: lists of batches, each with the lower bound of later log times.
-        streams: streams by connection; connections may share one.
+        batch_groups: lists of batches, each with the lower bound of later log times.
+        stream_by_connection: streams by connection; connections may share one.
     """
-    distinct = list(dict.fromkeys(streams.values()))
+    distinct = list(dict.fromkeys(stream_by_connection.values()))
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
-        for batches, floor_ns in groups:
+        for batches, floor_ns in batch_groups:
             for batch in batches:
-                streams[batch.connection_id].submit_batch(
+                stream_by_connection[batch.connection_id].submit_batch(
                     batch, lambda work: pool.submit(work).result
                 )
             for stream in distinct:

@@ -22,7 +22,7 @@ from replay.logs.decoding.field_places import (
 from replay.logs.decoding.spans import (
     NoPlanError,
     Span,
-    append_field_to_span,
+    append_field_at_fixed_offset,
     first_number_alignment_bytes,
     is_preceded_by_byte_size,
     list_element_stride_bytes,
@@ -157,7 +157,9 @@ class _Compiler:
     ) -> InSpan | None:
         """Place a number or fixed-size array in the open span, or else in a new one."""
         value = (
-            None if self.span is None else append_field_to_span(self.span, field_type, self.wire)
+            None
+            if self.span is None
+            else append_field_at_fixed_offset(self.span, field_type, self.wire)
         )
         if value is None:
             # the first byte of a message is aligned to everything
@@ -167,7 +169,7 @@ class _Compiler:
                 else self.wire.max_alignment
             )
             span = Span(alignment)
-            value = append_field_to_span(span, field_type, self.wire)
+            value = append_field_at_fixed_offset(span, field_type, self.wire)
             assert value is not None
             self._close_span_and_append_step(Op.SPAN, alignment=alignment)
             self.span = span

@@ -142,18 +142,18 @@ class Columns:
         located = parent_location.located.fields[name]
         if isinstance(located, InSpan):
             return _Positions(
-                located.value, self._select_noted_positions(located.mark, parent_location.chosen)
+                located.value, self._read_mark_of_elements(located.mark, parent_location.chosen)
             )
         return _Elements(located, parent_location.chosen)
 
-    def _select_noted_positions(
-        self, mark: int, element_indices: Ints | None, absent_mark: int = -1
+    def _read_mark_of_elements(
+        self, mark_number: int, element_indices: Ints | None, value_if_absent: int = -1
     ) -> Ints:
-        """Marks of selected elements; `absent_mark` for those that do not exist."""
+        """Marks of selected elements; `value_if_absent` for those that do not exist."""
         if element_indices is None:
-            return self.mark_values[mark]
+            return self.mark_values[mark_number]
         # one more, which is what -1 picks
-        return np.append(self.mark_values[mark], absent_mark)[element_indices]
+        return np.append(self.mark_values[mark_number], value_if_absent)[element_indices]
 
     def _count_list_elements(self, list_location: _Place) -> Ints:
         """Number of elements of each list; -1 for a missing list."""
@@ -162,7 +162,7 @@ class Columns:
             return np.where(list_location.at < 0, -1, list_location.value.length)
         assert isinstance(list_location.located, WalkedList | StridedList)
         mark = list_location.located.mark + isinstance(list_location.located, StridedList)
-        return self._select_noted_positions(mark, list_location.chosen)
+        return self._read_mark_of_elements(mark, list_location.chosen)
 
     def _locate_one_element(self, list_location: _Place, element_index: int | Ints) -> _Place:
         """Place of one element of each list, at a common or individual index."""
@@ -189,7 +189,7 @@ class Columns:
                 array.element, np.where(element_index < 0, -1, at), list_location.offset
             )
         if isinstance(list_location.located, StridedList):
-            starts = self._select_noted_positions(list_location.located.mark, list_location.chosen)
+            starts = self._read_mark_of_elements(list_location.located.mark, list_location.chosen)
             at = np.where(
                 element_index < 0, -1, starts + element_index * list_location.located.stride
             )
@@ -253,7 +253,7 @@ class Columns:
         else:
             array = list_location.located
             assert isinstance(array, StridedList)
-            starts = self._select_noted_positions(array.mark, list_location.chosen)
+            starts = self._read_mark_of_elements(array.mark, list_location.chosen)
         assert isinstance(array.element, InlineField)
         kind = array.element.kind
         stored = concatenate_byte_ranges(self.data, starts, counts * DTYPES[kind].itemsize)
@@ -263,11 +263,9 @@ class Columns:
         """Values at a place as an Arrow array."""
         if isinstance(value_location, _Elements):
             assert isinstance(value_location.located, TextField)
-            starts = self._select_noted_positions(
-                value_location.located.mark, value_location.chosen
-            )
-            sizes = self._select_noted_positions(
-                value_location.located.mark + 1, value_location.chosen, absent_mark=0
+            starts = self._read_mark_of_elements(value_location.located.mark, value_location.chosen)
+            sizes = self._read_mark_of_elements(
+                value_location.located.mark + 1, value_location.chosen, value_if_absent=0
             )
             return make_string_array(
                 *gather_string_views(self.data, starts, sizes), is_absent=starts < 0

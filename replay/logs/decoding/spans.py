@@ -54,19 +54,21 @@ def list_members_as_encoded(record: RecordType, wire: Wire) -> tuple[tuple[str, 
     return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
 
 
-def append_field_to_span(span: Span, field_type: FieldType, wire: Wire) -> InlineValue | None:
+def append_field_at_fixed_offset(
+    bytes_span: Span, field_type: FieldType, wire: Wire
+) -> InlineValue | None:
     """Append a field to a span; None if its place would vary."""
     if isinstance(field_type, Scalar):
         if field_type.kind == "string":
             return None
-        offset = span.append_field_bytes(
+        offset = bytes_span.append_field_bytes(
             alignment_of_type_bytes(field_type.kind, wire), size_of_scalar_bytes(field_type.kind)
         )
         return None if offset is None else InlineField(offset, field_type.kind)
     if isinstance(field_type, RecordType):
         fields: dict[str, InlineValue] = {}
         for name, field in list_members_as_encoded(field_type, wire):
-            placed = append_field_to_span(span, field, wire)
+            placed = append_field_at_fixed_offset(bytes_span, field, wire)
             if placed is None:
                 return None
             fields[name] = placed
@@ -76,20 +78,20 @@ def append_field_to_span(span: Span, field_type: FieldType, wire: Wire) -> Inlin
         or make_span_of_fixed_size_element(field_type.element, wire) is None
     ):
         return None
-    if is_preceded_by_byte_size(field_type, wire) and span.append_field_bytes(4, 4) is None:
+    if is_preceded_by_byte_size(field_type, wire) and bytes_span.append_field_bytes(4, 4) is None:
         return None
-    return append_array_to_span(span, field_type.element, field_type.length, wire)
+    return append_array_at_fixed_offset(bytes_span, field_type.element, field_type.length, wire)
 
 
-def append_array_to_span(
-    span: Span, element_type: FieldType, length: int, wire: Wire
+def append_array_at_fixed_offset(
+    bytes_span: Span, element_type: FieldType, length: int, wire: Wire
 ) -> InlineArray | None:
     """Append an array of fixed size; None if its place would vary."""
     fixed = make_span_of_fixed_size_element(element_type, wire)
     assert fixed is not None
     one, value = fixed
     size = (length - 1) * list_element_stride_bytes(one) + one.size if length else 0
-    offset = span.append_field_bytes(one.alignment, size)
+    offset = bytes_span.append_field_bytes(one.alignment, size)
     return (
         None
         if offset is None
@@ -107,7 +109,7 @@ class ElementSpan(NamedTuple):
 def make_span_of_fixed_size_element(element_type: FieldType, wire: Wire) -> ElementSpan | None:
     """An element as a span of its own; None if its size varies."""
     span = Span(first_number_alignment_bytes(element_type, wire))
-    value = append_field_to_span(span, element_type, wire)
+    value = append_field_at_fixed_offset(span, element_type, wire)
     return None if value is None else ElementSpan(span, value)
 
 

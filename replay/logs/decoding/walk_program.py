@@ -33,7 +33,7 @@ FAULTS: Final = (
     "it ends before its last field",
     "a string is longer than the rest of the message",
     "a string lacks its terminator",
-    "a string is not UTF-8",
+    "a string in it is not UTF-8",
     "a list is longer than the rest of the message",
     "it has data after its last field",
 )

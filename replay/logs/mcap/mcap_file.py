@@ -24,12 +24,6 @@ from replay.logs.blocks import (
     describe_incomplete_end,
     find_records_after_damage,
 )
-from replay.logs.mcap.mcap_index import (
-    Summary,
-    count_indexed_messages,
-    make_block_of_misplaced_chunk,
-    read_indexed_times_of_chunk,
-)
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -43,7 +37,11 @@ from replay.logs.mcap.mcap_records import (
     RECORD_HEAD,
     SCHEMA,
     STATISTICS,
+    Summary,
+    count_indexed_messages,
+    make_block_of_misplaced_chunk,
     read_chunk_header_as_block,
+    read_indexed_times_of_chunk,
 )
 from replay.logs.messages.broken_bytes import (
     BROKEN_BYTES,
@@ -93,7 +91,7 @@ class McapWalk:
             if end > file.size and (block is not None or self.data_ended):
                 break
             if end == at or end > file.size:
-                end = find_records_after_damage(file, at, self.store.grammar.find)
+                end = find_records_after_damage(file, at, self.store.record_grammar.find)
                 if end is None:
                     break
                 self.store.damage.note_unreadable_bytes(at, end)
@@ -150,7 +148,7 @@ class McapFile(BlockFile):
         )
 
     @staticmethod
-    def _grammar() -> RecordGrammar:
+    def _record_grammar() -> RecordGrammar:
         from replay.logs.mcap.mcap_grammar import GRAMMAR
 
         return GRAMMAR

@@ -36,7 +36,7 @@ class McapTail(GrowingBlockFile):
         self._schemas: dict[int, Schema] = {}
 
     @staticmethod
-    def _grammar() -> RecordGrammar:
+    def _record_grammar() -> RecordGrammar:
         from replay.logs.mcap.mcap_grammar import GRAMMAR
 
         return GRAMMAR

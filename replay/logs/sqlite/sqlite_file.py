@@ -236,7 +236,7 @@ def read_metadata_texts(path: Path) -> list[str]:
 
 
 def open_database_for_reading(path: Path, *, is_unfinished: bool) -> sqlite3.Connection:
-    """Open a database for reading; `is_unfinished` if it may still have a recorder."""
+    """Open a database for reading; `is_unfinished` if a recorder may still write to it."""
     # immutable reads files on read-only media, but is blind to messages still in a -wal file
     mode = "mode=ro" if is_unfinished else "mode=ro&immutable=1"
     try:

@@ -11,11 +11,10 @@ import polars as pl
 from estimators.arrays import Floats
 from replay.logs.tables.dates import (
     convert_calendar_columns_to_ns,
-    convert_clock_times_to_log_times,
+    convert_clock_times_and_list_notes,
     find_calendar_columns,
     has_time_of_day,
     is_date_only,
-    reduce_to_lower_case_letters,
 )
 from replay.logs.tables.header import (
     ColumnName,
@@ -23,22 +22,21 @@ from replay.logs.tables.header import (
     find_zone_offset_s,
     name_column_before_dash,
     name_column_by_last_part,
+    reduce_to_lower_case_letters,
     split_unit_from_column_name,
 )
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import find_sole_time_column
-from replay.logs.tables.second_fractions import (
-    convert_second_fractions_to_ns,
-    find_second_fraction_column,
-    is_fraction_beside_seconds,
-)
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import (
     NS_PER_UNIT,
     TimeError,
+    convert_second_fractions_to_ns,
     convert_times_to_ns,
     correct_labview_epoch,
     find_plausible_epoch,
+    find_second_fraction_column,
+    is_fraction_beside_seconds,
 )
 
 #: Names of a time column without what is no letter, in the order they are looked for.
@@ -149,14 +147,14 @@ class TableTimes:
             if zone is None:
                 zone = find_zone_offset_s(self.date)
             return RowTimes(
-                *convert_clock_times_to_log_times(cells[self.date], text, self.day_first, zone)
+                *convert_clock_times_and_list_notes(cells[self.date], text, self.day_first, zone)
             )
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
             if words and sum(map(has_time_of_day, words)) * 2 > len(words):
                 return RowTimes(
-                    *convert_clock_times_to_log_times(
+                    *convert_clock_times_and_list_notes(
                         None, text, self.day_first, find_zone_offset_s(self.time)
                     )
                 )
@@ -171,7 +169,7 @@ class TableTimes:
         if self.fraction is not None:
             # what has a fraction beside it counts seconds
             return RowTimes(convert_times_to_ns(text, "s"))
-        return RowTimes(*convert_unitless_times(text))
+        return RowTimes(*convert_unitless_times_and_list_notes(text))
 
 
 def find_time_columns_and_their_fields(
@@ -324,7 +322,7 @@ def find_date_column(
     return dates[0] if dates else None
 
 
-def convert_unitless_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
+def convert_unitless_times_and_list_notes(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     """Log times of numbers without a unit.
 
     Args:

@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.model.physical_units import NS
-from replay.logs.tables.header import ColumnName
+from replay.logs.tables.header import ColumnName, reduce_to_lower_case_letters
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import TimeError
 
@@ -102,7 +102,7 @@ def find_datetime_pattern(text: str) -> str | None:
     return None
 
 
-def convert_clock_times_to_log_times(
+def convert_clock_times_and_list_notes(
     dates: pl.Series | None,
     times: pl.Series,
     is_day_first: bool | None,
@@ -131,7 +131,7 @@ def convert_clock_times_to_log_times(
     first = str(present[0])
     pattern = find_datetime_pattern(first)
     if pattern is None:
-        return parse_times_of_day(text, first)
+        return parse_times_of_day_and_list_notes(text, first)
     part = extract_named_groups(text, pattern)
     notes: list[str] = []
     day = count_days_since_1970(part, is_day_first, notes)
@@ -265,7 +265,9 @@ def decide_which_number_is_day(
     )
 
 
-def parse_times_of_day(text: pl.Series, first_clock_time: str) -> tuple[pl.Series, tuple[str, ...]]:
+def parse_times_of_day_and_list_notes(
+    text: pl.Series, first_clock_time: str
+) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which continue over midnight."""
     if re.fullmatch(_SINCE, first_clock_time):
         part = extract_named_groups(text, f"^{_SINCE}$")
@@ -293,11 +295,6 @@ def parse_times_of_day(text: pl.Series, first_clock_time: str) -> tuple[pl.Serie
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
     note = "its times have no date: they are counted from midnight"
     return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)
-
-
-def reduce_to_lower_case_letters(text: str) -> str:
-    """Name in lower case, letters only."""
-    return "".join(each for each in text.lower() if each.isalpha())
 
 
 def find_calendar_columns(columns: Sequence[ColumnName]) -> tuple[str, ...]:

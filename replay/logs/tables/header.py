@@ -139,6 +139,11 @@ def split_unit_from_column_name(name: str) -> NameAndUnit:
     return NameAndUnit(*split_unit_from_name(name))
 
 
+def reduce_to_lower_case_letters(text: str) -> str:
+    """Name in lower case, letters only."""
+    return "".join(each for each in text.lower() if each.isalpha())
+
+
 def name_column_by_last_part(column_name: ColumnName) -> ColumnName:
     """Column named by the last part of its name: payload.ts, /robot/time."""
     return replace(column_name, bare=re.split(r"[./]", column_name.bare)[-1])
@@ -293,8 +298,8 @@ def find_labelled_header_rows(
 ) -> HeaderRows | None:
     """Rows of names and units that begin with a label: "SIGNAL", "TIME", "CH1".
 
-    There is no column below the labels: data rows have a blank there, or a cell less. In the latter
-    case one label must mention units, unlike the header of a table that lacks cells.
+    There is no column below the labels: data rows have a blank there, or a cell less. With a
+    cell less one label must mention units, unlike the header of a table that lacks cells.
     """
     rows = [
         TextRow(row.line, row.after, ("",) * is_blank_first + row.cells[1:])

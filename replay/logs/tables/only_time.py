@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import polars as pl
 
-from replay.logs.tables.dates import convert_clock_times_to_log_times, has_time_of_day
+from replay.logs.tables.dates import convert_clock_times_and_list_notes, has_time_of_day
 from replay.logs.tables.header import ColumnName
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, convert_times_to_ns
@@ -95,7 +95,7 @@ def _compute_time_span_of_column_s(column: ColumnName, cells: list[str]) -> floa
     try:
         if are_cells_advancing_clock_times(cells):
             return compute_span_if_increasing_s(
-                convert_clock_times_to_log_times(None, text, None)[0]
+                convert_clock_times_and_list_notes(None, text, None)[0]
             )
         return (
             compute_span_if_increasing_s(convert_times_to_ns(text, column.unit or "s"))

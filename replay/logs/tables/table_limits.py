@@ -47,18 +47,6 @@ class TableLimits:
     #: Fraction of the next rows that are data.
     next_data_fraction: float = 2 / 3
 
-    # excel
-    #: Bytes of a workbook when unpacked, at most,
-    workbook_bytes: int = 1 << 30
-    #: and bytes that are unpacked at once.
-    workbook_piece_bytes: int = 1 << 20
-    #: Cells of a sheet, empty ones too: some 30 bytes each while it is read.
-    sheet_cells: int = 20_000_000
-    #: Bytes in which the longest reference of a cell fits.
-    place_bytes: int = 16
-    #: Fewest rows of a sheet that is a table.
-    sheet_min_rows: int = 2
-
     # header
     #: Characters of a unit: "unix time" is one as well.
     unit_characters: int = 12
@@ -79,6 +67,16 @@ class TableLimits:
     list_max_elements: int = 4
 
     # text
+    #: Bytes of a workbook when unpacked, at most,
+    workbook_bytes: int = 1 << 30
+    #: and bytes that are unpacked at once.
+    workbook_piece_bytes: int = 1 << 20
+    #: Cells of a sheet, empty ones too: some 30 bytes each while it is read.
+    sheet_cells: int = 20_000_000
+    #: Bytes in which the longest reference of a cell fits.
+    place_bytes: int = 16
+    #: Fewest rows of a sheet that is a table.
+    sheet_min_rows: int = 2
     #: Bytes of a file that are searched for its dialect, and more for lines that are longer;
     head_bytes: int = 1 << 19
     #: lines of it at most.

@@ -205,7 +205,9 @@ class TestConsequences:
     def test_widen_leaves_the_answer_with_a_remark_and_a_part_in_the_budget(self):
         log = situation("wheels 5 % larger")
         assert log.verdict.can_weigh
-        assert [check.check for check in log.verdict.remarks] == ["wheel_imu_gain_error"]
+        assert [check.check for check in log.verdict.failed_checks_that_withhold_nothing] == [
+            "wheel_imu_gain_error"
+        ]
         assert log.load["mass_kg"] is not None
         assert log.causes["gain"] > 100.0
 
@@ -220,7 +222,9 @@ class TestConsequences:
 
     def test_tell_takes_nothing(self):
         log = situation("force offset +300 N", rich=True)
-        assert [check.check for check in log.verdict.remarks] == ["constant_force"]
+        assert [check.check for check in log.verdict.failed_checks_that_withhold_nothing] == [
+            "constant_force"
+        ]
         assert not log.load["withheld"]
         assert not log.replayed.frames["masses"]["withheld"].any()
 

@@ -6,9 +6,9 @@ from typing import Any
 import polars as pl
 import pytest
 
-from analysis.fleet.attention import rank_recordings_by_concern
 from analysis.fleet.calibration_steps import FleetCalibration, find_line_changes
 from analysis.fleet.daily_figures import (
+    rank_recordings_by_concern,
     sum_daily_results_over_machines,
     sum_tonnes_by_group,
     sum_weekly_tonnes,

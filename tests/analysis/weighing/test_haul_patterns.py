@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing.haul_patterns import propose_hauling_partitions
+from analysis.weighing.haul_route import propose_hauling_partitions
 from analysis.weighing.load_changes import find_manoeuvre_of_stretches
 from analysis.weighing.motion_samples import MotionSamples
 

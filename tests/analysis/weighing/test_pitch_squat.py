@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.pitch_squat import estimate_pitch_squat_fraction_and_std
+from analysis.weighing.pitch_squat import estimate_pitch_gravity_per_acceleration_and_std
 
 RATE_HZ = 100.0
 START_S = 4.0
@@ -67,7 +67,7 @@ def starts(
 @pytest.mark.parametrize("squat_1", [0.02, 0.045])
 def test_a_squat_is_found_with_and_without_hills(squat_1: float, hills_m_s2: float) -> None:
     found = [
-        estimate_pitch_squat_fraction_and_std(*starts(squat_1, hills_m_s2, seed))
+        estimate_pitch_gravity_per_acceleration_and_std(*starts(squat_1, hills_m_s2, seed))
         for seed in range(6)
     ]
     shares = np.array([each[0] for each in found if each is not None])
@@ -79,7 +79,7 @@ def test_a_squat_is_found_with_and_without_hills(squat_1: float, hills_m_s2: flo
 
 def test_hills_and_noise_of_the_pitch_are_no_squat() -> None:
     assert not any(
-        estimate_pitch_squat_fraction_and_std(*starts(0.0, hills, seed))
+        estimate_pitch_gravity_per_acceleration_and_std(*starts(0.0, hills, seed))
         for hills in (0.0, 0.15)
         for seed in range(6)
     )
@@ -87,4 +87,4 @@ def test_hills_and_noise_of_the_pitch_are_no_squat() -> None:
 
 def test_few_starts_tell_none() -> None:
     gravity, motion = starts(0.04, 0.0, 1, count=5)
-    assert estimate_pitch_squat_fraction_and_std(gravity, motion) is None
+    assert estimate_pitch_gravity_per_acceleration_and_std(gravity, motion) is None

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import MotionSamples
-from analysis.weighing.nuisances import ColumnInputs
 from analysis.weighing.uneven_ground import GROUND
 
 SAMPLES = 200

@@ -198,7 +198,7 @@ class TestPartitions:
             found = find_best_partitions(units([3600.0, 3850.0] * 6, seed=seed), SPREAD, USUAL)
             assert found.best.level_stretch_count == 12
             assert found.best.level.tolist() == [0, 1] * 6
-            assert found.best.dof == 10
+            assert found.best.degrees_of_freedom == 10
             assert found.single_probability < 0.05
 
     def test_an_empty_machine_that_comes_back_needs_no_hint(self):

@@ -48,7 +48,9 @@ def fits(draws=300):
 
 class TestWhatItSays:
     def test_its_intervals_hold_the_truth_as_often_as_they_say(self):
-        held = [np.abs(found.theta - theta) < 1.96 * found.std for found, theta in fits()]
+        held = [
+            np.abs(found.theta - theta) < 1.96 * found.parameter_stds for found, theta in fits()
+        ]
         assert 0.93 < np.mean(held) < 0.97
         # the mass alone: 300 draws tell a coverage to ± 1.3 %
         assert 0.92 < np.mean(held, axis=0)[0] < 0.98
@@ -64,7 +66,7 @@ class TestWhatItSays:
         theta, squares, *_ = np.linalg.lstsq(A, f, rcond=None)
         np.testing.assert_allclose(flat.theta, theta, rtol=1e-9)
         textbook = np.sqrt(np.diag(np.linalg.inv(A.T @ A)) * squares[0] / (len(A) - 4))
-        np.testing.assert_allclose(flat.std, textbook, rtol=0.15)
+        np.testing.assert_allclose(flat.parameter_stds, textbook, rtol=0.15)
         np.testing.assert_allclose(flat.residual, f - A @ theta, atol=1e-6)
         assert flat.noise_share == 0.0
         assert not flat.responses.any()
@@ -103,14 +105,14 @@ class TestWhatItSays:
         doubted = np.outer(found.doubt, found.doubt)
         parts = found.noise + of_priors + found.scatter + found.misfit + doubted
         np.testing.assert_allclose(found.covariance, parts, rtol=1e-12)
-        np.testing.assert_array_equal(found.std, np.sqrt(np.diag(found.covariance)))
+        np.testing.assert_array_equal(found.parameter_stds, np.sqrt(np.diag(found.covariance)))
 
     def test_a_column_of_zeros_is_left_to_its_prior(self):
         A, f, _ = drawn(5)
         with_none = np.column_stack([A[:, :3], np.zeros(len(A))])
         found = fit(with_none, f, GROUP, None, np.array([0, 0, 0, 7.0]), [FREE, FREE, 200.0, 3.0])
         assert found.theta[3] == pytest.approx(7.0)
-        assert found.std[3] == pytest.approx(3.0)
+        assert found.parameter_stds[3] == pytest.approx(3.0)
         alone = fit(A[:, :3], f, GROUP, None, *prior(FREE, FREE, 200.0))
         np.testing.assert_allclose(found.theta[:3], alone.theta, rtol=1e-4)
 
@@ -122,14 +124,14 @@ class TestWhatItSays:
         whole = fit(A, out, fewer, None, *prior(FREE, FREE, *WIDTHS))
         part = fit(A[kept], f[kept], GROUP[kept], None, *prior(FREE, FREE, *WIDTHS))
         np.testing.assert_allclose(whole.theta, part.theta, rtol=1e-9)
-        np.testing.assert_allclose(whole.std, part.std, rtol=1e-9)
+        np.testing.assert_allclose(whole.parameter_stds, part.parameter_stds, rtol=1e-9)
         assert not whole.residual[~kept].any()
 
     def test_too_few_samples_give_nothing(self):
         A, f, _ = drawn(7)
         found = fit(A[:4], f[:4], GROUP[:4], None, *prior(FREE, FREE, *WIDTHS))
         assert np.isnan(found.theta).all()
-        assert np.isnan(found.std).all()
+        assert np.isnan(found.parameter_stds).all()
 
     def test_noise_that_lasts_is_known_from_the_residuals(self):
         """Neighbouring residuals of one sign tell as much as one of them."""
@@ -139,10 +141,10 @@ class TestWhatItSays:
             A, f, theta = drawn(seed, sigma=0.0)
             lasting = np.convolve(np.random.default_rng(seed).normal(0, SIGMA, len(A) + 9), kernel)
             found = fit(A, f + lasting[9 : 9 + len(A)], GROUP, None, *prior(FREE, FREE, *WIDTHS))
-            errors.append((found.theta - theta) / found.std)
-            said.append(found.std[0])
+            errors.append((found.theta - theta) / found.parameter_stds)
+            said.append(found.parameter_stds[0])
         assert 0.8 < np.sqrt(np.mean(np.square(errors))) < 1.1
-        white = np.median([found.std[0] for found, _ in fits()])
+        white = np.median([found.parameter_stds[0] for found, _ in fits()])
         assert np.median(said) > 1.5 * white
 
 
@@ -195,7 +197,7 @@ class TestErrorsInVariables:
         more = fit(A, f, GROUP, white_noise(A, self.STD * np.sqrt(1.25)), *flat)
         assert abs(taken.doubt[0]) > abs(more.theta[0] - taken.theta[0])
         assert 0.0 < taken.noise_share < 0.5
-        assert abs(taken.theta[0] - theta[0]) < 3.0 * taken.std[0]
+        assert abs(taken.theta[0] - theta[0]) < 3.0 * taken.parameter_stds[0]
 
     @pytest.mark.parametrize("starts", [6, 60])
     def test_more_of_the_same_does_not_outvote_a_prior_by_the_error_of_the_correction(self, starts):
@@ -207,8 +209,8 @@ class TestErrorsInVariables:
         noisy = np.column_stack([acceleration, np.ones(group.size)])
         noisy[:, 0] += generator.normal(0.0, 0.05, group.size)
         found = fit(noisy, f, group, white_noise(noisy, 0.05, group), *prior(FREE, 20.0))
-        assert abs(found.theta[0] - 120.0) < 2.0 * found.std[0]
-        assert found.std[0] < 20.0
+        assert abs(found.theta[0] - 120.0) < 2.0 * found.parameter_stds[0]
+        assert found.parameter_stds[0] < 20.0
 
     def test_a_column_that_is_all_noise_has_a_share_near_one_and_a_wide_answer(self):
         generator = np.random.default_rng(3)
@@ -217,7 +219,7 @@ class TestErrorsInVariables:
         nothing[:, 0] = generator.normal(0.0, 0.2, len(A))
         found = fit(nothing, f, GROUP, white_noise(A, 0.2), *prior(FREE, FREE, *WIDTHS))
         assert found.noise_share > 0.8
-        assert np.isfinite(found.std).all()
+        assert np.isfinite(found.parameter_stds).all()
 
 
 class TestWhatWidens:
@@ -229,7 +231,7 @@ class TestWhatWidens:
             own = np.random.default_rng([seed, 1]).normal(0.0, 1600.0, STARTS)
             found = fit(A, f + own[GROUP] * A[:, 0], GROUP, None, *prior(FREE, FREE, *WIDTHS))
             errors.append(abs(found.theta[0] - theta[0]))
-            said.append(found.std[0])
+            said.append(found.parameter_stds[0])
             without.append(np.sqrt(found.covariance[0, 0] - found.scatter[0, 0]))
         held, narrow = (np.mean(errors < 1.96 * np.array(each)) for each in (said, without))
         assert held > 0.85
@@ -262,7 +264,7 @@ class TestWhatWidens:
             assert found.misfit[0, 0] > 0.0
             assert found.misfit_ratio > 2.0
             error = abs(found.theta[0] - theta[0])
-            held.append(error < 1.96 * found.std[0])
+            held.append(error < 1.96 * found.parameter_stds[0])
             narrow.append(error < 1.96 * np.sqrt(found.covariance[0, 0] - found.misfit[0, 0]))
         assert np.mean(held) > 0.85
         assert np.mean(narrow) < 0.8
@@ -274,7 +276,7 @@ class TestWhatWidens:
             quick = np.random.default_rng([seed, 2]).normal(0.0, 1.0, SAMPLES + 4)
             pattern = 60.0 * np.convolve(quick, np.ones(5) / np.sqrt(5.0), "valid")
             found = fit(A, f + np.tile(pattern, STARTS), GROUP, None, *prior(FREE, FREE, *WIDTHS))
-            assert np.isfinite(found.std).all()
+            assert np.isfinite(found.parameter_stds).all()
 
     def test_a_pattern_that_turns_round_with_the_direction_is_seen_by_the_direction(self):
         A, f, _ = drawn(9)
@@ -321,7 +323,7 @@ class TestWhatWidens:
             )
             part = slice(0, 2 * SAMPLES)
             found = fit(A[part], (f + noise)[part], GROUP[part], None, *prior(FREE, FREE, *WIDTHS))
-            ratios.append((found.theta[0] - theta[0]) / found.std[0])
+            ratios.append((found.theta[0] - theta[0]) / found.parameter_stds[0])
         assert 0.8 < np.sqrt(np.mean(np.square(ratios))) < 1.15
 
     def test_stretches_too_short_to_tell_are_fitted_and_not_counted(self):
@@ -329,7 +331,7 @@ class TestWhatWidens:
         found = fit(A, f, GROUP, None, *prior(FREE, FREE, *WIDTHS), Grouping(shortest=SAMPLES + 1))
         assert found.groups == 0
         assert not found.scatter.any()
-        assert np.isfinite(found.std).all()
+        assert np.isfinite(found.parameter_stds).all()
 
 
 def test_noise_moments_are_the_plain_sum():

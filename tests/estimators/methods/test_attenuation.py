@@ -43,7 +43,7 @@ def test_columns_that_are_no_more_than_their_noise_give_nan():
 def test_windows_are_drawn_by_about_what_is_predicted_of_each():
     _, A, f = noisy()
     accepted = np.ones(f.size, np.bool_)
-    traced = ls.trace(A, f, 1000, accepted)
+    traced = ls.estimate_along_log(A, f, 1000, accepted)
     drawn = compute_attenuation_corrections_of_windows(
         A, f, 1000, traced.index, traced.theta, COVARIANCE
     )
@@ -54,7 +54,7 @@ def test_windows_are_drawn_by_about_what_is_predicted_of_each():
 
 def test_the_mean_of_windows_does_not_average_away_what_draws_them_all_alike():
     _, A, f = noisy()
-    traced = ls.trace(A, f, 200, np.ones(f.size, np.bool_))
+    traced = ls.estimate_along_log(A, f, 200, np.ones(f.size, np.bool_))
     drawn = compute_attenuation_corrections_of_windows(
         A, f, 200, traced.index, traced.theta, COVARIANCE
     )

@@ -24,13 +24,13 @@ def test_residuals_that_are_exactly_zero_are_no_infinite_weight(outliers):
     A, f = exact_log()
     for at, error in outliers:
         f[at] += error
-    traced = fgls.trace(A, f, 50, ends(100, 50))
+    traced = fgls.estimate_along_log(A, f, 50, ends(100, 50))
     for array in (traced.theta, traced.std, traced.residual_rms, traced.condition):
         assert np.isfinite(array).all()
 
 
 def test_a_whole_window_of_zeros_is_zero():
-    traced = fgls.trace(exact_log()[0], np.zeros(100), 50, ends(100, 50))
+    traced = fgls.estimate_along_log(exact_log()[0], np.zeros(100), 50, ends(100, 50))
     np.testing.assert_array_equal(traced.theta, 0.0)
     np.testing.assert_array_equal(traced.std, 0.0)
     np.testing.assert_array_equal(fgls.fit(exact_log()[0], np.zeros(100)).theta, 0.0)

@@ -20,14 +20,14 @@ def interleaved(n=600, seed=1):
 
 def test_rows_are_in_ascending_order_of_the_segments_at_their_last_samples():
     A, f, segment_id = interleaved()
-    traced = pooled.trace(A, f, segment_id)
+    traced = pooled.estimate_along_log(A, f, segment_id)
     assert traced.index.tolist() == [596, 599]
     np.testing.assert_allclose(traced.theta, [[100, 20], [300, 50]], rtol=0.01)
 
 
 def test_the_deviation_is_the_sandwich_over_the_segments_own_samples():
     A, f, segment_id = interleaved()
-    traced = pooled.trace(A, f, segment_id)
+    traced = pooled.estimate_along_log(A, f, segment_id)
     lags = traced.autocorrelation
     for row, number in enumerate((3, 8)):
         at = np.flatnonzero(segment_id == number)
@@ -47,9 +47,9 @@ def test_the_deviation_is_the_sandwich_over_the_segments_own_samples():
 
 def test_a_segment_that_does_not_determine_its_parameters_is_nan_and_spoils_no_other():
     A, f, segment_id = interleaved()
-    alone = pooled.trace(A, f, np.where(segment_id == 8, 8, -1).astype(np.int64))
+    alone = pooled.estimate_along_log(A, f, np.where(segment_id == 8, 8, -1).astype(np.int64))
     A[segment_id == 3, 1] = 2.0 * A[segment_id == 3, 0]
-    both = pooled.trace(A, f, segment_id)
+    both = pooled.estimate_along_log(A, f, segment_id)
     assert np.isnan(both.theta[0]).all()
     assert np.isnan(both.std[0]).all()
     np.testing.assert_allclose(both.theta[1], alone.theta[0], rtol=1e-12)
@@ -64,8 +64,8 @@ def test_known_noise_of_the_columns_is_taken_off_and_half_of_that_is_uncertainty
     f = clean @ [100.0, 20.0] + generator.normal(size=n)
     A = clean + noise * generator.normal(size=(n, 2))
     one = np.zeros(n, np.int64)
-    ordinary = pooled.trace(A, f, one)
-    known = pooled.trace(A, f, one, pooled.PooledOptions(np.diag([*noise**2, 0.0])))
+    ordinary = pooled.estimate_along_log(A, f, one)
+    known = pooled.estimate_along_log(A, f, one, pooled.PooledOptions(np.diag([*noise**2, 0.0])))
     np.testing.assert_allclose(ordinary.theta[0, 0], 100.0 / 1.09, rtol=0.01)
     np.testing.assert_allclose(known.theta[0], [100.0, 20.0], rtol=0.02)
     change = known.theta[0] - ordinary.theta[0]
@@ -81,14 +81,16 @@ def test_noise_that_columns_and_force_share_is_taken_off_as_well():
     noise = generator.multivariate_normal(np.zeros(3), covariance, size=n)
     A, f = clean + noise[:, :2], clean @ [100.0, 20.0] + noise[:, 2]
     one = np.zeros(n, np.int64)
-    known = pooled.trace(A, f, one, pooled.PooledOptions(covariance))
+    known = pooled.estimate_along_log(A, f, one, pooled.PooledOptions(covariance))
     np.testing.assert_allclose(known.theta[0], [100.0, 20.0], rtol=0.05)
-    alone = pooled.trace(A, f, one, pooled.PooledOptions(np.diag(np.diag(covariance))))
+    alone = pooled.estimate_along_log(A, f, one, pooled.PooledOptions(np.diag(np.diag(covariance))))
     assert np.abs(alone.theta[0] - [100.0, 20.0]).max() > 2.0
 
 
 def test_noise_that_is_larger_than_the_columns_leaves_no_number():
     A, f, segment_id = interleaved()
-    lost = pooled.trace(A, f, segment_id, pooled.PooledOptions(np.diag([81.0, 81.0, 0.0])))
+    lost = pooled.estimate_along_log(
+        A, f, segment_id, pooled.PooledOptions(np.diag([81.0, 81.0, 0.0]))
+    )
     assert np.isnan(lost.theta).all()
     assert np.isnan(lost.std).all()

@@ -36,7 +36,7 @@ def test_the_fast_form_is_the_smallest_singular_direction(seed, noise_a, noise_v
     scale = np.array([noise_a, noise_v, noise_f])
     smallest = np.linalg.svd(np.column_stack([A, f]) / scale)[2][-1]
     theta = -smallest[:2] / scale[:2] / (smallest[2] / scale[2])
-    traced = tls.trace(A, f, f.size, last(f.size), options)
+    traced = tls.estimate_along_log(A, f, f.size, last(f.size), options)
     np.testing.assert_allclose(traced.theta[0], theta, rtol=1e-6)
 
 
@@ -79,7 +79,7 @@ def test_motion_no_larger_than_its_noise_gives_no_answer(form):
         one = tls.fit(A, f, options)
         theta, std = one.theta, one.std
     else:
-        traced = tls.trace(A, f, 100, last(100), options)
+        traced = tls.estimate_along_log(A, f, 100, last(100), options)
         theta, std = traced.theta[0], traced.std[0]
     assert np.isnan(theta).all()
     assert np.isnan(std).all()

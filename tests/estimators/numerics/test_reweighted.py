@@ -13,7 +13,7 @@ def test_every_window_of_full_batches_is_that_of_the_window_alone(method):
     window, windows = 30, 2 * AT_ONCE + 3
     A = generator.normal(size=(window + windows - 1, 2)) + 0.5
     f = A @ [3614.0, 2891.0] + 60.0 * generator.standard_t(2, size=len(A))
-    traced = method.trace(A, f, window, np.arange(len(A)) >= window - 1)
+    traced = method.estimate_along_log(A, f, window, np.arange(len(A)) >= window - 1)
     assert traced.index.size == windows
     for row, last in enumerate(traced.index):
         one = method.fit(A[last - window + 1 : last + 1], f[last - window + 1 : last + 1])

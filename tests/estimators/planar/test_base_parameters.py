@@ -41,8 +41,8 @@ def test_identifiable_parameters_are_the_truth_and_the_others_nan_never_a_number
     single = found.identifiability.identifiable
     np.testing.assert_allclose(found.theta[single], LOADER[single], rtol=1e-9)
     assert np.isnan(found.theta[~single]).all()
-    assert np.isfinite(found.std[single]).all()
-    assert np.isnan(found.std[~single]).all()
+    assert np.isfinite(found.parameter_stds[single]).all()
+    assert np.isnan(found.parameter_stds[~single]).all()
     combined = found.identifiability.determined_combinations @ LOADER
     np.testing.assert_allclose(found.combination, combined, rtol=1e-9)
 
@@ -65,12 +65,12 @@ def test_an_arc_tells_the_first_moment_once_the_friction_is_known():
     prior = known(friction_x_N_s_m=(2891.0, 50.0), friction_z_N_m_s=(1500.0, 20.0))
     found = fit(A, f, planar_rows.PARAMETERS, prior=prior)
     moment, friction = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
-    assert abs(found.theta[moment] - 500.0) < 3.0 * found.std[moment]
+    assert abs(found.theta[moment] - 500.0) < 3.0 * found.parameter_stds[moment]
     assert np.isnan(found.theta[AT["mass_kg"]])
     # by the yaw torque mc_x = (τ_z - ω b_ψ) / (ω v), whose error is that of b_ψ over v
-    assert found.std[moment] == pytest.approx(20.0 / 1.2, rel=0.05)
+    assert found.parameter_stds[moment] == pytest.approx(20.0 / 1.2, rel=0.05)
     # and what mc_x leaves of the force is friction: it is better known than before
-    assert found.std[friction] == pytest.approx(20.0 / 1.2 * 0.4**2 / 1.2, rel=0.3)
+    assert found.parameter_stds[friction] == pytest.approx(20.0 / 1.2 * 0.4**2 / 1.2, rel=0.3)
 
 
 def test_the_error_of_what_is_known_is_an_error_of_what_is_found():
@@ -79,7 +79,7 @@ def test_the_error_of_what_is_known_is_an_error_of_what_is_found():
     prior = known(1, friction_x_N_s_m=(2891.0, 50.0))
     found = fit(A[:, :1], f[:, :1], planar_rows.PARAMETERS, prior=prior)
     i, j = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
-    assert found.std[i] == pytest.approx(7.5 * 50.0, rel=0.01)
+    assert found.parameter_stds[i] == pytest.approx(7.5 * 50.0, rel=0.01)
     assert found.covariance[i, j] == pytest.approx(7.5 * 50.0**2, rel=0.01)
     assert abs(found.responses[0, i]) == pytest.approx(7.5 * 50.0, rel=0.01)
 
@@ -91,8 +91,10 @@ def test_an_uncertainty_that_no_residual_shows_is_added_to_what_follows_the_para
     before = fit(A[:, :1], f[:, :1], planar_rows.PARAMETERS, prior=prior)
     found = before.with_parameter_uncertainty("friction_x_N_s_m", 100.0)
     i, j = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
-    assert found.std[j] == pytest.approx(np.hypot(before.std[j], 100.0))
-    assert found.std[i] == pytest.approx(np.hypot(before.std[i], 750.0), rel=0.01)
+    assert found.parameter_stds[j] == pytest.approx(np.hypot(before.parameter_stds[j], 100.0))
+    assert found.parameter_stds[i] == pytest.approx(
+        np.hypot(before.parameter_stds[i], 750.0), rel=0.01
+    )
     assert found.responses[-1, [i, j]] == pytest.approx([750.0, 100.0], rel=0.01)
     np.testing.assert_array_equal(found.theta, before.theta)
 
@@ -114,9 +116,9 @@ def test_intervals_cover_with_a_term_of_which_only_the_size_is_known(trials, lea
         dice = np.random.default_rng(seed)
         f = A @ np.append(LOADER, dice.normal(0.0, 200.0)) + SIGMA * dice.normal(size=(2000, 2))
         found = fit(A, f, names, prior=Prior.make_zero_mean({"coulomb_z_N_m": 200.0}, 2))
-        covered.append(np.abs(found.theta[:6] - LOADER) < 1.96 * found.std[:6])
+        covered.append(np.abs(found.theta[:6] - LOADER) < 1.96 * found.parameter_stds[:6])
         without = fit(plain, f, planar_rows.PARAMETERS)
-        left_out.append(np.abs(without.theta - LOADER) < 1.96 * without.std)
+        left_out.append(np.abs(without.theta - LOADER) < 1.96 * without.parameter_stds)
     assert (np.mean(covered, axis=0) > least).all()
     assert np.mean(left_out, axis=0)[AT["friction_z_N_m_s"]] < 0.5
 
@@ -161,7 +163,7 @@ def test_nominal_95_percent_intervals_cover_at_unequal_noise_of_the_axes_after_a
         noise = SIGMA * np.random.default_rng(seed).normal(size=(2009, 2))
         f = truth + np.column_stack([np.convolve(x, kernel, "valid") for x in noise.T])
         found = fit(A, f, planar_rows.PARAMETERS)
-        covered.append(np.abs(found.theta - LOADER) < 1.96 * found.std)
+        covered.append(np.abs(found.theta - LOADER) < 1.96 * found.parameter_stds)
         ratio, std = found.ratio_and_std("first_moment_x_kg_m", "mass_kg")
         com_covered.append(abs(ratio - com) < 1.96 * std)
     assert (np.mean(covered, axis=0) > least).all()
@@ -200,7 +202,7 @@ def test_known_noise_of_the_columns_draws_nothing_and_nominal_95_percent_interva
     for seed in range(trials):
         A, f, noise = noisy(MOTIONS["joint"], seed)
         found = fit(A, f, planar_rows.PARAMETERS, noise=noise)
-        covered.append(np.abs(found.theta - LOADER) < 1.96 * found.std)
+        covered.append(np.abs(found.theta - LOADER) < 1.96 * found.parameter_stds)
         errors.append(found.theta - LOADER)
         drawn.append(fit(A, f, planar_rows.PARAMETERS).theta - LOADER)
     assert (np.mean(covered, axis=0) >= least).all()
@@ -280,7 +282,7 @@ def test_the_axes_are_weighted_by_their_noise():
     found = fit(A, f, planar_rows.PARAMETERS)
     weighted = A / np.array([2000.0, 1.0])[:, None]
     cover = np.linalg.inv(weighted.reshape(-1, 6).T @ weighted.reshape(-1, 6))
-    np.testing.assert_allclose(found.std, np.sqrt(np.diagonal(cover)), rtol=0.2)
+    np.testing.assert_allclose(found.parameter_stds, np.sqrt(np.diagonal(cover)), rtol=0.2)
     np.testing.assert_allclose(found.residual_rms, [2000.0, 1.0], rtol=0.1)
 
 
@@ -292,7 +294,7 @@ def test_one_axis_in_one_stretch_is_ordinary_least_squares():
     found = fit(A[:, None], f[:, None], planar_rows.STRAIGHT_PARAMETERS)
     expected = ls.fit(A, f)
     np.testing.assert_allclose(found.theta, expected.theta, rtol=1e-9)
-    np.testing.assert_allclose(found.std, expected.std, rtol=1e-6)
+    np.testing.assert_allclose(found.parameter_stds, expected.std, rtol=1e-6)
 
 
 def test_samples_left_out_may_be_nan():
@@ -322,7 +324,7 @@ def test_any_sequence_of_motions_gives_truth_or_nan(chosen, seed):
 def test_standstill_tells_nothing_and_is_no_error(samples):
     found = fit(np.zeros((samples, 2, 6)), np.ones((samples, 2)), planar_rows.PARAMETERS)
     assert np.isnan(found.theta).all()
-    assert np.isnan(found.std).all()
+    assert np.isnan(found.parameter_stds).all()
     assert found.combination.size == 0
 
 
@@ -345,7 +347,7 @@ def test_however_nearly_columns_depend_there_is_an_estimate_with_or_without_a_de
     found = fit(A, (A @ [3.0, 5.0]) + 1e-3 * e[:, None], ["one_1", "other_1"])
     if found.identifiability.rank == 2:
         error = np.abs(found.theta - [3.0, 5.0])
-        assert np.isnan(found.std).all() or (error < 5.0 * found.std).all()
+        assert np.isnan(found.parameter_stds).all() or (error < 5.0 * found.parameter_stds).all()
     else:
         assert np.isnan(found.theta).all()
         assert found.combination == pytest.approx([8.0], abs=1e-3)

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.paper.paper_excitation import integrate_steady_drive
 from analysis.paper.simulated_sources import Extract, Extracts, SteadyStudy
-from analysis.paper.table1 import AT_LENGTH, RAW_UNITS, Table1, make_table_1
+from analysis.paper.table1 import AT_LENGTH, RAW_UNITS, Table1, make_table_1_mass_errors
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from recordings.paper import item_sentences
@@ -27,7 +27,7 @@ def found(windows: int, further: float) -> Table1:
         extracts.add_result_of_extract(
             extract, frame.with_columns(pl.col("over_bound_1") * (1.0 + further))
         )
-    return make_table_1(extracts)
+    return make_table_1_mass_errors(extracts)
 
 
 @pytest.mark.parametrize(

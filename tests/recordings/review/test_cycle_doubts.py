@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from recordings.review.shift_ledger import list_cycle_doubts
+from recordings.review.shift_ledger import describe_doubts_of_each_cycle
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
 
@@ -18,7 +18,7 @@ def doubts_of_third(**values: float) -> str:
     changed = [
         pl.when(third).then(value).otherwise(name).alias(name) for name, value in values.items()
     ]
-    doubts = list_cycle_doubts(table.with_columns(changed))
+    doubts = describe_doubts_of_each_cycle(table.with_columns(changed))
     assert not any(doubts[:2] + doubts[3:])
     return doubts[2]
 

@@ -19,7 +19,7 @@ def campaign(tmp_path: Path) -> Path:
 def test_a_campaign_file_is_read(campaign: Path) -> None:
     read, machine = load_campaign_and_machine(campaign)
     assert [run.load_id for run in read.runs][:2] == ["empty", "block-1"]
-    assert read.expires.isoformat() == "2027-05-04"
+    assert read.last_valid_day.isoformat() == "2027-05-04"
     assert machine.machine.name == "sledge"
 
 

@@ -9,8 +9,8 @@ import pytest
 from benchmarks.fleet_logs import SerialEngine, recordings
 from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.machine_setups import load_fleet
+from replay.fleet.ray_engine import TaskEngine
 from replay.fleet.run_fleet import FleetRun, replay_logs_of_fleet
-from replay.fleet.task_engine import TaskEngine
 from tests.replay.kept_replays import kept_replays
 
 COUNT = 6

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import FleetError
-from replay.commands.fleet_progress import TimeLeft, format_time_left
+from replay.commands.progress_bar import TimeLeft, format_time_left
 from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.object_store import ObjectStore
 from replay.logs import group_objects_by_log

@@ -30,7 +30,7 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = os.environ["RAY_DEDUP_LOGS"] = "0"
 import ray
 from ray.cluster_utils import Cluster
 
-from replay.fleet.task_engine import LostTask, TaskWork
+from replay.fleet.ray_engine import LostTask, TaskWork
 from replay.fleet.ray_engine import start_ray_engine
 
 def work(what):

@@ -9,13 +9,13 @@ from typing import Any
 import polars as pl
 import pytest
 
-from analysis.fleet.attention import rank_recordings_by_concern
+from analysis.fleet.daily_figures import rank_recordings_by_concern
 from analysis.fleet.fleet_tables import TABLES
 from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
 from replay.fleet.gathered_tables import open_results_of_fleet
 from replay.fleet.object_store import ObjectStore
-from replay.fleet.task_engine import LostTask
+from replay.fleet.ray_engine import LostTask
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 

@@ -70,7 +70,7 @@ def test_what_is_no_workbook_is_one_line(tmp_path: Path) -> None:
 
 def test_a_bomb_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = replace(LIMITS, workbook_bytes=1 << 24)
-    monkeypatch.setattr("replay.logs.tables.excel.LIMITS", small)
+    monkeypatch.setattr("replay.logs.tables.text.LIMITS", small)
     path = tmp_path / "bomb.xlsx"
     data = io.BytesIO(write(tmp_path / "run.xlsx").read_bytes())
     with zipfile.ZipFile(data, "a", zipfile.ZIP_DEFLATED) as archive:

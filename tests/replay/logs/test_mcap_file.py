@@ -17,7 +17,7 @@ from mcap.writer import Writer as McapWriter
 from estimators.errors import LogError
 from replay import open_log
 from replay.logs.mcap.mcap_file import McapFile
-from replay.logs.mcap.mcap_index import read_indexed_times_of_chunk
+from replay.logs.mcap.mcap_records import read_indexed_times_of_chunk
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.stored import stored

@@ -6,7 +6,10 @@ import polars as pl
 import pytest
 
 from analysis.paper import printed_numbers
-from analysis.paper.replayed_campaign import compute_trial_bound_kg, rerun_gate_and_estimates
+from analysis.paper.replayed_campaign import (
+    compute_cramer_rao_bound_of_trial_kg,
+    rerun_gate_and_estimates,
+)
 from analysis.simulation import Scenario
 from recordings.paper.paper_items import ITEMS, ItemResult
 from recordings.paper.paper_page import write_reproduction
@@ -111,11 +114,13 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
     replayed = replay_simulated_campaign_in_memory(
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
-    assert 3.0 < compute_trial_bound_kg(replayed) < 10.0
+    assert 3.0 < compute_cramer_rao_bound_of_trial_kg(replayed) < 10.0
     refused = rerun_gate_and_estimates(
         replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0})
     )
-    assert compute_trial_bound_kg(refused) != compute_trial_bound_kg(refused)
+    assert compute_cramer_rao_bound_of_trial_kg(refused) != compute_cramer_rao_bound_of_trial_kg(
+        refused
+    )
 
 
 def test_the_bound_is_the_same_to_the_last_digit_each_time() -> None:
@@ -124,7 +129,7 @@ def test_the_bound_is_the_same_to_the_last_digit_each_time() -> None:
     replayed = replay_simulated_campaign_in_memory(
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
-    assert len({compute_trial_bound_kg(replayed) for _ in range(20)}) == 1
+    assert len({compute_cramer_rao_bound_of_trial_kg(replayed) for _ in range(20)}) == 1
 
 
 def test_a_simulation_replayed_from_memory_is_that_of_its_bags(tmp_path: Path) -> None:

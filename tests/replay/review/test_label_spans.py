@@ -9,7 +9,7 @@ from mcap.writer import Writer
 
 from estimators.errors import PayscopeError
 from replay import load_machine
-from replay.review.label_spans import parse_label_channel, read_label_spans
+from replay.review.give_verdicts import parse_label_channel, read_label_spans
 from tests.replay.shift_review import shift_folder
 from tests.replay.sledge import Payscope, join_to_one_line
 

@@ -192,5 +192,5 @@ def test_a_ground_too_heavy_to_start_on_is_refused(second_ground_more):
 
 
 def test_a_second_ground_that_drives_is_refused():
-    with pytest.raises(ValueError, match="leaves a coefficient below 0"):
+    with pytest.raises(ValueError, match="second ground's coefficient negative"):
         scenario(rolling={"coefficient": 0.01, "second_ground_more": -0.02})

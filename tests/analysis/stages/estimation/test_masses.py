@@ -62,7 +62,7 @@ def test_pooled_is_one_fit_over_every_accepted_sample_of_the_whole_log(log, mach
     settings = machine().settings
     A, f = make_straight_regressor_and_force(excitation, settings)
     used = mark_samples_for_pooling(excitation, gated, settings)
-    whole = pooled.trace(A, f, np.where(used, 0, -1))
+    whole = pooled.estimate_along_log(A, f, np.where(used, 0, -1))
     row = summarise_masses(*log, machine()).row(
         by_predicate=pl.col("method") == "pooled", named=True
     )

@@ -44,7 +44,9 @@ def test_the_standard_deviation_is_right_within_fifteen_percent(kind):
         log = noisy_log(kind, seed)
         _, known = estimated(log)
         means = np.sqrt(np.diag(known.covariance_of_means(MEAN)))
-        ratios.append([*(known.std / log.std_of_means(1)), *(means / log.std_of_means(MEAN))])
+        ratios.append(
+            [*(known.stds_of_one_sample / log.std_of_means(1)), *(means / log.std_of_means(MEAN))]
+        )
     error = np.sqrt((np.log(ratios) ** 2).mean(axis=0))
     assert (error < 0.15).all(), error
 
@@ -67,16 +69,16 @@ def test_a_setting_overrides_the_log_with_white_noise():
     assert sources(frame)["force_x_N"] == "setting"
     known = ColumnNoise.select_axis_noise(X, frame, settings.noise)
     assert known is not None
-    assert known.std[2] == pytest.approx(7.0)
+    assert known.stds_of_one_sample[2] == pytest.approx(7.0)
     assert known.covariance_of_means(MEAN)[2] == pytest.approx([0.0, 0.0, 4.9])
-    assert known.std[:2] == pytest.approx(STD[:2], rel=0.15)
+    assert known.stds_of_one_sample[:2] == pytest.approx(STD[:2], rel=0.15)
 
 
 def test_throttle_steps_are_no_noise():
     """Twelve steps of 4 kN leave the force's noise as it is without standstill to tell it."""
     log = noisy_log("white, never stands", 5)
     _, known = estimated(log)
-    assert known.std[2] == pytest.approx(60.0, rel=0.1)
+    assert known.stds_of_one_sample[2] == pytest.approx(60.0, rel=0.1)
 
 
 def test_a_derivative_shares_the_noise_of_its_speed():

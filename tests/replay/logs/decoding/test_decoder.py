@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from replay import open_log
 from replay.commands.info import print_log_info
 from replay.init.describe_log import describe_log_by_index
-from replay.logs.decoding.batch_stream import TopicStream, decode_batches_in_streams
+from replay.logs.decoding.batch_stream import TopicStream, feed_batches_to_streams
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import make_frame_schema
 from replay.logs.decoding.decoder_choice import (
@@ -119,7 +119,7 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
 
     fields = [resolve_message_field("effort[left]", kind.record)]
     stream = TopicStream(make_decoder_of_fields(kind, fields), make_frame_schema(fields))
-    decode_batches_in_streams(([batch] for batch in batches()), {0: stream})
+    feed_batches_to_streams(([batch] for batch in batches()), {0: stream})
     frame, tally = stream.drain_all_rows(), stream.tally
     assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
     assert set(frame["effort[left]"]) == {0.5}

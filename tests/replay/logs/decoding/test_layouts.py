@@ -70,7 +70,7 @@ def test_a_string_that_is_no_text_costs_its_message_where_the_one_before_was_tex
     assert decoded.frame["e"].to_list() == [1.0, 1.0, 1.0]
     assert (decoded.undecodable, decoded.first_fault) == (
         1,
-        "a string is not UTF-8 (at its byte 23)",
+        "a string in it is not UTF-8 (at its byte 23)",
     )
 
 
