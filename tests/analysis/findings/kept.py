@@ -33,9 +33,7 @@ Kept = tuple[str, float | None, float | None]
 
 def findings(seed: int, faults: Iterable[Fault] = FAULTS) -> dict[str, list[Kept]]:
     """What is found of each fault, by log."""
-    return {
-        log_name(seed, fault): _found(seed, fault, _size(seed, fault)) for fault in faults
-    }
+    return {log_name(seed, fault): _found(seed, fault, _size(seed, fault)) for fault in faults}
 
 
 def log_name(seed: int, fault: Fault) -> str:

@@ -36,9 +36,12 @@ NOISE = [
     for each in ("force_N=60", "acc_m_s2=0.01", "speed_m_s=0.005")
     for word in ("--set", f"settings.noise.{each}")
 ]
+#: One that goes by windows and one that goes on from its last state: what a recording draws of each
+#: further method takes a second a process.
+METHODS = ("--set", 'settings.trace.methods=["pooled","rls"]')
 #: Seconds between two looks of a slow recorder: it writes for half a minute.
 SLOW_S = 0.06
-MACHINE = ("-m", "cat262c.toml", *NOISE)
+MACHINE = ("-m", "cat262c.toml", *NOISE, *METHODS)
 #: Replays in the background are the statement of `test_background_replay.py`, and beside a kill of
 #: that by ctrl-C; here each would take longer than what is followed.
 ALONE = (*MACHINE, "--replay-share", "0")
