@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import typer
 
+from recordings.calibration.digest_process import digest_files
 from replay.commands import progress_bar
 from replay.commands.cli import app, main
 from tests.made_once import make_folder_once
@@ -92,6 +93,18 @@ def kept_replays_of_module() -> Iterator[None]:
 def not_kept() -> Iterator[None]:
     """Replays of a test whose stages are the statement, where others of the module are kept."""
     with replays_anew():
+        yield
+
+
+@pytest.fixture(scope="module")
+def readers_in_this_process() -> Iterator[None]:
+    """Recordings and PDFs of evidence are read here: a process for each takes a second to start.
+
+    That it is one of its own, with limits, `test_compare_files.py` and `test_hostile_evidence.py`
+    tell.
+    """
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("recordings.calibration.strange_files.run_reader_process", digest_files)
         yield
 
 
