@@ -96,16 +96,13 @@ def not_kept() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
-def readers_in_this_process() -> Iterator[None]:
+@pytest.fixture
+def readers_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Recordings and PDFs of evidence are read here: a process for each takes a second to start.
 
-    That it is one of its own, with limits, `test_compare_files.py` and `test_hostile_evidence.py`
-    tell.
+    Damaged ones are read by that process in `test_compare_files.py`.
     """
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("recordings.calibration.strange_files.run_reader_process", digest_files)
-        yield
+    monkeypatch.setattr("recordings.calibration.strange_files.run_reader_process", digest_files)
 
 
 @pytest.fixture(scope="module")
