@@ -1,5 +1,6 @@
 """Lag of one signal behind another, by their correlation."""
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -17,6 +18,24 @@ class SignalLag(NamedTuple):
     lag_s: float
     correlation_1: float
     correlation_without_lag_1: float
+
+
+class _Deviations(NamedTuple):
+    """Deviations of values from their mean, and the root of their mean square."""
+
+    values: Floats
+    std: float
+
+    @classmethod
+    def from_values(cls, values: Floats) -> "_Deviations":
+        """Compute the mean once, where `mean` beside `std` computes it twice."""
+        deviations = values - values.sum() / values.size
+        return cls(deviations, math.sqrt(np.square(deviations).sum() / values.size))
+
+    def correlate(self, other: "_Deviations") -> float:
+        """Correlation coefficient, 0 where either is constant."""
+        size = self.std * other.std
+        return float(self.values @ other.values) / (self.values.size * size) if size else 0.0
 
 
 def estimate_lag_of_signal(delayed: Floats, reference: Floats, step_s: float) -> SignalLag:
@@ -60,8 +79,9 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
     shifts = range(-longest, longest + 1)
     lags: list[float] = []
     for begin, end in pairwise(begins.tolist()):
+        still = _Deviations.from_values(x[begin:end])
         seen = np.array(
-            [_correlation_coefficient(x[begin:end], y[begin - k : end - k]) for k in shifts]
+            [still.correlate(_Deviations.from_values(y[begin - k : end - k])) for k in shifts]
         )
         at = int(np.argmax(seen))
         if seen[at] > LIMITS.source_correlation and 0 < at < seen.size - 1:
@@ -70,11 +90,6 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
         return None
     lag_s = np.array(lags) / NS_PER_S
     return float(lag_s.mean()), float(lag_s.std(ddof=1) / np.sqrt(lag_s.size))
-
-
-def _correlation_coefficient(x: Floats, y: Floats) -> float:
-    size = float(x.std() * y.std())
-    return float((x - x.mean()) @ (y - y.mean())) / (x.size * size) if size else 0.0
 
 
 def find_parabola_peak(values: Floats) -> float:

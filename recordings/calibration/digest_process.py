@@ -8,6 +8,7 @@ python -m recordings.calibration.digest_process {recording|pdf} FILE…
 import json
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,9 +27,14 @@ _COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
 def main() -> None:
     """Digest recordings or extract words of PDFs, by the first argument; the others are files."""
     _limit_memory_and_processor_time()
-    kind, *files = sys.argv[1:]
-    read = {"recording": _digest_recording, "pdf": extract_words_of_pdf}[kind]
-    sys.stdout.write(json.dumps([read(Path(each)) for each in files]))
+    file_type, *files = sys.argv[1:]
+    sys.stdout.write(json.dumps(digest_files(file_type, map(Path, files))))
+
+
+def digest_files(file_type: str, files: Iterable[Path]) -> list[dict[str, Any]]:
+    """Digest recordings or extract words of PDFs."""
+    read = {"recording": _digest_recording, "pdf": extract_words_of_pdf}[file_type]
+    return [read(each) for each in files]
 
 
 def _digest_recording(path: Path) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from importlib.metadata import version
 from typing import Any, Final, NamedTuple
 
@@ -239,7 +240,12 @@ def convert_machine_without_settings_to_dict(machine: Machine) -> dict[str, Any]
 
 def collect_versions_of_packages() -> dict[str, str]:
     """Versions of all packages that may change a number or a recording."""
-    return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}
+    return {"python": platform.python_version(), **{n: _find_version(n) for n in _VERSIONS}}
+
+
+@cache  # each look-up reads and parses a file
+def _find_version(package: str) -> str:
+    return version(package)
 
 
 def merge_messages_of_logs(topic: str, frames_of_logs: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:

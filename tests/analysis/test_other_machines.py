@@ -83,6 +83,7 @@ def test_a_load_that_a_car_carries_in_the_second_of_three_files_is_told(tmp_path
     assert [round((load["payload_kg"] or 0.0) / 300.0) for load in found] == [0, 1, 0]
 
 
+@pytest.mark.slow
 def test_loads_of_an_arm_whose_weight_goes_with_its_acceleration_are_told(tmp_path: Path) -> None:
     """Its share of the weight is as large as the acceleration, and opposite: no load showed."""
     scenario = arm(23, (0.0, 1.0, 2.0))

@@ -7,7 +7,7 @@ from analysis.model.machine import Machine
 from benchmarks.independent.turning_logs import FAULTS, turn_log
 from benchmarks.turning import planar_of, turned
 
-#: Logs of each fault for `make slow`; `make test` has one that says something.
+#: Logs of each fault for `make slow`; `make test` has one of two faults, of some seconds each.
 SEEDS = range(3)
 SLOW = pytest.mark.slow
 
@@ -15,17 +15,14 @@ SLOW = pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "quantity", "seeds"),
     [
-        ("Coulomb friction of turning", "inertia_z_kg_m2", (0,)),
         ("IMU 5 cm off", "com_x_m", (1,)),
-        ("track 1 %", "inertia_z_kg_m2", (0,)),
         # its spins creep: 15 % too heavy where their sign of speed was a direction
         ("rolling and Coulomb", "mass_kg", (610011,)),
-        # tyres that scrub hold its spins, and the point that it turns about is not the origin
-        ("skid-steer", "inertia_z_kg_m2", (640000,)),
         pytest.param("Coulomb friction of turning", "inertia_z_kg_m2", SEEDS, marks=SLOW),
         pytest.param("IMU 5 cm off", "com_x_m", SEEDS, marks=SLOW),
         pytest.param("track 1 %", "inertia_z_kg_m2", SEEDS, marks=SLOW),
         pytest.param("rolling and Coulomb", "mass_kg", range(610011, 610014), marks=SLOW),
+        # tyres that scrub hold its spins, and the point that it turns about is not the origin
         pytest.param("skid-steer", "inertia_z_kg_m2", range(640000, 640004), marks=SLOW),
     ],
 )

@@ -18,7 +18,7 @@ HARD = (
 )
 
 
-@pytest.mark.parametrize("cell", mark_slow_after(3, HARD[::-1]), ids=str)
+@pytest.mark.parametrize("cell", mark_slow_after(2, HARD[::-1]), ids=str)
 def test_it_opens_as_with_its_true_noise_stated_and_the_interval_holds(cell: Cell) -> None:
     table = logged(cell, 101)
     stated, own = (weighed(table, machine_of(cell, stated=how)) for how in (True, False))

@@ -16,6 +16,7 @@ from estimators.numerics.autocorrelation import (
     estimate_pooled_autocorrelation,
 )
 from estimators.numerics.sandwich import compute_sandwich_meat, compute_sandwich_stds
+from tests.twins import mark_slow_after
 
 TRUTH = np.array([3614.0, 2891.0])
 RUNS, SAMPLES, MEAN = 9, 320, 10
@@ -79,16 +80,23 @@ def test_the_deviation_of_a_mean_of_overlapping_windows_is_its_spread():
 
 
 NOISE = TlsOptions((1e-3, 5e-4), 63.0)
-RECURSIONS = {
-    "rls": (rls, rls.RlsOptions(0.998)),
-    "rls that forgets within a start": (rls, rls.RlsOptions(0.98)),
-    "rls that forgets along the samples alone": (rls, rls.RlsOptions(0.98, directional=True)),
-    "rtls": (rtls, rtls.RtlsOptions(NOISE, 0.998)),
-    "rtls that forgets within a start": (rtls, rtls.RtlsOptions(NOISE, 0.98)),
-}
+#: Two seconds each: one of each recursion and of each memory first.
+RECURSIONS = mark_slow_after(
+    2,
+    [
+        pytest.param(rls, rls.RlsOptions(0.998), id="rls"),
+        pytest.param(rtls, rtls.RtlsOptions(NOISE, 0.98), id="rtls that forgets within a start"),
+        pytest.param(rls, rls.RlsOptions(0.98), id="rls that forgets within a start"),
+        pytest.param(
+            *(rls, rls.RlsOptions(0.98, directional=True)),
+            id="rls that forgets along the samples alone",
+        ),
+        pytest.param(rtls, rtls.RtlsOptions(NOISE, 0.998), id="rtls"),
+    ],
+)
 
 
-@pytest.mark.parametrize(("method", "options"), RECURSIONS.values(), ids=RECURSIONS.keys())
+@pytest.mark.parametrize(("method", "options"), RECURSIONS)
 def test_the_deviation_of_a_recursion_is_its_spread_from_its_first_window_to_its_end(
     method, options
 ):

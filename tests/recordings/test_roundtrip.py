@@ -97,7 +97,8 @@ def bits(run: Run) -> list[object]:
     ]
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+# each writes a recording, which takes a twentieth of a second and more
+@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 @given(run=runs())
 def test_whatever_was_written_is_read_back_bit_for_bit_in_the_same_order(run: Run, tmp_path: Path):
     path = write_recording(run, tmp_path / "any.rrd", force=True)

@@ -39,7 +39,7 @@ HUGE = [struct.pack("<I", n) for n in (2**32 - 1, 2**31, 2**31 - 1, 2**24, 255, 
 HUGE += [struct.pack("<Q", n) for n in (2**64 - 1, 2**63, 2**63 - 1, 2**63 - 30, 2**32)]
 HUGE += [each[::-1] for each in HUGE]
 EXAMPLES = settings(
-    max_examples=15, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
+    max_examples=8, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
 )
 
 

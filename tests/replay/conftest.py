@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import typer
 
+from recordings.calibration.digest_process import digest_files
 from replay.commands import progress_bar
 from replay.commands.cli import app, main
 from tests.made_once import make_folder_once
@@ -93,6 +94,15 @@ def not_kept() -> Iterator[None]:
     """Replays of a test whose stages are the statement, where others of the module are kept."""
     with replays_anew():
         yield
+
+
+@pytest.fixture
+def readers_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recordings and PDFs of evidence are read here: a process for each takes a second to start.
+
+    Damaged ones are read by that process in `test_compare_files.py`.
+    """
+    monkeypatch.setattr("recordings.calibration.strange_files.run_reader_process", digest_files)
 
 
 @pytest.fixture(scope="module")

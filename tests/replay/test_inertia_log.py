@@ -9,19 +9,21 @@ import pytest
 from replay import load_machine, open_log, run
 from replay.simulation.scenario_file import load_scenario_file
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
+from tests.twins import mark_slow_after
 
 SCENARIO = Path(__file__).parents[2] / "examples" / "inertia.toml"
 DERIVED = "channels.yaw_acc_rad_s2.derive=d/dt yaw_rate_rad_s"
-SEEDS = range(1, 5)
+#: Two seconds a log.
+SEEDS = mark_slow_after(1, [range(1, 3), range(3, 5)])
 
 
-@pytest.fixture(scope="module")
-def replays(tmp_path_factory):
+@pytest.fixture(scope="module", params=SEEDS, ids=str)
+def replays(tmp_path_factory, request):
     """Of each seed the truth, and what a replay of its log says."""
     folder = tmp_path_factory.mktemp("inertia")
     machine = load_machine("cat262c.toml", [DERIVED])
     found = []
-    for seed in SEEDS:
+    for seed in request.param:
         scenario = load_scenario_file(SCENARIO, [f"sensors.seed={seed}"])
         (path,) = simulate_scenario_to_logs(scenario, folder / f"{seed}.mcap")
         truth = json.loads(path.with_name(f"{path.name}.truth.json").read_text(encoding="utf-8"))

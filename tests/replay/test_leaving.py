@@ -128,7 +128,7 @@ def test_a_signal_while_the_hidden_folder_goes_leaves_nothing(
 
 
 @pytest.mark.parametrize(
-    "number", mark_slow_after(2, [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    "number", mark_slow_after(1, [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 )
 def test_ended_in_the_middle_it_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
     folder = tmp_path / "demo"

@@ -10,6 +10,7 @@ import pytest
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.kinematic_machine import kinematic_machine
+from tests.twins import mark_slow_after
 
 MACHINE = kinematic_machine("bus", 13_000.0, 0.4)
 
@@ -52,10 +53,13 @@ def test_one_load_in_one_file_is_one_load(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "masses_kg",
-    [
-        [13_000.0, 13_500.0, 14_000.0, 14_500.0, 15_000.0, 15_500.0, 16_000.0],
-        [14_000.0, 16_000.0, 13_500.0, 15_000.0, 13_000.0, 15_500.0, 14_500.0],
-    ],
+    mark_slow_after(
+        1,
+        [
+            [14_000.0, 16_000.0, 13_500.0, 15_000.0, 13_000.0, 15_500.0, 14_500.0],
+            [13_000.0, 13_500.0, 14_000.0, 14_500.0, 15_000.0, 15_500.0, 16_000.0],
+        ],
+    ),
 )
 def test_seven_loads_in_seven_files_are_seven_in_order_and_shuffled(
     tmp_path: Path, masses_kg: list[float]

@@ -74,16 +74,14 @@ INJECTED = (
     ("force {:g} ms late", 5.0, 1, False),
     ("force {:g} ms early", 10.0, 1, False),
 )
-#: Those at the end that `make slow` has as well.
-ALIKE = 6
+#: How many `make test` has, some seconds each: a sign, a delay, a unit and spikes.
+FEW = 4
 
 
 class TestFaultsPutIntoTheLinearAxis:
     """A small twin of the table in docs/explaining.md."""
 
-    @pytest.mark.parametrize(
-        ("name", "size", "place", "mends"), mark_slow_after(len(INJECTED) - ALIKE, INJECTED)
-    )
+    @pytest.mark.parametrize(("name", "size", "place", "mends"), mark_slow_after(FEW, INJECTED))
     def test_it_is_named_and_mended_where_a_machine_file_can(
         self, data: Path, name: str, size: float, place: int, mends: bool
     ) -> None:

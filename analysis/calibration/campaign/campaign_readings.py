@@ -262,24 +262,29 @@ def average_masses_by_method_and_run(replayed_run: Run, runs: pl.DataFrame) -> p
         stage, _, method = name.partition("/")
         if stage != "estimates":
             continue
-        known = frame.drop_nulls(["mass_kg", "mass_std_kg"]).with_columns(
-            unix_ns=pl.col("t_ns") + t0
-        )
+        known = frame.drop_nulls(["mass_kg", "mass_std_kg"])
+        mass_kg, weight = known["mass_kg"], 1.0 / known["mass_std_kg"] ** 2
+        weighted_kg = mass_kg * weight
+        unix_ns = known["t_ns"].to_numpy() + t0
+        # windows end in the order of time
+        begins = np.searchsorted(unix_ns, runs["start_ns"].to_numpy()).tolist()
+        ends = np.searchsorted(unix_ns, runs["end_ns"].to_numpy(), "right").tolist()
         for number, run in enumerate(runs.iter_rows(named=True)):
-            inside = known.filter(pl.col("unix_ns").is_between(run["start_ns"], run["end_ns"]))
-            weight = 1.0 / pl.col("mass_std_kg") ** 2
-            mass = (
-                pl.col("mass_kg").last()
-                if METHODS[method].summary is LogSummary.LAST
-                else (pl.col("mass_kg") * weight).sum() / weight.sum()
-            )
+            begin, end = begins[number], ends[number]
+            if end <= begin:
+                mass = None
+            elif METHODS[method].summary is LogSummary.LAST:
+                mass = mass_kg[end - 1]
+            else:
+                weights = float(weight[begin:end].sum())
+                mass = float(weighted_kg[begin:end].sum()) / weights if weights else np.nan
             rows.append(
                 {
                     "method": method,
                     "run": number,
                     "load_kg": run["load_kg"],
                     "reference_kg": run["mass_kg"],
-                    "mass_kg": inside.select(mass).item() if inside.height else None,
+                    "mass_kg": mass,
                 }
             )
     return pl.DataFrame(

@@ -22,7 +22,7 @@ def held(plan, campaigns=FEWER):
 @pytest.mark.parametrize(
     "plan",
     mark_slow_after(
-        2,
+        1,
         [
             Plan(1, day_known=True),
             Plan(5, references="unequal"),

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.cycles.cycles import weigh_cycles
@@ -38,6 +38,8 @@ def summed(frames: dict[str, pl.DataFrame]) -> dict[str, float]:
     )
 
 
+# thirty examples: each drives a shift of up to an hour
+@settings(max_examples=30)
 @given(st.lists(st.floats(200.0, 1100.0), min_size=2, max_size=30))
 def test_what_is_dumped_is_the_payload_and_the_sum_is_that_of_the_shift(
     payloads: list[float],
@@ -47,6 +49,7 @@ def test_what_is_dumped_is_the_payload_and_the_sum_is_that_of_the_shift(
     assert summed(frames)["payload_kg"] == pytest.approx(sum(payloads))
 
 
+@settings(max_examples=30)
 @given(st.lists(st.floats(500.0, 1100.0), min_size=2, max_size=30))
 def test_loads_that_are_alike_are_told_without_any_digging(payloads: list[float]) -> None:
     assert found(drawn_shift(payloads, digs=False))["payload_kg"].to_list() == pytest.approx(

@@ -28,13 +28,13 @@ AXES = tuple(
 CLEAN = {
     "one way": {},
     "both ways at several throttles": RICH,
+    "stamps that jitter": {"sampling": {"stamp_jitter_s": 0.003}},
     "both ways": {"starts": {"directions": "alternating"}},
     "five starts": {"campaign": {"runs": 5}},
     "half the machine": {
         "machine": {"mass_kg": 1800.0, "friction_N_s_m": 1500.0},
         "campaign": {"throttle_force_N": 3000.0},
     },
-    "stamps that jitter": {"sampling": {"stamp_jitter_s": 0.003}},
 }
 
 
@@ -152,7 +152,7 @@ def test_a_topic_whose_values_repeat_is_found_whichever_it_is(topic):
     assert log.load["withheld"]
 
 
-@pytest.mark.parametrize("name", CLEAN)
+@pytest.mark.parametrize("name", mark_slow_after(3, CLEAN))
 def test_clean_logs_raise_no_check_and_are_weighed(name):
     log = clean(name)
     assert log.fired == set()

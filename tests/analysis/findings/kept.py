@@ -9,7 +9,7 @@ what findings say now, right or wrong; how often they are right, `make findings`
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -31,12 +31,9 @@ OR: Final = " or "
 Kept = tuple[str, float | None, float | None]
 
 
-def findings(seed: int) -> dict[str, list[Kept]]:
+def findings(seed: int, faults: Iterable[Fault] = FAULTS) -> dict[str, list[Kept]]:
     """What is found of each fault, by log."""
-    found: dict[str, list[Kept]] = {}
-    for fault in FAULTS:
-        found[log_name(seed, fault)] = _found(seed, fault, _size(seed, fault))
-    return found
+    return {log_name(seed, fault): _found(seed, fault, _size(seed, fault)) for fault in faults}
 
 
 def log_name(seed: int, fault: Fault) -> str:

@@ -2,20 +2,37 @@
 
 import pytest
 
-from tests.analysis.findings.kept import ALIKE_1, SIZES, UPDATE, differences, findings, read_kept
+from tests.analysis.findings.kept import (
+    ALIKE_1,
+    SIZES,
+    UPDATE,
+    differences,
+    findings,
+    log_name,
+    read_kept,
+)
+from tests.trials.fault_injection import FAULTS, Fault
+from tests.twins import mark_slow_after
 
 LOG = "machine 9, force late, size 3"
 
 
 #: The other machine has the same faults, just seen.
 SOON, *LATER = sorted(SIZES)
+#: Every second fault, of half a second each; the others have a twin among them, of another signal.
+HALF = FAULTS[::2]
 
 
 @pytest.mark.parametrize(
-    "seed", [SOON, *(pytest.param(seed, marks=pytest.mark.slow) for seed in LATER)]
+    ("seed", "faults"),
+    mark_slow_after(1, [(SOON, HALF), *((seed, FAULTS) for seed in (SOON, *LATER))]),
+    ids=lambda each: str(each) if isinstance(each, int) else f"{len(each)} faults",
 )
-def test_faults_are_found_as_they_are_kept(seed: int) -> None:
-    found = list(differences(read_kept(seed), findings(seed)))
+def test_faults_are_found_as_they_are_kept(seed: int, faults: tuple[Fault, ...]) -> None:
+    kept = read_kept(seed)
+    assert set(kept) == {log_name(seed, fault) for fault in FAULTS}
+    asked = {name: kept[name] for name in (log_name(seed, fault) for fault in faults)}
+    found = list(differences(asked, findings(seed, faults)))
     assert not found, "\n".join(
         ["kept (-) and found now (+):", *found, f"if that is meant, keep it: {UPDATE}"]
     )

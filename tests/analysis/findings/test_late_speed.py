@@ -9,6 +9,7 @@ import pytest
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
+from tests.twins import mark_slow_after
 
 RATE_HZ, MASS_KG = 50.0, 3200.0
 MACHINE = """
@@ -54,7 +55,7 @@ def write_shuttle_log(path: Path, speed_delay_s: float) -> None:
     ).write_csv(path)
 
 
-@pytest.mark.parametrize("delay_s", [0.1, 0.3, 0.8])
+@pytest.mark.parametrize("delay_s", mark_slow_after(1, [0.3, 0.1, 0.8]))
 def test_a_late_speed_is_named_with_its_delay(tmp_path: Path, delay_s: float) -> None:
     path, machine_path = tmp_path / "log.csv", tmp_path / "shuttle.toml"
     write_shuttle_log(path, delay_s)

@@ -8,18 +8,22 @@ from analysis.model.machine import Machine
 from analysis.model.schema import find_frame_declaration
 from benchmarks.weighed import machine
 from tests.analysis.findings.conftest import Named
+from tests.twins import mark_slow_after
 
 
 @pytest.mark.parametrize(
     ("hides", "size", "other", "cause"),
-    [
-        ("force of the wrong sign", 1.0, ("force offset", 5.0), "offset"),
-        ("accelerometer of the wrong sign", 1.0, ("torque with spikes", 3.0), "spikes"),
-        ("speed in km/h", 1.0, ("IMU biased", 4.0), "imu_bias"),
-        ("acceleration in g", 1.0, ("force late", 5.0), "delay"),
-        # wheels that slip would not tell the unit, gravity does
-        ("acceleration in g", 1.0, ("slip", 2.5), "slip"),
-    ],
+    mark_slow_after(
+        2,
+        [
+            ("force of the wrong sign", 1.0, ("force offset", 5.0), "offset"),
+            # wheels that slip would not tell the unit, gravity does
+            ("acceleration in g", 1.0, ("slip", 2.5), "slip"),
+            ("accelerometer of the wrong sign", 1.0, ("torque with spikes", 3.0), "spikes"),
+            ("speed in km/h", 1.0, ("IMU biased", 4.0), "imu_bias"),
+            ("acceleration in g", 1.0, ("force late", 5.0), "delay"),
+        ],
+    ),
 )
 def test_behind_a_sign_or_a_unit_stands_what_it_hides(
     named: Named, hides: str, size: float, other: tuple[str, float], cause: str

@@ -17,12 +17,13 @@ FAULTY = (
     "Coulomb friction 300 N",
     "slip 80 kN",
     "slope 1°, acceleration without gravity",
-    "squat 0.5°",
     "force late 50 ms",
-    "speed late 30 ms",
-    "topics 9 ms out of phase",
     "stops at 0.1 m/s² that no sensor sees",
     "wheels 5 % larger",
+    # these have a twin above, of another sensor or another force
+    "squat 0.5°",
+    "speed late 30 ms",
+    "topics 9 ms out of phase",
     "force offset -300 N",
     "accelerometer tilted 1°",
 )
@@ -52,7 +53,7 @@ def holds(load, true_kg):
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, SEEDS))
-@pytest.mark.parametrize("name", FAULTY)
+@pytest.mark.parametrize("name", mark_slow_after(6, FAULTY))
 def test_a_fault_is_in_the_interval(name, seed, machine):
     scenario = Scenario.model_validate(sections(name, sensors={"seed": seed}))
     load, true_kg = weighed(scenario, machine)

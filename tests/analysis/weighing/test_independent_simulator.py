@@ -15,7 +15,7 @@ from replay.pipeline import run
     ("situation", "seed"),
     [
         # the accelerometer sees the body swing on its springs: 2.2 u by means of 0.05 s
-        ("squat 0.3", 98014),
+        pytest.param("squat 0.3", 98014, marks=pytest.mark.slow),
         # friction that falls fast and then levels off: 3.8 u by a parabola
         ("warming 25", 98007),
     ],

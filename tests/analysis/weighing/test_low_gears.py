@@ -14,6 +14,7 @@ from replay import open_log
 from replay import run as replay
 from tests.analysis.other_machine_logs import replayed
 from tests.trials.other_machines import car, cart
+from tests.twins import mark_slow_after
 
 
 #: Without the terms of gears the mass is 5 u off, or none.
@@ -106,7 +107,7 @@ def lorry(*, with_ratio: bool) -> Machine:
     )
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [1, 2]))
 def test_with_its_gear_ratio_a_lorry_weighs_as_much_in_every_gear(
     seed: int, tmp_path: Path
 ) -> None:

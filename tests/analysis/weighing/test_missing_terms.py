@@ -78,7 +78,7 @@ def test_a_force_or_speed_that_is_not_linear_widens_and_is_named(
     assert "gain_by_speed" in found.frames["findings"]["cause"]
 
 
-@pytest.mark.parametrize("cell", [MEASURED, DERIVED], ids=str)
+@pytest.mark.parametrize("cell", mark_slow_after(1, [DERIVED, MEASURED]), ids=str)
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3310, 3313)))
 def test_a_sound_log_is_not_widened(replayed, cell: Cell, seed: int) -> None:
     found = replayed(cell, seed)

@@ -64,6 +64,9 @@ ALIKE = (
     "accelerometer tilted by 1°",
     "rolling resistance 2 %, one way",
     "a body that sags by 0.25°",
+    # a constant force, as that of an accelerometer's bias and of the way of rolling resistance
+    "offset of 300 N",
+    "Coulomb friction of 300 N",
 )
 
 

@@ -26,7 +26,7 @@ from tests.replay.kept_replays import replays_anew
 from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.sledge_campaign import campaign_folder
 
-pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
+pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf", "readers_in_this_process")
 
 
 @pytest.fixture(scope="module")

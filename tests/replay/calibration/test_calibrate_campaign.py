@@ -176,6 +176,7 @@ def test_the_private_key_is_not_taken_for_the_public_one(
     )
 
 
+@pytest.mark.usefixtures("readers_in_this_process")
 def test_a_known_mass_shows_drift_or_none(
     made: CalibrationOutcome, keys: tuple[Path, Path], tmp_path: Path
 ) -> None:
@@ -240,6 +241,7 @@ day = 2019-05-01
 """
 
 
+@pytest.mark.usefixtures("readers_in_this_process")
 def test_a_real_axis_with_one_load_says_what_that_cannot_show(
     shared_data: Path, tmp_path: Path
 ) -> None:

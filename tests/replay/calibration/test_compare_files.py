@@ -95,6 +95,7 @@ def in_logs(bundle: Bundle) -> None:
     third["machine_id"] = "sledge-7"
 
 
+@pytest.mark.usefixtures("readers_in_this_process")
 def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Path) -> None:
     folder = changed(bundle, tmp_path, in_logs)
     assert not verify_bundle(folder).findings
@@ -116,6 +117,7 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
         assert words in said
 
 
+@pytest.mark.usefixtures("readers_in_this_process")
 def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(printed: Path) -> None:
     found = verify_bundle(printed, log_folder=printed.with_name("logs"))
     assert not found.findings, items(found)
@@ -128,6 +130,7 @@ def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(printed: Pa
     assert (f"the words of {PDF}" in done) != (f"Whether {PDF} has the same words as" in unseen)
 
 
+@pytest.mark.usefixtures("readers_in_this_process")
 def test_evidence_with_former_names_of_checks_holds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -200,6 +203,7 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
     assert f"runs/{second.name}: " in items(found)
 
 
+@pytest.mark.usefixtures("readers_in_this_process")
 def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     bundle: Path, tmp_path: Path
 ) -> None:

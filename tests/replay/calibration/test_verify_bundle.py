@@ -26,7 +26,7 @@ from tests.replay.sledge_campaign import campaign_folder
 from tests.replay.tamperings import TAMPERINGS
 from tests.twins import mark_slow_after
 
-pytestmark = pytest.mark.usefixtures("kept_replays")
+pytestmark = pytest.mark.usefixtures("kept_replays", "readers_in_this_process")
 
 TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE
 INCOMPLETE = BundleOutcome.INCOMPLETE

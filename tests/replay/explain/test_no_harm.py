@@ -1,5 +1,7 @@
 """`explain --apply` does no harm: what does not hold on the other half of a log is not written."""
 
+import pytest
+
 from benchmarks.applied import applied
 from benchmarks.unlisted_rows import UNLISTED
 
@@ -16,6 +18,7 @@ def test_one_wheel_that_turns_too_far_is_no_radius() -> None:
     assert not made.is_harmed
 
 
+@pytest.mark.slow
 def test_wheels_in_rpm_leave_accelerometer_and_torques_alone() -> None:
     made = applied(BY_NAME["speed in another unit"], SIMULATED)
     assert made.before is None

@@ -49,6 +49,7 @@ def test_a_mended_machine_file_gives_the_mass_back(name: str, size: float, cause
     assert mended.left == ()
 
 
+@pytest.mark.slow
 def test_what_moves_the_mass_as_claimed_is_kept_and_what_it_explains_is_not_mended() -> None:
     """Without all its axes an IMU is not turned back: its share of the motion is scaled."""
     axes = {key: value for key, value in AXES.items() if not key.startswith(_TURNED_BACK)}

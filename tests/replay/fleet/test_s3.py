@@ -23,7 +23,7 @@ def given_back(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_runs_and_queries_with_the_server_away_for_a_while(tmp_path: Path) -> None:
-    assert checked(tmp_path, "twin", 4, 1.5, SerialEngine) == []
+    assert checked(tmp_path, "twin", 2, 1.5, SerialEngine) == []
 
 
 def test_objects_are_listed_read_and_written_whole(tmp_path: Path) -> None:

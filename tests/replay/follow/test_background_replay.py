@@ -266,7 +266,7 @@ def test_replays_keep_to_their_share_of_one_core(logs: dict[str, Path], tmp_path
     with BackgroundReplays(
         [target], load_machine("cat262c.toml"), lambda _: None, share=share
     ) as each:
-        while len(took) < 4:
+        while len(took) < 3:
             size += 2_000
             target.write_bytes(data[:size])
             each.request_replay_of_log_so_far()

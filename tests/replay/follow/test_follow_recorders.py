@@ -33,6 +33,8 @@ from tests.twins import mark_slow_after
 REPO = Path(__file__).resolve().parents[3]
 #: Two starts of the paper's loader.
 TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}})
+#: One, for what each recorder writes.
+ONE_START = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 1}})
 CAUSAL = [
     "settings.filter.causal=true",
     "settings.noise.force_N=60.0",
@@ -54,7 +56,7 @@ FORMATS: dict[str, tuple[str, Callable[[Path, Path], Iterator[None]]]] = {
         partial(mcap_recorder, compression=CompressionType.NONE, chunks=False),
     ),
     "rosbag2 in WAL mode": (".db3", rosbag2_recorder),
-    "rosbag2 that rotates": (".db3", partial(rosbag2_recorder, rows_a_file=1500)),
+    "rosbag2 that rotates": (".db3", partial(rosbag2_recorder, rows_a_file=700)),
     "CSV": (".csv", csv_recorder),
 }
 #: They pack what others here have in another way.
@@ -65,10 +67,19 @@ CONTAINERS = [name for name in FORMATS if name not in PACKED_OTHERWISE]
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The same drive in every format."""
-    folder = tmp_path_factory.mktemp("followed")
+    return written(TWO_STARTS, tmp_path_factory.mktemp("followed"))
+
+
+@pytest.fixture(scope="module")
+def short_logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Half of it."""
+    return written(ONE_START, tmp_path_factory.mktemp("short"))
+
+
+def written(drive: Scenario, folder: Path) -> dict[str, Path]:
     suffixes = dict.fromkeys(suffix for suffix, _ in FORMATS.values())
     return {
-        suffix: simulate_scenario_to_logs(TWO_STARTS, folder / f"drive{suffix}")[0]
+        suffix: simulate_scenario_to_logs(drive, folder / f"drive{suffix}")[0]
         for suffix in suffixes
     }
 
@@ -134,15 +145,15 @@ def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
     "recorder", mark_slow_after(len(CONTAINERS), [*CONTAINERS, *PACKED_OTHERWISE])
 )
 def test_what_is_followed_is_what_the_replay_has_bit_for_bit(
-    recorder: str, logs: dict[str, Path], tmp_path: Path
+    recorder: str, short_logs: dict[str, Path], tmp_path: Path
 ) -> None:
     suffix, record = FORMATS[recorder]
-    machine = machine_of(logs[suffix])
+    machine = machine_of(short_logs[suffix])
     target = tmp_path / ("growing" if suffix == ".db3" else f"growing{suffix}")
-    with Recording(record(logs[suffix], target), target) as recording:
+    with Recording(record(short_logs[suffix], target), target) as recording:
         following, rows = followed(target, machine, recording)
     assert_as_replayed(rows, replayed(target, machine))
-    assert following.follower.manoeuvres == 2
+    assert following.follower.manoeuvres == 1
     assert not following.losses
     assert following.follower.log.late_samples == 0
 

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TextIO
@@ -36,12 +36,14 @@ NOISE = [
     for each in ("force_N=60", "acc_m_s2=0.01", "speed_m_s=0.005")
     for word in ("--set", f"settings.noise.{each}")
 ]
+#: One that goes by windows and one that goes on from its last state: what a recording draws of each
+#: further method takes a second a process.
+METHODS = ("--set", 'settings.trace.methods=["pooled","rls"]')
 #: Seconds between two looks of a slow recorder: it writes for half a minute.
 SLOW_S = 0.06
-MACHINE = ("-m", "cat262c.toml", *NOISE)
-#: Replays in the background are the statement of `test_background_replay.py`, and beside a kill of
-#: that by ctrl-C; here each would take longer than what is followed.
-ALONE = (*MACHINE, "--replay-share", "0")
+#: Replays in the background, also those that ctrl-C ends, are the statement of
+#: `test_background_replay.py`; here each would take longer than what is followed.
+ALONE = ("-m", "cat262c.toml", *NOISE, *METHODS, "--replay-share", "0")
 
 
 @pytest.fixture(scope="module")
@@ -61,13 +63,12 @@ def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def started(
     log: str,
     *words: str,
-    machine: Sequence[str] = ALONE,
     limit: Callable[[], None] | None = None,
     out: TextIO | int = subprocess.PIPE,
 ) -> subprocess.Popen[str]:
     """`payscope follow` in a process of its own."""
     return subprocess.Popen(
-        [sys.executable, "-P", str(REPO / "payscope.py"), "follow", log, *machine, *words],
+        [sys.executable, "-P", str(REPO / "payscope.py"), "follow", log, *ALONE, *words],
         stdout=out,
         stderr=subprocess.PIPE,
         text=True,
@@ -182,7 +183,7 @@ def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     data = sources[".mcap"].read_bytes()
     target = tmp_path / "drive.mcap"
     target.write_bytes(data[: 2 * len(data) // 3])
-    first = started(*("drive.mcap", "-o", "out.rrd", "--json", "--idle-s", "60"), machine=MACHINE)
+    first = started("drive.mcap", "-o", "out.rrd", "--json", "--idle-s", "60")
     assert first.stdout is not None
     for line in first.stdout:
         if json.loads(line)["t_s"] > 15:

@@ -17,7 +17,7 @@ from replay.logs import Log
 from tests.replay.logs.fuzz.campaign import make_case
 from tests.replay.logs.fuzz.sources import SOURCES, Source
 
-FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "4"))
+FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "2"))
 FIRST = int(os.environ.get("PAYSCOPE_FUZZ_FIRST", "0"))
 #: What says that an index lies about times: rows that it hides come after later ones.
 LATE = "outside the times that its index gives"

@@ -80,7 +80,7 @@ def damaged(path: Path) -> None:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize("log_format", FORMATS)
-@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 16])
 def test_an_error_in_any_function_that_reads_a_format_is_no_damage(
     tmp_path: Path, log_format: str, every: int
 ) -> None:

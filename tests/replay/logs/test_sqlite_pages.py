@@ -136,7 +136,8 @@ def messages(seed: int, count: int, most_bytes: int) -> list[Message]:
     ]
 
 
-@tmp_path_is_used_again
+# each of half a hundred writes a database of hundreds of pages
+@settings(tmp_path_is_used_again, max_examples=50)
 @given(
     page_bytes=st.sampled_from(PAGE_BYTES),
     most_pages=st.sampled_from([0.02, 0.3, 1.1, 5.0]),

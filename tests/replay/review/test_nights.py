@@ -14,21 +14,22 @@ from replay.review.review_shift import ReviewOptions, review_shift
 from replay.simulation.simulate_logs import make_paths_of_simulated_logs, simulate_scenario_to_logs
 from tests.replay.shift_review import CHANNELS, SCENARIO
 from tests.replay.sledge import Payscope
+from tests.twins import mark_slow_after
 
 SHIPPED = Path(__file__).resolve().parents[3] / "replay/machines/cat262c.toml"
 BERLIN = ZoneInfo("Europe/Berlin")
 #: When the log begins, and the hours that its loads are dumped in, by the clock in Berlin.
 NIGHTS = {
     "clock set back": ("2026-10-25T00:55:30Z", ["02:00 +02:00", "02:00 +01:00"]),
-    "clock set forward": ("2026-03-29T00:55:30Z", ["01:00 +01:00", "03:00 +02:00"]),
     "over midnight": (
         "2026-06-30T21:55:30Z",
         ["2026-06-30 23:00 +02:00", "2026-07-01 00:00 +02:00"],
     ),
+    "clock set forward": ("2026-03-29T00:55:30Z", ["01:00 +01:00", "03:00 +02:00"]),
 }
 
 
-@pytest.fixture(scope="module", params=NIGHTS, ids=list(NIGHTS))
+@pytest.fixture(scope="module", params=mark_slow_after(2, NIGHTS), ids=list(NIGHTS))
 def night(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, str, list[str]]:

@@ -54,19 +54,34 @@ def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(excite
     assert truth["runs"][0]["mass_kg"] == 3614.0
 
 
-def test_an_accuracy_that_no_waveform_reaches_leaves_with_one(excite):
+def give_design(monkeypatch, made, accuracy=0.01, yard_m=None):
+    """Give a design, whose search is tested by itself, if that is asked for."""
+
+    def design(_base, _motion, asked_1, _window_s, asked_m):
+        assert (asked_1, asked_m) == (accuracy, yard_m)
+        return made
+
+    monkeypatch.setattr("analysis.excitation.design_excitation", design)
+
+
+def test_an_accuracy_that_no_waveform_reaches_leaves_with_one(excite, designed, monkeypatch):
+    give_design(monkeypatch, replace(designed, accuracy=1e-4), accuracy=1e-4)
     answer = excite("--accuracy", "0.01%")
     assert answer.status == 1
     assert "No waveform reaches the accuracy of 0.0001" in answer.out
 
 
-def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(excite, designed, tmp_path):
+def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(
+    excite, designed, tmp_path, monkeypatch
+):
+    nothing = replace(designed, best=None)
+    give_design(monkeypatch, nothing, yard_m=0.5)
     answer = excite("--yard", "0.5", "-o", "best.toml")
     assert answer.status == 1
     assert "No waveform stays within the yard" in answer.out
     assert not list(tmp_path.iterdir())
     with pytest.raises(DataError, match="stays within the yard"):
-        write_scenario_file(replace(designed, best=None).to_scenario(BASE), tmp_path / "best.toml")
+        write_scenario_file(nothing.to_scenario(BASE), tmp_path / "best.toml")
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from estimators.interpreted import CompiledLoop
 from replay.commands.cli import app
 from replay.warm_up.compile_loops import compile_all_loops
 from tests.golden.golden import LOGS, replay
+from tests.twins import mark_slow_after
 
 COMMAND = Path(sys.executable).with_name("payscope")
 #: A loop that calls others, and one that only the reader of logs has.
@@ -29,8 +30,9 @@ with force_compilation():
 """
 
 
+@pytest.mark.parametrize("log", mark_slow_after(1, LOGS))
 def test_a_run_compiles_nothing_that_was_not_compiled_ahead(
-    monkeypatch: pytest.MonkeyPatch,
+    log: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: set[tuple[str, str]] = set()
 
@@ -41,8 +43,7 @@ def test_a_run_compiles_nothing_that_was_not_compiled_ahead(
     monkeypatch.setattr(CompiledLoop, "__call__", call)
     compile_all_loops()
     ready = asked.copy()
-    for log in LOGS:
-        replay(log)
+    replay(log)
     assert len(ready) > 50
     # readings of other rates than the grid's are averaged
     assert sum(name == "_fill_averages" for name, _ in ready) == 2

@@ -1,5 +1,7 @@
 """Error limits of OIML R 51 and R 134, with a guard band and the risk of a wrong verdict."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from estimators.errors import DataError
 from tests.analysis.calibration.campaigns import readings, references
 
 
+@cache  # two classes are judged by the same forty lines
 def fitted(deviations=(6.0, 2.0, 3.0), days=6, seed=2):
     rows = readings(seed, days=days, deviations=deviations)
     options = CalibrationOptions("joint_mass")

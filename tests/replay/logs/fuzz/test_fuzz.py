@@ -21,7 +21,7 @@ from tests.replay.logs.fuzz.recorded import START_NS, STEP_NS, STEPS
 from tests.replay.logs.fuzz.sources import SOURCES, Source
 from tests.replay.sledge import Payscope
 
-FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "8"))
+FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "4"))
 FIRST = int(os.environ.get("PAYSCOPE_FUZZ_FIRST", "0"))
 #: A file of 40 kB is read in some hundredths of a second.
 LONGEST_S = 20.0
