@@ -1,68 +1,53 @@
-"""Force and speed derived from what a drive reports, with a gear ratio to be stated."""
+"""Force derived from what a drive reports, with a gear ratio to be stated."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final
 
-from replay.recognise.proposals import LogColumn, Recognition
+from replay.recognise.columns import TURN_UNITS
+from replay.recognise.proposals import SIDES, LogColumn, Recognition
 from replay.recognise.recognise_limits import LIMITS
 
-_GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
+GEAR_QUESTION: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
 _GEAR_RATIOS: Final = (
     "which ratio each gear of '{0}' has: engine or turbine add to the mass with its square; with "
     "'{0}' as channels.gear_1, channels.gear_ratio_1 is "
     'derive = "where(gear_1 > 1.5, RATIO_2, RATIO_1)"'
 )
-_RADIUS: Final = "machine.wheel_radius_m"
+RADIUS_QUESTION: Final = "machine.wheel_radius_m"
 _EFFICIENCY: Final = "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
-_SIDES: Final = ("left", "right")
 #: What a motor reports: quantity, unit, name of its channel, and what makes a torque of it.
 _MOTOR_OUTPUTS: Final = (
     ("torque", "N*m", "motor_torque_N_m", ""),
     ("torque", "percent", "torque_percent", " * RATED_TORQUE [N*m]"),
     ("current", "A", "motor_current_A", " * TORQUE_CONSTANT [N*m/A]"),
 )
-#: Units of revolutions.
-_TURNS: Final = ("rpm", "rad/s", "Hz")
 
 
-def propose_force_and_speed_of_drives(
-    columns: Sequence[LogColumn], recognition: Recognition
-) -> None:
-    """Propose force and speed from motors and wheels if no column holds them."""
+def propose_force_of_drives(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+    """Propose a force from motors and wheels if no column holds one."""
     if (
-        "force_x_N" not in recognition.filled_or_proposed_channels
-        and not _has_left_and_right_channel(recognition, "torque_{}_N_m")
+        "force_x_N" in recognition.filled_or_proposed_channels
+        or recognition.has_channel_of_both_sides("torque_{}_N_m")
     ):
-        sketches = (
-            add_forces_of_both_sides,
-            propose_torques_without_unit,
-            propose_force_from_unnamed_sides,
-            _propose_force_from_engine,
-            propose_force_from_motors_of_both_sides,
-            propose_force_from_motor,
-            propose_force_from_pressures,
-            _propose_force_from_power,
-        )
-        any(propose(columns, recognition) for propose in sketches)
-    if (
-        "speed_x_m_s" not in recognition.filled_or_proposed_channels
-        and not _has_left_and_right_channel(recognition, "speed_{}_m_s")
-    ):
-        any(
-            propose(columns, recognition)
-            for propose in (propose_speed_from_wheels, _propose_speed_from_motor)
-        )
-
-
-def _has_left_and_right_channel(recognition: Recognition, channel: str) -> bool:
-    return {channel.format(side) for side in _SIDES} <= recognition.filled_or_proposed_channels
+        return
+    sketches = (
+        add_forces_of_both_sides,
+        propose_torques_without_unit,
+        propose_force_from_unnamed_sides,
+        _propose_force_from_engine,
+        propose_force_from_motors_of_both_sides,
+        propose_force_from_motor,
+        propose_force_from_pressures,
+        _propose_force_from_power,
+    )
+    any(propose(columns, recognition) for propose in sketches)
 
 
 def find_column_of_each_side(columns: Iterable[LogColumn]) -> tuple[LogColumn, LogColumn] | None:
     """The one column of the left side and that of the right; None without both."""
     columns = [*columns]
-    left, right = ([c for c in columns if c.name_meaning.side == side] for side in _SIDES)
+    left, right = ([c for c in columns if c.name_meaning.side == side] for side in SIDES)
     return (left[0], right[0]) if len(left) == len(right) == 1 else None
 
 
@@ -81,7 +66,7 @@ def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognit
     if sides is None:
         return False
     names = " and ".join(f"'{column.source_text}'" for column in sides)
-    for side, column in zip(_SIDES, sides, strict=True):
+    for side, column in zip(SIDES, sides, strict=True):
         recognition.fill_channel_if_empty(column, f"force_{side}_N", f"the {side} of {names}")
     recognition.add_derived_channel("force_x_N", "force_left_N + force_right_N", names)
     return True
@@ -96,9 +81,9 @@ def propose_torques_without_unit(columns: Sequence[LogColumn], recognition: Reco
     )
     if sides is None:
         return False
-    for side, column in zip(_SIDES, sides, strict=True):
+    for side, column in zip(SIDES, sides, strict=True):
         recognition.propose_channel_without_unit(column, f"torque_{side}_N_m")
-    recognition.add_question_of_subject("radius", _RADIUS)
+    recognition.add_question_of_subject("radius", RADIUS_QUESTION)
     return True
 
 
@@ -121,14 +106,14 @@ def propose_force_from_unnamed_sides(
     if len(wheels) != 2 or len(torques) != 2:
         return False
     names = " or ".join(f"'{column.source_text}'" for column in wheels)
-    for side, column in zip(_SIDES, wheels, strict=True):
+    for side, column in zip(SIDES, wheels, strict=True):
         recognition.propose_source_of_derived_channel(
             column,
             f"torque_{side}_N_m",
             column.unit,
             f"{column.source_text}: one of two torques; its name has no side",
         )
-    recognition.add_question_of_subject("radius", _RADIUS)
+    recognition.add_question_of_subject("radius", RADIUS_QUESTION)
     recognition.add_question_of_subject("side", f"which is the left one, {names}")
     return True
 
@@ -137,9 +122,22 @@ def is_drive_output(column: LogColumn, quantity: str, unit: str) -> bool:
     """Whether a column is of this quantity and unit, and not what flows into a drive."""
     # what flows into a drive is power over voltage, not torque
     is_supply = quantity == "current" and column.name_meaning.is_of_supply
-    # a current is in amperes where nothing is stated, as motor controllers write it
-    has_unit = column.has_dimension_of_unit(unit) or (unit, column.unit) == ("A", None)
+    # a current is in amperes where nothing is stated, as motor controllers write it; a torque's
+    # unit is asked
+    may_lack_unit = unit == "A" or (unit == "N*m" and column.name_meaning.part == "motor")
+    has_unit = column.has_dimension_of_unit(unit) or (may_lack_unit and column.unit is None)
     return column.quantity == quantity and has_unit and not is_supply
+
+
+def propose_motor_output(
+    column: LogColumn, channel: str, reason: str, recognition: Recognition
+) -> None:
+    """Propose a motor's torque or current as a source, and ask for a torque's unit."""
+    is_asked = column.unit is None and column.quantity == "torque"
+    unit = "?" if is_asked else column.unit
+    recognition.propose_source_of_derived_channel(column, channel, unit, reason)
+    if is_asked:
+        recognition.add_question_on_unit(column, channel)
 
 
 def propose_force_from_motors_of_both_sides(
@@ -159,9 +157,9 @@ def propose_force_from_motors_of_both_sides(
         names: list[str] = []
         reason = " and ".join(each.source_text for each in sides)
         reason += ": measured at the motors of both sides; needs the gear ratio"
-        for side, column in zip(_SIDES, sides, strict=True):
+        for side, column in zip(SIDES, sides, strict=True):
             names.append(f"{side}_{name}")
-            recognition.propose_source_of_derived_channel(column, names[-1], column.unit, reason)
+            propose_motor_output(column, names[-1], reason, recognition)
         recognition.propose_derived_channel_as_comment(
             "force_x_N", f"({' + '.join(names)}){factor} * GEAR / wheel_radius_m", reason
         )
@@ -185,13 +183,13 @@ def add_questions_on_gear_and_motor_factor(recognition: Recognition, factor: str
         recognition: of the log.
         factor: what makes a torque of it, as in a derivation: " * NAME [unit]", or empty.
     """
-    recognition.add_question_of_subject("gear", _GEAR.format("force_x_N"))
+    recognition.add_question_of_subject("gear", GEAR_QUESTION.format("force_x_N"))
     if factor:
         word, _, of = factor.removeprefix(" * ").partition(" ")
         recognition.add_question_of_subject(
             "gear", f"the motor's {word} in {of.strip('[]')}, in the same line"
         )
-    recognition.add_question_of_subject("radius", _RADIUS)
+    recognition.add_question_of_subject("radius", RADIUS_QUESTION)
 
 
 def propose_force_from_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
@@ -218,10 +216,10 @@ def propose_force_from_motor(columns: Sequence[LogColumn], recognition: Recognit
             recognition.propose_derived_channel_as_comment(
                 "force_x_N", "wheel_torque_N_m / wheel_radius_m", reason
             )
-            recognition.add_question_of_subject("radius", _RADIUS)
+            recognition.add_question_of_subject("radius", RADIUS_QUESTION)
             return True
         reason = f"{column.source_text}: measured at the motor; needs the gear ratio"
-        recognition.propose_source_of_derived_channel(column, name, column.unit, reason)
+        propose_motor_output(column, name, reason, recognition)
         recognition.propose_derived_channel_as_comment(
             "force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason
         )
@@ -234,7 +232,7 @@ def _propose_force_from_engine(columns: Sequence[LogColumn], recognition: Recogn
     """Propose a force from an engine's power over the speed, whatever its gear, if any."""
     engine = [c for c in columns if c.name_meaning.part == "motor"]
     torque = next((c for c in engine if (c.quantity, c.unit) == ("torque", "percent")), None)
-    turns = next((c for c in engine if c.quantity == "speed" and c.unit in _TURNS), None)
+    turns = next((c for c in engine if c.quantity == "speed" and c.unit in TURN_UNITS), None)
     if torque is None or turns is None:
         return False
     reason = (
@@ -271,11 +269,11 @@ def propose_force_from_pressures(columns: Sequence[LogColumn], recognition: Reco
         f"{torque} * DISPLACEMENT [m^3/turn] * GEAR / wheel_radius_m",
         "the drive's pressure times its displacement",
     )
-    recognition.add_question_of_subject("gear", _GEAR.format("force_x_N"))
+    recognition.add_question_of_subject("gear", GEAR_QUESTION.format("force_x_N"))
     recognition.add_question_of_subject(
         "gear", "the motor's DISPLACEMENT in m³ a revolution, in the same line"
     )
-    recognition.add_question_of_subject("radius", _RADIUS)
+    recognition.add_question_of_subject("radius", RADIUS_QUESTION)
     if len(names) > 1:
         recognition.add_question_of_subject(
             "side",
@@ -337,59 +335,3 @@ def _make_force_from_power_formula(power_formula: str) -> str:
     """Formula of the force of a power that reaches the wheels."""
     moving = f"abs(speed_x_m_s) > {LIMITS.power_min_speed_m_s} [m/s]"
     return f"where({moving}, {power_formula} * EFFICIENCY / speed_x_m_s)"
-
-
-def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose speeds from revolutions of both sides or of one wheel; whether there are any."""
-    wheels = [
-        c
-        for c in columns
-        if c.quantity in ("speed", "angular speed")
-        and c.unit in _TURNS
-        and c.name_meaning.part != "motor"
-        and (c.name_meaning.side or c.name_meaning.part == "wheel")
-    ]
-    by_side = {c.name_meaning.side: c for c in reversed(wheels)}
-    if set(_SIDES) <= set(by_side):
-        wheels = [by_side[side] for side in _SIDES]
-        channels = [f"speed_{side}_m_s" for side in _SIDES]
-    elif wheels:
-        wheels, channels = wheels[:1], ["speed_x_m_s"]
-    else:
-        return False
-    for channel, column in zip(channels, wheels, strict=True):
-        source = channel.replace("speed", "wheel").replace("m_s", "rpm")
-        reason = f"{column.source_text}: turns of a wheel; needs its radius"
-        recognition.propose_source_of_derived_channel(column, source, column.unit, reason)
-        recognition.propose_derived_channel_as_comment(
-            channel, f"{source} * wheel_radius_m", reason
-        )
-    recognition.add_question_of_subject("radius", _RADIUS)
-    return True
-
-
-def _propose_speed_from_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
-        (c for c in columns if c.quantity == "speed" and c.unit in _TURNS), None
-    )
-    if turns is None:
-        return False
-    pairs = " / POLE_PAIRS" if turns.quantity == "erpm" else ""
-    reason = f"{turns.source_text}: revolutions; needs the gear ratio" + (
-        " and pole pairs" if pairs else ""
-    )
-    unit = None if turns.unit in (None, "rpm") else turns.unit
-    recognition.propose_source_of_derived_channel(turns, "motor_rpm", unit, reason)
-    recognition.propose_derived_channel_as_comment(
-        "speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason
-    )
-    recognition.add_question_of_subject("gear", _GEAR.format("speed_x_m_s"))
-    if pairs:
-        recognition.add_question_of_subject("gear", "the motor's POLE_PAIRS, in the same line")
-    elif turns.field.lower() == "rpm":
-        recognition.add_question_of_subject(
-            "gear",
-            f"whether '{turns.source_text}' counts electrical turns (VESC): / POLE_PAIRS",
-        )
-    recognition.add_question_of_subject("radius", _RADIUS)
-    return True

@@ -9,6 +9,7 @@ from analysis.stages.signals.derive import find_unit_in_name
 from estimators.errors import MachineError
 from replay.recognise.words import ColumnMeaning
 
+SIDES: Final = ("left", "right")
 #: What the answer needs and no column tells, in the order that it is asked in.
 ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
 
@@ -106,6 +107,10 @@ class Recognition:
     def filled_or_proposed_channels(self) -> set[str]:
         """Channels that are filled or proposed as comments."""
         return {each.column for each in self.channels}
+
+    def has_channel_of_both_sides(self, channel: str) -> bool:
+        """Whether a channel, with {} for its side, is filled or proposed for left and right."""
+        return {channel.format(side) for side in SIDES} <= self.filled_or_proposed_channels
 
     def add_question_of_subject(self, subject: str, question: str) -> None:
         """Add a question of a kind in `ORDER`."""

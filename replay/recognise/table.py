@@ -24,8 +24,9 @@ from replay.recognise.correlations import (
     find_accelerations_without_gravity,
     guess_accelerometer_units,
 )
-from replay.recognise.drives import add_question_on_gear_ratios, propose_force_and_speed_of_drives
+from replay.recognise.drives import add_question_on_gear_ratios, propose_force_of_drives
 from replay.recognise.proposals import LogColumn, Recognition
+from replay.recognise.speeds import propose_speed_of_drives
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -92,7 +93,8 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
     _add_question_on_other_driven_wheels(columns, recognition)
     propose_columns_by_unit(columns, recognition)
     propose_columns_without_unit(columns, recognition)
-    propose_force_and_speed_of_drives(columns, recognition)
+    propose_force_of_drives(columns, recognition)
+    propose_speed_of_drives(columns, recognition)
     add_question_on_gear_ratios(columns, recognition)
     _add_question_if_list_order_gives_side(recognition)
     return add_correlations_with_slope_as_remarks(reader, columns, recognition)

@@ -35,6 +35,7 @@ _QUANTITIES: Final = (
                "车速", "속도")),
     ("position", ("position", "pos", "distance", "dist", "weg", "odometer", "travel",
                   "displacement", "stroke", "crosshead")),
+    ("encoder", ("encoder", "encoders", "ticks", "tick", "encoderticks", "wheelticks")),
     ("steering", ("steer", "steering", "articulation", "lenk", "lenkwinkel")),
     ("boom", ("boom", "lift", "arm", "ausleger", "hub")),
     ("bucket", ("bucket", "tilt", "schaufel", "cuchara")),

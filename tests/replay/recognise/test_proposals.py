@@ -224,6 +224,30 @@ def test_wheels_in_turns_need_the_radius_alone(tmp_path: Path) -> None:
     assert questions == ["machine.wheel_radius_m"]
 
 
+def test_ticks_of_encoders_are_a_position_once_the_ticks_of_a_turn_are_stated(
+    tmp_path: Path,
+) -> None:
+    ticks = np.cumsum(V * 50).astype(int)
+    names = ("left_encoder_ticks", "right_encoder_ticks")
+    channels, questions = proposed(tmp_path, force_N=A, **dict.fromkeys(names, ticks))
+    assert channels["position_x_m"].derive == (
+        "(encoder_left_1 + encoder_right_1) / 2 / TICKS_PER_TURN * 6.283185 * wheel_radius_m"
+    )
+    assert [channels[f"encoder_{side}_1"].field for side in ("left", "right")] == [*names]
+    assert channels["speed_x_m_s"].derive == "d/dt position_x_m"
+    assert questions == [
+        "the ticks of a turn of the wheel: TICKS_PER_TURN in channels.position_x_m.derive",
+        "machine.wheel_radius_m",
+    ]
+
+
+def test_a_motor_without_units_has_its_torque_asked_and_its_omega_in_rad_s(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, motor_omega=V, motor_torque=A)
+    assert (channels["motor_torque_N_m"].unit, channels["motor_rpm"].unit) == ("?", "rad/s")
+    assert channels["force_x_N"].derive == "motor_torque_N_m * GEAR / wheel_radius_m"
+    assert "the unit of 'motor_torque', in channels.motor_torque_N_m.unit" in questions
+
+
 def test_every_column_is_in_the_draft_and_the_draft_says_what_is_missing(tmp_path: Path) -> None:
     frame = pl.DataFrame({"time_s": T, **{f"column_{k}": V for k in range(40)}})
     frame.write_csv(tmp_path / "log.csv")

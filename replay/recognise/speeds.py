@@ -1,0 +1,116 @@
+"""Speed derived from what turns: wheels, motors and encoders, with what is to be stated."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from replay.recognise.columns import TURN_UNITS
+from replay.recognise.drives import GEAR_QUESTION, RADIUS_QUESTION
+from replay.recognise.proposals import SIDES, LogColumn, Recognition
+
+_TURNING: Final = ("speed", "angular speed")
+
+
+def propose_speed_of_drives(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+    """Propose a speed from wheels, motors or encoders if no column holds one."""
+    if (
+        "speed_x_m_s" in recognition.filled_or_proposed_channels
+        or "position_x_m" in recognition.recognised_channels
+        or recognition.has_channel_of_both_sides("speed_{}_m_s")
+    ):
+        return
+    sketches = (propose_speed_from_wheels, propose_speed_from_encoders, propose_speed_from_motor)
+    any(propose(columns, recognition) for propose in sketches)
+
+
+def _find_turn_unit(column: LogColumn) -> str | None:
+    """Unit of a column that turns: rad/s of an angular speed that states none."""
+    if column.unit is None and column.quantity == "angular speed":
+        return "rad/s"
+    return column.unit if column.unit in TURN_UNITS else None
+
+
+def propose_speed_from_encoders(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+    """Propose the position of wheels from ticks of their encoders; whether there are any."""
+    encoders = [c for c in columns if c.quantity == "encoder" and c.unit is None]
+    by_side = {c.name_meaning.side: c for c in reversed(encoders)}
+    if not encoders:
+        return False
+    encoders = [by_side[side] for side in SIDES] if set(SIDES) <= set(by_side) else encoders[:1]
+    names = [
+        f"encoder_{c.name_meaning.side}_1" if c.name_meaning.side else "encoder_1" for c in encoders
+    ]
+    reason = (
+        f"{', '.join(c.source_text for c in encoders)}: ticks; needs ticks a turn and the radius"
+    )
+    for column, name in zip(encoders, names, strict=True):
+        recognition.propose_source_of_derived_channel(column, name, None, reason)
+    turned = f"({' + '.join(names)}) / {len(names)}" if len(names) > 1 else names[0]
+    recognition.propose_derived_channel_as_comment(
+        "position_x_m", f"{turned} / TICKS_PER_TURN * 6.283185 * wheel_radius_m", reason
+    )
+    recognition.propose_derived_channel_as_comment("speed_x_m_s", "d/dt position_x_m", reason)
+    recognition.add_question_of_subject(
+        "gear", "the ticks of a turn of the wheel: TICKS_PER_TURN in channels.position_x_m.derive"
+    )
+    recognition.add_question_of_subject("radius", RADIUS_QUESTION)
+    return True
+
+
+def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+    """Propose speeds from revolutions of both sides or of one wheel; whether there are any."""
+    wheels = [
+        c
+        for c in columns
+        if c.quantity in _TURNING
+        and _find_turn_unit(c) is not None
+        and c.name_meaning.part != "motor"
+        and (c.name_meaning.side or c.name_meaning.part == "wheel")
+    ]
+    by_side = {c.name_meaning.side: c for c in reversed(wheels)}
+    if set(SIDES) <= set(by_side):
+        wheels = [by_side[side] for side in SIDES]
+        channels = [f"speed_{side}_m_s" for side in SIDES]
+    elif wheels:
+        wheels, channels = wheels[:1], ["speed_x_m_s"]
+    else:
+        return False
+    for channel, column in zip(channels, wheels, strict=True):
+        source = channel.replace("speed", "wheel").replace("m_s", "rpm")
+        reason = f"{column.source_text}: turns of a wheel; needs its radius"
+        recognition.propose_source_of_derived_channel(
+            column, source, _find_turn_unit(column), reason
+        )
+        recognition.propose_derived_channel_as_comment(
+            channel, f"{source} * wheel_radius_m", reason
+        )
+    recognition.add_question_of_subject("radius", RADIUS_QUESTION)
+    return True
+
+
+def propose_speed_from_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+    """Propose a speed from revolutions of a motor; whether there are any."""
+    turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
+        (c for c in columns if c.quantity in _TURNING and _find_turn_unit(c) is not None), None
+    )
+    if turns is None:
+        return False
+    pairs = " / POLE_PAIRS" if turns.quantity == "erpm" else ""
+    reason = f"{turns.source_text}: revolutions; needs the gear ratio" + (
+        " and pole pairs" if pairs else ""
+    )
+    stated = _find_turn_unit(turns)
+    unit = None if stated in (None, "rpm") else stated
+    recognition.propose_source_of_derived_channel(turns, "motor_rpm", unit, reason)
+    recognition.propose_derived_channel_as_comment(
+        "speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason
+    )
+    recognition.add_question_of_subject("gear", GEAR_QUESTION.format("speed_x_m_s"))
+    if pairs:
+        recognition.add_question_of_subject("gear", "the motor's POLE_PAIRS, in the same line")
+    elif turns.field.lower() == "rpm":
+        recognition.add_question_of_subject(
+            "gear",
+            f"whether '{turns.source_text}' counts electrical turns (VESC): / POLE_PAIRS",
+        )
+    recognition.add_question_of_subject("radius", RADIUS_QUESTION)
+    return True
