@@ -24,6 +24,12 @@ class FrameFormat(StrEnum):
     arrow = "arrow"
 
 
+Logs = Annotated[
+    list[Path],
+    typer.Argument(
+        help="Logs: .bag, .mcap, rosbag2 or .db3; tables (.csv, .parquet, .jsonl, .xlsx …); .rrd."
+    ),
+]
 FormatOption = Annotated[
     FrameFormat | None, typer.Option("--format", help="Default: by the suffix of -o, or a table.")
 ]

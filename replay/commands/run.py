@@ -10,6 +10,7 @@ import typer
 from replay.commands import print_tables
 from replay.commands.common_options import (
     Calibration,
+    Logs,
     RequireSigned,
     SignerKey,
     make_calibration_request,
@@ -42,9 +43,7 @@ _OF_INERTIA: Final = {
 
 
 def command(
-    logs: Annotated[
-        list[Path], typer.Argument(help="Logs (.bag, .mcap, rosbag2, .db3, .csv, .parquet, .rrd).")
-    ],
+    logs: Logs,
     machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="The recording to write (.rrd).")

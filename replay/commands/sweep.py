@@ -13,6 +13,7 @@ from replay.commands.common_options import (
     Calibration,
     FormatOption,
     FrameFormat,
+    Logs,
     OutputFile,
     RequireSigned,
     SignerKey,
@@ -47,9 +48,7 @@ _TITLES: Final = {
 
 
 def command(
-    logs: Annotated[
-        list[Path], typer.Argument(help="Logs (.bag, .mcap, rosbag2, .db3, .csv, .parquet, .rrd).")
-    ],
+    logs: Logs,
     machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
     over: Annotated[
         list[str],
