@@ -50,8 +50,11 @@ _STANDARD_PACKAGES: Final = frozenset((
     "rosgraph_msgs", "rcl_interfaces", "visualization_msgs", "actionlib_msgs", "bond",
     "dynamic_reconfigure", "builtin_interfaces", "statistics_msgs", "theora_image_transport",
 ))  # fmt: skip
-#: Messages of a single number.
+#: Messages of numbers alone, which their topics name.
 _NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
+_MESSAGES_NAMED_BY_TOPIC: Final = frozenset(
+    (*_NUMBERS, *(f"{each}MultiArray" for each in _NUMBERS))
+)
 #: Vectors of standard messages that programs write into tables by their path, as
 #: `twist.linear.x`, with the quantity that the definition of the message states, and its unit.
 _VECTORS_OF_MESSAGES: Final = {
@@ -201,7 +204,9 @@ def _can_message_have_own_field_names(message_type: str) -> bool:
     """Whether the fields of a message may be named by who recorded them."""
     package, *kinds = re.split(r"[/.]", message_type)
     kind = kinds[-1] if kinds else ""
-    return package not in _STANDARD_PACKAGES or (package == "std_msgs" and kind in _NUMBERS)
+    return package not in _STANDARD_PACKAGES or (
+        package == "std_msgs" and kind in _MESSAGES_NAMED_BY_TOPIC
+    )
 
 
 def _choose_field_name_with_side_first(topic: str | None, field: str) -> str:

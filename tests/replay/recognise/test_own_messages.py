@@ -4,13 +4,18 @@ import json
 import struct
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.writer import Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Rosbag2Writer
+from rosbags.typesys import Stores, get_typestore
 
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import open_log
 
+_ARRAY = "std_msgs/msg/Float64MultiArray"
 T = np.arange(600) / 50
 V = np.clip(np.sin(T), 0, None) * 3
 A = np.gradient(V, T)
@@ -165,3 +170,27 @@ def test_lists_that_are_empty_at_first_or_have_gaps_are_columns(tmp_path: Path) 
     write_json_log(tmp_path / "gaps.mcap", {"/loader": {"torque_Nm": torque_Nm}})
     text, _ = drafted(tmp_path / "gaps.mcap")
     assert tomllib.loads(text)["channels"]["torque_right_N_m"]["field"] == "torque_Nm[1]"
+
+
+def test_a_topic_names_the_numbers_of_an_array(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types: Any = store.types
+    kinds = {"/wheel_torque_Nm": 9.0 * A, "/wheel_speed_m_s": V}
+    layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    with Rosbag2Writer(tmp_path / "log", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for name, values in kinds.items():
+            topic = writer.add_connection(name, _ARRAY, typestore=store)
+            for t, value in zip(T, values, strict=True):
+                message = types[_ARRAY](layout=layout, data=np.array([value, value]))
+                writer.write(topic, int(1e9 + 1e9 * t), store.serialize_cdr(message, _ARRAY))
+    text, lacking = drafted(tmp_path / "log")
+    for side, place in (("left", 0), ("right", 1)):
+        assert (
+            f'[channels.torque_{side}_N_m]\ntopic = "/wheel_torque_Nm"\nfield = "data[{place}]"'
+            in text
+        )
+        assert (
+            f'[channels.speed_{side}_m_s]\ntopic = "/wheel_speed_m_s"\nfield = "data[{place}]"'
+            in text
+        )
+    assert any("'/wheel_torque_Nm data[0]'" in each and "left" in each for each in lacking)
