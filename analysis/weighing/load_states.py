@@ -12,7 +12,7 @@ from analysis.weighing.load_changes import find_manoeuvre_of_stretches
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from estimators.joint.changepoints import Partitions, find_best_partitions
-from estimators.joint.group_effects import GroupEffects
+from estimators.joint.group_effects import FILLED, HINTED, GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
 
@@ -277,7 +277,9 @@ def estimate_or_assume_scatter(
     begins = np.flatnonzero(np.diff(partition.state)) + 1
     usual_kg = LIMITS.repeatability_fraction * float(np.median(np.abs(mass_kg)))
     is_small = np.abs(np.diff(partition.levels)) < LIMITS.small_change_repeatabilities * usual_kg
-    small_changes = int(np.count_nonzero(is_small & (change_kinds[begins - 1] == 1)))
+    # where digs or arms tell some changes, those between them follow
+    found_by_masses = ~np.isin(change_kinds, (HINTED, FILLED)).any() & (change_kinds == 1)
+    small_changes = int(np.count_nonzero(is_small & found_by_masses[begins - 1]))
     freedom = partition.degrees_of_freedom - small_changes
     if not small_changes or freedom >= LIMITS.scatter_min_freedom:
         return *estimate_scatter_and_birge_ratio(mass_kg, variance, partition, freedom), False
