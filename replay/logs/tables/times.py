@@ -23,6 +23,7 @@ _FRACTIONS: Final = {
     **dict.fromkeys(("us", "usec", "usecs", "micros", "microsecond", "microseconds"), "us"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
 }
+_PLACE: Final = re.compile(r"(?:.*[./])?(?:.*stamp_)?", re.IGNORECASE)
 _WHOLE_SECONDS: Final = ("sec", "secs", "second", "seconds", "s", "ss")
 _BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
 #: Below so many ns (two hours) a float has a thousandth of one, and need not be split.
@@ -230,8 +231,12 @@ def is_fraction_beside_seconds(column_name: str, all_names: Collection[str]) -> 
 
 
 def split_place_and_field(column_name: str) -> tuple[str, str]:
-    """Where a field is in its message, and its name in lower case: header.stamp.sec."""
-    place = column_name[: max(column_name.rfind(each) for each in "./_") + 1]
+    """Where a field is in its message, and its name in lower case: header.stamp.sec.
+
+    An underscore separates them behind a stamp alone: time_s and time_ms are two times.
+    """
+    match = _PLACE.match(column_name)
+    place = match[0] if match else ""
     return place, reduce_to_lower_case_letters(column_name.removeprefix(place))
 
 

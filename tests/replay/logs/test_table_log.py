@@ -234,3 +234,10 @@ def test_a_column_stamp_is_a_time(tmp_path: Path) -> None:
     path = write_csv(tmp_path, "stamp,speed\n1.7e9,1\n1700000000.5,2\n1700000001.0,3\n")
     with open_log(path) as log:
         assert log.topics()["rate_hz"][0] == pytest.approx(2.0)
+
+
+def test_a_time_in_two_units_is_no_time_and_its_fraction(tmp_path: Path) -> None:
+    rows = "\n".join(f"{k // 50},{20 * k},{k}" for k in range(99))
+    path = write_csv(tmp_path, f"time_s,time_ms,speed\n{rows}\n")
+    with open_log(path) as log:
+        assert log.topics()["rate_hz"][0] == pytest.approx(50.0)
