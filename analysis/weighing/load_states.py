@@ -270,16 +270,17 @@ def estimate_or_assume_scatter(
 ) -> tuple[float, float, float, bool]:
     """Scatter about the states, its degrees of freedom, Birge ratio, and whether it is assumed.
 
-    Where only the masses show small changes of the load, the states are those that leave the least
-    scatter: each such change takes a degree of freedom, and with too few the usual scatter is
+    Where only the masses show small changes to new loads, the states are those that leave the
+    least scatter: each such change takes a degree of freedom, and with too few the usual scatter is
     assumed if it is larger.
     """
     begins = np.flatnonzero(np.diff(partition.state)) + 1
     usual_kg = LIMITS.repeatability_fraction * float(np.median(np.abs(mass_kg)))
     is_small = np.abs(np.diff(partition.levels)) < LIMITS.small_change_repeatabilities * usual_kg
-    # where digs or arms tell some changes, those between them follow
-    found_by_masses = ~np.isin(change_kinds, (HINTED, FILLED)).any() & (change_kinds == 1)
-    small_changes = int(np.count_nonzero(is_small & found_by_masses[begins - 1]))
+    # a load that comes back was found before, and digs or arms tell of the changes between them
+    is_new = np.isin(np.arange(begins.size + 1), np.unique(partition.level, return_index=True)[1])
+    by_masses = ~np.isin(change_kinds, (HINTED, FILLED)).any() & (change_kinds[begins - 1] == 1)
+    small_changes = int(np.count_nonzero(is_small & is_new[1:] & by_masses))
     freedom = partition.degrees_of_freedom - small_changes
     if not small_changes or freedom >= LIMITS.scatter_min_freedom:
         return *estimate_scatter_and_birge_ratio(mass_kg, variance, partition, freedom), False
