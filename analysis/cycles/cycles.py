@@ -126,7 +126,7 @@ def weigh_cycles(
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     fuel = FuelOnBoard.integrate_fuel_rate(machine.machine, motion[0])
     empty = weigh_empty_machine(weighing, machine, found, fuel)
-    withheld = withheld or (empty.contradiction_text if empty else "")
+    withheld = withheld or (empty.weighed_and_stated_mass_contradiction_text if empty else "")
     share = choose_preceding_tare_coefficients(found)
     worth = compute_shared_payload_uncertainty(
         weighing, machine, found, make_payload_sum_coefficients(found, parts, share), empty
@@ -380,10 +380,12 @@ def compute_common_payload_uncertainty(
     kept = (combine_u(sources, "random") / by_1) ** 2 - float(coefficients**2 @ passes.u_kg**2)
     common = combine_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
-    responses_kg, drift = fit.term_responses, weighing.significant_empty_mass_drift
+    responses_kg, drift = fit.mass_changes_per_term_std_kg, weighing.significant_empty_mass_drift
     if drift is not None:  # unlike other scales, it moves early and late payloads differently
         names.add("drifted_gain")
-        responses_kg = np.vstack([responses_kg, drift.mass_responses_to_gain_kg(fit.masses_kg)])
+        responses_kg = np.vstack(
+            [responses_kg, drift.mass_changes_by_drifting_gain_kg(fit.masses_kg)]
+        )
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.mass_count)
     covariance = of_states.T @ (fit.map_fit.noise + fit.map_fit.scatter)[masses, masses] @ of_states

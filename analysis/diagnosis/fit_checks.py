@@ -10,7 +10,7 @@ from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.schema import column_values
 from analysis.weighing.mass_budget import relative_load_mass_u
-from analysis.weighing.other_motion import measure_wheel_imu_disagreement
+from analysis.weighing.other_motion import compute_wheel_imu_disagreement_over_speed
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
@@ -251,7 +251,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "filling",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: weighing.filling.significance_in_stds),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.filling.load_growth_over_std),
         "evidence for a load that grows during every start, in standard deviations; 0 where it "
         "moves neither a mass nor the mean payload by its uncertainty",
         maximum="filling_max",
@@ -313,7 +313,7 @@ FIT_CHECKS: Final = (
         "wheel_imu_residual",
         "mass",
         _make_joint_fit_quantity_function(
-            lambda weighing: measure_wheel_imu_disagreement(weighing.fit)
+            lambda weighing: compute_wheel_imu_disagreement_over_speed(weighing.fit)
         ),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",

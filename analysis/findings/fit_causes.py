@@ -123,7 +123,10 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.log_only_fit
     if fit is None:
         return []
-    const, std = (float(each[find_term_index("const", fit.terms)]) for each in fit.term_posteriors)
+    const, std = (
+        float(each[find_term_index("const", fit.terms)])
+        for each in fit.term_posterior_means_and_stds
+    )
     imu = ("imu_misaligned", "imu_bias") if fit.motion.by_accelerometer else ()
     return [
         Symptom(
@@ -184,7 +187,7 @@ def read_picked_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> P
     names = [] if fit is None else [term.name for term in fit.terms]
     if fit is None or term_name not in names or not np.isfinite(seen.rest_N[0]):
         return None
-    value, std = (float(each[names.index(term_name)]) for each in fit.term_posteriors)
+    value, std = (float(each[names.index(term_name)]) for each in fit.term_posterior_means_and_stds)
     if term_name == "const":
         error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
         value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
@@ -309,7 +312,7 @@ def relative_mass_uncertainty_of_answer(inputs: FindingInputs) -> float:
     if weighing is None:
         return float("inf")
     fit = weighing.fit
-    parts = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
+    parts = fit.u_by_cause_kg(fit.mass_coefficients_selecting_state(fit.most_frequent_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(fit.mass_kg)
@@ -334,7 +337,7 @@ def find_terms_inseparable_from_mass(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.log_only_fit
     if fit is None:
         return []
-    parts = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
+    parts = fit.u_by_cause_kg(fit.mass_coefficients_selecting_state(fit.most_frequent_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)

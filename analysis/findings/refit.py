@@ -74,7 +74,9 @@ def refit_corrected(
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))["noise"]
+    of_noise = fit.u_by_cause_kg(fit.mass_coefficients_selecting_state(fit.most_frequent_state))[
+        "noise"
+    ]
     return MassChange(
         kg,
         float(
@@ -111,7 +113,7 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     if motion.is_fittable.sum() < LIMITS.refit_min_samples or not motion.has_enough_motion:
         return None
     motion = motion.drop_samples_far_from_fitted(LIMITS.refit_reach_s)
-    states = None if fit.states is None else fit.states.renumber_for_motion(motion)
+    states = None if fit.states is None else fit.states.reassign_to_manoeuvres_of_motion(motion)
     if states is not None and states.state_count != inputs.cache.setdefault(
         "states", states.state_count
     ):
@@ -175,7 +177,11 @@ def refit_from_earlier_fit(
         )
     if is_lag_known:
         return refit_with_extra_terms(earlier_fit, noise, priors)
-    states = None if earlier_fit.states is None else earlier_fit.states.renumber_for_motion(part)
+    states = (
+        None
+        if earlier_fit.states is None
+        else earlier_fit.states.reassign_to_manoeuvres_of_motion(part)
+    )
     pilot = refit_with_extra_terms(replace(earlier_fit, motion=part, states=states), noise, priors)
     if abs(pilot.found.lag_s - earlier_fit.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit_with_extra_terms(pilot, noise, priors)

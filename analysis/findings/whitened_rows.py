@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from analysis.findings.finding_limits import LIMITS
-from analysis.weighing.force_rate import make_parabola_slope
+from analysis.weighing.force_rate import make_parabola_slope_weights
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from estimators.arrays import Floats, Ints
@@ -63,7 +63,7 @@ def build_whitened_force_rows(
     std = float(
         np.sqrt(
             (g := np.array([usual_kg, friction, -1.0]))
-            @ noise.covariance_of_means(LIMITS.force_mean_samples)
+            @ noise.noise_covariance_of_trailing_means(LIMITS.force_mean_samples)
             @ g
         )
     )
@@ -71,7 +71,7 @@ def build_whitened_force_rows(
     std = max(std, np.finfo(np.float64).eps * motion.force_95_percentile_newtons) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
-    slope = make_parabola_slope(LIMITS.force_rate_samples // 2, motion.rate_hz)
+    slope = make_parabola_slope_weights(LIMITS.force_rate_samples // 2, motion.rate_hz)
     rate = np.convolve(motion.force, slope, "same")[taken]
     columns = {
         "delay:force": -rate,
@@ -92,7 +92,7 @@ def build_whitened_force_rows(
     def block_means(x: Floats) -> Floats:
         return sum_blocks_of_samples(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
 
-    own = noise.covariance_of_means(LIMITS.force_mean_samples) / std**2
+    own = noise.noise_covariance_of_trailing_means(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
     along = float((np.sign(v) * f).sum()) / LIMITS.force_mean_samples
     return EquationRows(
@@ -116,10 +116,11 @@ def build_whitened_wheel_rows(
     step_s = 1.0 / motion.rate_hz
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     of_speed = max(
-        float(noise.covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]), rounding_m_s**2
+        float(noise.noise_covariance_of_trailing_means(LIMITS.wheel_mean_samples)[1, 1]),
+        rounding_m_s**2,
     )
     of_acc = (
-        float(noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0])
+        float(noise.noise_covariance_of_trailing_means(LIMITS.accumulated_noise_samples)[0, 0])
         * LIMITS.accumulated_noise_samples
         * step_s**2
         * LIMITS.wheel_mean_samples

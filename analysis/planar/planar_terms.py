@@ -22,7 +22,10 @@ from analysis.planar.planar_motion import (
     has_forward_accelerometer,
     has_lateral_accelerometer,
 )
-from analysis.weighing.nuisances import constant_force_prior_std, friction_force_prior_std
+from analysis.weighing.nuisances import (
+    constant_force_prior_std_newtons,
+    coulomb_friction_prior_std_newtons,
+)
 from estimators.arrays import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
@@ -144,7 +147,7 @@ def _mix_columns_by_imu_y_error(drive: PlanarDrive) -> Mixture:
 
 
 def _planar_coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
-    return friction_force_prior_std(drive.peak_force_N, drive.weight_newtons, priors)
+    return coulomb_friction_prior_std_newtons(drive.peak_force_N, drive.weight_newtons, priors)
 
 
 def _imu_position_prior_std(drive: PlanarDrive, _priors: PriorSettings) -> float:
@@ -156,7 +159,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_prior_std(d.peak_force_N, d.weight_newtons, s),
+        lambda d, s: constant_force_prior_std_newtons(d.peak_force_N, d.weight_newtons, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",

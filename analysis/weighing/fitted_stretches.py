@@ -21,7 +21,7 @@ from estimators.arrays import Bools, Floats, Ints
 T = TypeVar("T")
 
 
-def integrate_path_and_length_m(
+def integrate_path_positions_and_length_m(
     speed: Floats, is_used: Bools, silences: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
     """Position of the machine on its path, (n,), and the length of the path in m.
@@ -53,7 +53,7 @@ def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:
     return np.cumsum(begun)
 
 
-def number_drive_manoeuvres(stop_count: Ints, max_samples: int) -> Ints:
+def assign_drive_manoeuvre_numbers(stop_count: Ints, max_samples: int) -> Ints:
     """Number the manoeuvres, (n,), and split drives of twice `max_samples` samples or more."""
     cuts = np.append(True, stop_count[1:] != stop_count[:-1])
     drive_begins = np.flatnonzero(cuts)
@@ -62,7 +62,7 @@ def number_drive_manoeuvres(stop_count: Ints, max_samples: int) -> Ints:
     return (np.cumsum(cuts) - 1 + stop_count[0]).astype(np.int64)
 
 
-def number_fitted_manoeuvres(
+def assign_fitted_manoeuvre_numbers(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
@@ -92,7 +92,7 @@ def number_fitted_manoeuvres(
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 
-def find_direction_of_manoeuvres(group: Ints, speed: Floats) -> Floats:
+def find_manoeuvre_direction_of_samples(group: Ints, speed: Floats) -> Floats:
     """Sign of the mean speed of each manoeuvre, (n,); 1 elsewhere."""
     used = group >= 0
     ids, index = np.unique(group[used], return_inverse=True)
@@ -125,7 +125,7 @@ def mark_stretch_ends(group: Ints) -> Bools:
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
 
-def count_samples_since_start(group: Ints) -> Ints:
+def count_earlier_samples_in_stretch(group: Ints) -> Ints:
     """Number of earlier samples in the same stretch, (n,)."""
     row = np.arange(group.size)
     return row - np.maximum.accumulate(np.where(mark_stretch_starts(group), row, 0))
@@ -163,7 +163,7 @@ def extend_manoeuvres_to_break_away(
     return grown
 
 
-def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
+def assign_one_way_run_numbers(group: Ints, speed: Floats, has_reversal: int) -> Ints:
     """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
     used = group >= 0
     forwards = average_three_speed_samples(speed) > 0.0
@@ -173,7 +173,7 @@ def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
     return np.where(group >= 0, np.cumsum(mark_stretch_starts(group)) - 1, -1).astype(np.int64)
 
 
-def exclude_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
+def clear_stretch_numbers_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     """Stretch of each sample, (n,); -1 where its speed never exceeds the noise: no starts.
 
     If the noise is below the motion threshold, slow samples count as motion.
@@ -227,7 +227,7 @@ def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:
     return aligned["left_out"].to_numpy()
 
 
-def make_centred_ramp(sample_count: int) -> Floats:
+def make_evenly_spaced_centred_values(sample_count: int) -> Floats:
     """Evenly spaced values from -1/2 to 1/2, (samples,)."""
     return np.arange(sample_count) / max(sample_count, 1) - 0.5
 

@@ -215,7 +215,9 @@ def relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> fl
     It decides whether the load has a mass: NaN if the fit has no number, infinite if the mass is
     not positive.
     """
-    sources = make_mass_budget(weighing, machine, weighing.fit.coefficients_of_state(state))
+    sources = make_mass_budget(
+        weighing, machine, weighing.fit.mass_coefficients_selecting_state(state)
+    )
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
     if not np.isfinite([mass_kg, combine_u(sources)]).all():
         return float("nan")
@@ -257,7 +259,7 @@ def list_uncertainty_by_failed_checks_kg(
     drift = weighing.significant_empty_mass_drift
     if drift is not None:
         drift_kg = float(
-            np.linalg.norm(drift.mass_responses_to_gain_kg(fit.masses_kg) @ coefficients)
+            np.linalg.norm(drift.mass_changes_by_drifting_gain_kg(fit.masses_kg) @ coefficients)
         )
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
     curved_kg = (

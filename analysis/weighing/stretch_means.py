@@ -17,7 +17,7 @@ EVERY: Final = 3
 
 
 @compiled_unless_short_log
-def average_overlapping_blocks(x: Floats) -> Floats:
+def compute_overlapping_means(x: Floats) -> Floats:
     """Overlapping means (means,) of `MEAN` samples, one every `EVERY`."""
     out = np.empty((x.size - MEAN) // EVERY + 1)
     for i in range(out.size):
