@@ -126,7 +126,7 @@ def weigh_cycles(
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     fuel = FuelOnBoard.integrate_fuel_rate(machine.machine, motion[0])
     empty = weigh_empty_machine(weighing, machine, found, fuel)
-    withheld = withheld or (empty.weighed_and_stated_mass_contradiction_text if empty else "")
+    withheld = withheld or (empty.empty_mass_contradiction_text if empty else "")
     share = choose_preceding_tare_coefficients(found)
     worth = compute_shared_payload_uncertainty(
         weighing, machine, found, make_payload_sum_coefficients(found, parts, share), empty

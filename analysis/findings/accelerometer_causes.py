@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import fit_accelerometer_gain_and_std
+from analysis.findings.accelerometer_share import fit_imu_to_wheel_acceleration_gain_and_std
 from analysis.findings.altered_motion import transform_accelerometer_signals
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
@@ -21,7 +21,7 @@ from analysis.findings.constant_forces import (
 from analysis.findings.delay_causes import find_accelerometer_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import refit_corrected
+from analysis.findings.refit import estimate_mass_change_by_correction
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import compute_longitudinal_force
@@ -54,7 +54,7 @@ class StartAndRestSpectra(NamedTuple):
 
 def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
-    z, _ = inputs.column_mean_and_std_at_rest(_Z)
+    z, _ = inputs.mean_and_std_of_column_at_standstill(_Z)
     return bool(abs(z) < LIMITS.gravity_min_fraction * inputs.machine.machine.gravity_m_s2)
 
 
@@ -70,11 +70,11 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
-    z, std = inputs.column_mean_and_std_at_rest(_Z)
+    z, std = inputs.mean_and_std_of_column_at_standstill(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -LIMITS.gravity_min_fraction * pull or not inputs.select_measured_channels(_Z):
         return []
-    seen = fit_accelerometer_gain_and_std(inputs)
+    seen = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
     backwards = seen is not None and seen[0] < -LIMITS.low_passed_std * seen[1]
     angle = "pitch_deg" if backwards else "roll_deg"
     whole = len(inputs.select_measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
@@ -92,7 +92,9 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
             channel=_Z,
             setting=f"machine.imu.{angle}" if whole else keys,
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
-            change=None if backwards else lambda: refit_corrected(inputs, lambda motion: motion),
+            change=None
+            if backwards
+            else lambda: estimate_mass_change_by_correction(inputs, lambda motion: motion),
         )
     ]
 
@@ -131,7 +133,7 @@ def _find_accelerometer_error_at_rest(
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{offset - convert_to_accelerometer_unit(inputs, error):.5g}" if names else None,
-            change=lambda: refit_corrected(
+            change=lambda: estimate_mass_change_by_correction(
                 inputs,
                 lambda motion: transform_accelerometer_signals(motion, lambda x: x - error),
                 min(std / abs(error), 1.0),
@@ -147,11 +149,11 @@ def classify_rest_error_as_tilt_or_bias(inputs: FindingInputs, error_m_s2: float
     Returns:
         "tilt", "bias", or "" if the log cannot distinguish them.
     """
-    z, _ = inputs.column_mean_and_std_at_rest(_Z)
+    z, _ = inputs.mean_and_std_of_column_at_standstill(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not np.isfinite(z) or not has_pitch_channel(inputs) or abs(error_m_s2) >= pull:
         return ""
-    pitch = inputs.column_mean_and_std_at_rest(_PITCH)[0]
+    pitch = inputs.mean_and_std_of_column_at_standstill(_PITCH)[0]
     share = np.arcsin(error_m_s2 / pull)
     upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
     if upright - turned < LIMITS.tilt_min_gravity_m_s2:
@@ -207,7 +209,7 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
             channel=_Y,
             setting=setting,
             value=value,
-            change=lambda: refit_corrected(
+            change=lambda: estimate_mass_change_by_correction(
                 inputs,
                 lambda motion: transform_accelerometer_signals(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
@@ -220,7 +222,10 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that measures only a fraction of the wheels' acceleration."""
     if not inputs.has_accelerometer:
         return []
-    late, found = find_accelerometer_filter_delay(inputs), fit_accelerometer_gain_and_std(inputs)
+    late, found = (
+        find_accelerometer_filter_delay(inputs),
+        fit_imu_to_wheel_acceleration_gain_and_std(inputs),
+    )
     if found is None:
         return late
     gain, std = found
@@ -249,7 +254,7 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
         or not does_accelerometer_lack_gravity(inputs)
     ):
         return []
-    pitch, std = inputs.column_mean_and_std_at_rest(_PITCH)
+    pitch, std = inputs.mean_and_std_of_column_at_standstill(_PITCH)
     if not np.isfinite(pitch):
         return []
     strength = abs(pitch) / max(LIMITS.standing_reading_std * std, LIMITS.slope_min_pitch_rad)
@@ -271,7 +276,7 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
             without_gravity=motion.specific_force,
         )
 
-    z, _ = inputs.column_mean_and_std_at_rest(_Z)
+    z, _ = inputs.mean_and_std_of_column_at_standstill(_Z)
     return [
         Symptom(
             strength,
@@ -280,7 +285,9 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: refit_corrected(inputs, add_gravity, min(std / abs(pitch), 1.0)),
+            change=lambda: estimate_mass_change_by_correction(
+                inputs, add_gravity, min(std / abs(pitch), 1.0)
+            ),
         )
     ]
 
@@ -295,7 +302,7 @@ def convert_to_accelerometer_unit(inputs: FindingInputs, acceleration_m_s2: floa
 
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     """Find an IMU that rocks on its mount, by a resonance after starts that the force lacks."""
-    share = fit_accelerometer_gain_and_std(inputs)
+    share = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
     if share is None or share[0] - LIMITS.loose_gain_std * share[1] < LIMITS.loose_gain_1:
         return []

@@ -9,7 +9,7 @@ from analysis.model.schema import column_values
 from estimators.arrays import Floats
 
 
-def fit_accelerometer_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
+def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
     """Regress the accelerometer on the wheels' acceleration.
 
     Returns:

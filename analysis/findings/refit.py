@@ -24,19 +24,21 @@ from estimators.arrays import Bools, Floats
 Mend = Callable[[MotionSamples], MotionSamples]
 
 
-def refit_without_samples(inputs: FindingInputs, excluded_rows: Bools) -> MassChange | None:
+def estimate_mass_change_without_samples(
+    inputs: FindingInputs, excluded_rows: Bools
+) -> MassChange | None:
     """Refit without some samples; u covers that a replay may accept other starts.
 
     Args:
         inputs: the log.
         excluded_rows: (n,) True for grid samples to exclude.
     """
-    return refit_and_add_answer_u(
+    return estimate_mass_change_with_answer_uncertainty(
         inputs, lambda motion: motion.exclude_samples(excluded_rows), LIMITS.cut_start_u
     )
 
 
-def refit_and_add_answer_u(
+def estimate_mass_change_with_answer_uncertainty(
     inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion, with the answer's uncertainty added to that of the change.
@@ -46,15 +48,15 @@ def refit_and_add_answer_u(
     Args:
         inputs: the log.
         correct_motion: returns the corrected motion.
-        relative_u: see `refit_corrected`.
+        relative_u: see `estimate_mass_change_by_correction`.
     """
-    change = refit_corrected(inputs, correct_motion, relative_u)
+    change = estimate_mass_change_by_correction(inputs, correct_motion, relative_u)
     if change is None or inputs.log_only_fit is None:
         return None
     return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.log_only_fit.u_kg)))
 
 
-def refit_corrected(
+def estimate_mass_change_by_correction(
     inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion from the joint fit on, and compare the masses.

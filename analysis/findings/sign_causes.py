@@ -5,11 +5,14 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import fit_accelerometer_gain_and_std
+from analysis.findings.accelerometer_share import fit_imu_to_wheel_acceleration_gain_and_std
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import refit_and_add_answer_u, refit_corrected
+from analysis.findings.refit import (
+    estimate_mass_change_by_correction,
+    estimate_mass_change_with_answer_uncertainty,
+)
 from analysis.findings.unsigned_channels import find_unsigned_speed, has_channel_lost_its_sign
 from analysis.model.schema import column_values
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -48,7 +51,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     """Find a force, speed or accelerometer of the opposite sign."""
     of_force = inputs.value_by_check.get("force_sign", np.nan)
     driving_share = inputs.value_by_check.get("driving_share", np.nan)
-    gain, std = fit_accelerometer_gain_and_std(inputs) or (np.nan, np.nan)
+    gain, std = fit_imu_to_wheel_acceleration_gain_and_std(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
     if not np.isfinite(of_force):
         return []
@@ -89,7 +92,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_and_add_answer_u(
+            change=lambda: estimate_mass_change_with_answer_uncertainty(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], -1.0), 0.05
             ),
         )
@@ -165,7 +168,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
             setting=keys,
             value=fields,
             # what drives straight does not know its sides
-            change=lambda: refit_corrected(inputs, lambda motion: motion),
+            change=lambda: estimate_mass_change_by_correction(inputs, lambda motion: motion),
             alternatives=("sign_flipped",),
         )
     ]
@@ -185,7 +188,7 @@ def find_wrong_channel_unit(inputs: FindingInputs) -> list[Symptom]:
 def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer's z axis at standstill with gravity."""
     names = inputs.select_measured_channels(*_ACC_AXES)
-    reads, _ = inputs.column_mean_and_std_at_rest(_ACC_AXES[2])
+    reads, _ = inputs.mean_and_std_of_column_at_standstill(_ACC_AXES[2])
     share = reads / inputs.machine.machine.gravity_m_s2
     near = [
         r
@@ -203,7 +206,7 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=setting,
             value=value,
-            change=lambda: refit_and_add_answer_u(
+            change=lambda: estimate_mass_change_with_answer_uncertainty(
                 inputs, lambda motion: scale_channel_of_motion(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
@@ -212,7 +215,7 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
 
 def _does_z_axis_read_gravity(inputs: FindingInputs) -> bool:
     """Whether the z axis reads ±g at rest, so that its unit is m/s²."""
-    reads, _ = inputs.column_mean_and_std_at_rest(_ACC_AXES[2])
+    reads, _ = inputs.mean_and_std_of_column_at_standstill(_ACC_AXES[2])
     return bool(
         abs(abs(reads) / inputs.machine.machine.gravity_m_s2 - 1.0) < LIMITS.unit_ratio_tolerance
     )
@@ -230,7 +233,7 @@ def list_unit_mistakes_by_ratio(inputs: FindingInputs) -> dict[float, str]:
 def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer with the wheels and with gravity."""
     gain = inputs.value_by_check.get("acceleration_gain", np.nan)
-    seen = fit_accelerometer_gain_and_std(inputs)
+    seen = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
@@ -267,7 +270,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting if told else None,
             value=value if told else None,
-            change=lambda: refit_and_add_answer_u(
+            change=lambda: estimate_mass_change_with_answer_uncertainty(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], times), 0.05
             ),
         )
@@ -304,7 +307,7 @@ def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_and_add_answer_u(
+            change=lambda: estimate_mass_change_with_answer_uncertainty(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], 1.0 / near), 0.05
             ),
         )

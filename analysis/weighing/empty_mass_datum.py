@@ -123,7 +123,7 @@ class EmptyMachine:
         return None if u_kg is None else float(np.hypot(u_kg, self.fuel_kg[1]))
 
     @property
-    def weighed_and_stated_mass_contradiction_text(self) -> str:
+    def empty_mass_contradiction_text(self) -> str:
         """Why the weighed and the stated empty mass cannot be of one machine; "" if they can."""
         stated_kg = self._stated_empty_mass_kg
         if stated_kg is None:

@@ -132,10 +132,10 @@ def _choose_empty_datum_or_refusal(
         return None, ""
     weights = mass_coefficients_of_mean_over_states(fit, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
-    if found.weighed_and_stated_mass_contradiction_text:
+    if found.empty_mass_contradiction_text:
         return (
             None,
-            f"{found.weighed_and_stated_mass_contradiction_text}: payloads are on the log's own scale",
+            f"{found.empty_mass_contradiction_text}: payloads are on the log's own scale",
         )
     others = [state for state in range(fit.mass_count) if state not in empty]
     payloads = np.sum(
