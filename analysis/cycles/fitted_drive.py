@@ -15,7 +15,7 @@ from analysis.cycles.energy_integrals import (
     advance_force_samples,
     collect_energy_samples,
     compute_centred_speed_and_acceleration,
-    count_delay_rows_of_excitation,
+    count_trailing_mean_delay_rows,
     drop_driving_samples_under_brakes,
     integrate_drive_over_phases,
 )
@@ -97,7 +97,7 @@ def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -
         drop_driving_samples_under_brakes(
             samples, frames["excitation"], machine, mass_kg, *friction
         ),
-        max(count_delay_rows_of_excitation(machine), 1),
+        max(count_trailing_mean_delay_rows(machine), 1),
         mass_kg,
         machine.machine.rotating_mass_kg,
         compute_ground_force_newtons(frames["excitation"], machine, mass_kg, model),
