@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
-from analysis.calibration.campaign.method_errors import compute_start_errors
+from analysis.calibration.campaign.method_errors import add_calibrated_mass_error_columns
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
@@ -56,7 +56,7 @@ def tabulate_masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFra
         fitted to all loads) and `rms_left_out_kg` (line fitted without that load).
     """
     estimates = campaign.tabulate_masses_by_method_and_trial()
-    errors = compute_start_errors(estimates).group_by("method", "load_kg").agg(
+    errors = add_calibrated_mass_error_columns(estimates).group_by("method", "load_kg").agg(
         rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
         rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
     )  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.method_errors import compute_start_errors
+from analysis.calibration.campaign.method_errors import add_calibrated_mass_error_columns
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
@@ -98,7 +98,7 @@ def compute_errors_of_paper_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
         for how in without
     }
     return pl.concat(
-        compute_start_errors(masses)
+        add_calibrated_mass_error_columns(masses)
         .group_by("method", maintain_order=True)
         .agg(
             pl.lit(how).alias("fed"),

@@ -15,8 +15,8 @@ from analysis.calibration.use.apply_calibration import (
     collect_later_log_facts,
 )
 from analysis.calibration.use.learnt_priors import (
-    apply_learnt_priors_to_machine,
-    copy_machine_with_learnt_means_checked,
+    copy_machine_estimating_learnt_mean_errors,
+    copy_machine_with_learnt_priors,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
@@ -93,9 +93,9 @@ class MachineCalibration:
         document = self.document
         machine = copy_machine_with_campaign_empty_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
-        weighing = apply_learnt_priors_to_machine(machine, terms)
+        weighing = copy_machine_with_learnt_priors(machine, terms)
         if self.calibration.responses:
-            weighing = copy_machine_with_learnt_means_checked(weighing)
+            weighing = copy_machine_estimating_learnt_mean_errors(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(encode_canonical_json(weighing.model_dump(mode="json")))
 

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_start_errors
+from analysis.calibration.campaign.method_errors import add_calibrated_mass_error_columns
 from analysis.model.answer import Answer, make_answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
@@ -142,7 +142,7 @@ def compute_rms_errors_of_masses(
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
     estimates = average_masses_by_method_and_run(replayed_run, true_trials)
-    errors = compute_start_errors(estimates).with_columns(
+    errors = add_calibrated_mass_error_columns(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg")
     )
     names = {"rmse_kg": "raw_kg"}

@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from analysis.calibration.line.procedure import PROCEDURES
-from analysis.calibration.use.learnt_priors import copy_machine_with_learnt_means_checked
+from analysis.calibration.use.learnt_priors import copy_machine_estimating_learnt_mean_errors
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import make_estimator_with_digest
@@ -202,7 +202,7 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     weighing = held.make_weighing_machine(load_machine(folder / "sledge.toml"))
     machine = held.require_calibrated_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
-    assert machine == copy_machine_with_learnt_means_checked(made.document.weighing_machine)
+    assert machine == copy_machine_estimating_learnt_mean_errors(made.document.weighing_machine)
     assert held.list_differing_settings_as_text(machine) == ""
 
 
