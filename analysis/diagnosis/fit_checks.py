@@ -124,7 +124,7 @@ def relative_mass_u_of_main_load(inputs: CheckInputs, _motion: AxisMotion) -> fl
     return relative_load_mass_u(weighing, inputs.machine, weighing.fit.most_frequent_state)
 
 
-def is_answer_expected(inputs: CheckInputs, _motion: AxisMotion) -> bool:
+def are_inputs_complete_for_answer(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     """Whether the inputs are complete enough for an answer; frames alone give none."""
     return inputs.totals is not None
 
@@ -186,7 +186,7 @@ def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _motion: AxisM
 
 def gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Gated minus ungated pooled mass, in standard deviations; NaN if a spring biases both."""
-    if inputs.totals is None or inputs.position_dependent_force is not None:
+    if inputs.totals is None or inputs.position_dependent_force_newtons is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
     mass_kg, std_kg = (column_values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
@@ -229,7 +229,7 @@ FIT_CHECKS: Final = (
         relative_mass_u_of_main_load,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
-        applies=is_answer_expected,
+        applies=are_inputs_complete_for_answer,
         subject_text=_describe_missing_answer,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),

@@ -18,7 +18,7 @@ from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
 from analysis.paper.confidence_intervals import bootstrap_rms_and_interval, compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign, rerun_estimates_with_gate
-from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
+from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, RepetitionResults
 from analysis.paper.table1 import AT_LENGTH
 from analysis.stages.gating.gate import gate_windows
 
@@ -185,7 +185,7 @@ class BufferErrors:
     rls_kg: tuple[float, float]
 
 
-def check_claims_by_simulation(extracts: Extracts) -> Claims:
+def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
     means = compute_mean_intervals(
         pl.concat(extracts.list_results_of_extract(CAMPAIGN_ERRORS), how="vertical_relaxed"),

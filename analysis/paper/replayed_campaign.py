@@ -88,7 +88,8 @@ def compute_calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
         and `run_left_out_kg` of single trials, `mean_kg` and `mean_left_out_kg` of load means.
     """
     estimates = campaign.tabulate_masses_by_method_and_trial()
-    single = add_calibrated_mass_error_columns(estimates).group_by("method", maintain_order=True).agg(
+    errors = add_calibrated_mass_error_columns(estimates)
+    single = errors.group_by("method", maintain_order=True).agg(
         pl.col("mass_kg").count().alias("runs"),
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
         (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),
