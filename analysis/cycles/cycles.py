@@ -409,7 +409,11 @@ def compute_common_payload_uncertainty_with_datum(
         )
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.mass_count)
-    covariance = of_states.T @ (fit.map_fit.noise + fit.map_fit.scatter)[masses, masses] @ of_states
+    covariance = (
+        of_states.T
+        @ (fit.posterior_mode_fit.noise + fit.posterior_mode_fit.scatter)[masses, masses]
+        @ of_states
+    )
     empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
         share = np.where(passes.loaded, 0.0, 1.0 / passes.u_kg**2)

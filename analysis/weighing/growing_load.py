@@ -124,7 +124,7 @@ def refit_with_load_growing_at_starts(
     names = [term.name for term in fit.terms]
     resistances = [find_term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.mass_count + 1 + place for place in resistances)]
-    found, covariance = grown.theta[at], grown.map_fit.covariance[np.ix_(at, at)]
+    found, covariance = grown.theta[at], grown.posterior_mode_fit.covariance[np.ix_(at, at)]
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
     if not (
@@ -135,9 +135,13 @@ def refit_with_load_growing_at_starts(
     whitened = np.linalg.inv(np.linalg.cholesky(correlation))
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
-    better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.map_fit.misfit_ratio, 1.0)
+    better = max(missed_by_none**2 - missed**2, 0.0) / max(
+        grown.posterior_mode_fit.misfit_ratio, 1.0
+    )
     # what the masses are beside that growth and those resistances
-    follows = np.linalg.lstsq(covariance, grown.map_fit.covariance[at, : fit.mass_count])[0]
+    follows = np.linalg.lstsq(
+        covariance, grown.posterior_mode_fit.covariance[at, : fit.mass_count]
+    )[0]
     moved = (
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
     )
@@ -201,7 +205,9 @@ def find_manoeuvres_with_growing_load(
         )
         left[part] = left[part].clip(-most, most)
     variance = _row_noise_variance_newtons2(fit, noise)
-    friction = float(np.hypot(fit.viscous_friction, fit.map_fit.parameter_stds[fit.mass_count]))
+    friction = float(
+        np.hypot(fit.viscous_friction, fit.posterior_mode_fit.parameter_stds[fit.mass_count])
+    )
     own = (
         LIMITS.own_friction_fraction * friction,
         LIMITS.own_constant_fraction * fit.motion.force_95_percentile_newtons,

@@ -157,7 +157,7 @@ def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFi
     filtered = task.fit_over_sample_means(mean_samples, 2, advance_force=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
-    if not chosen.map_fit.misfit.any():
+    if not chosen.posterior_mode_fit.misfit.any():
         return chosen
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
@@ -282,7 +282,9 @@ def refit_without_unlikely_effects(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
     """Refit without the effects that the log is unlikely to have."""
-    likely = MostProbableEffects.from_fit(fit.map_fit, fit.mass_count, fit.terms, fit.prior_std)
+    likely = MostProbableEffects.from_fit(
+        fit.posterior_mode_fit, fit.mass_count, fit.terms, fit.prior_std
+    )
     fit = replace(fit, effects=likely)
     return (
         refit_with_extra_terms(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
@@ -306,7 +308,7 @@ def refit_with_hysteresis_if_significant(
     Returns:
         The fit, and its `make_refit_rows` with the terms of the checks.
     """
-    fit.solution.drop_samples()
+    fit.solution.compute_uncertainty_and_release_samples()
     found = replace(
         fit.found, play=choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.mean_samples)
     )
@@ -317,7 +319,10 @@ def refit_with_hysteresis_if_significant(
     # the standard deviation takes longer than the estimate
     shown = (
         half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percentile_newtons
-        and (half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.parameter_stds[-1]))
+        and (
+            half_width_N
+            > LIMITS.hysteresis_min_std * float(tested.posterior_mode_fit.parameter_stds[-1])
+        )
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows

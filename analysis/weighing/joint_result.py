@@ -17,7 +17,7 @@ from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
-from estimators.joint.map_fit import MapFit
+from estimators.joint.posterior_mode_fit import PosteriorModeFit
 from estimators.joint.prior_fit import Solution
 from estimators.numerics.small_systems import factor_covariance
 
@@ -99,7 +99,7 @@ class JointFit:
     hysteresis_kg: Floats | None = None
 
     @cached_property
-    def map_fit(self) -> MapFit:
+    def posterior_mode_fit(self) -> PosteriorModeFit:
         """Estimates with the parts of their uncertainty."""
         return replace(self.solution.fit, theta=self.theta)
 
@@ -143,19 +143,19 @@ class JointFit:
     @property
     def viscous_friction_and_std(self) -> tuple[float, float]:
         """Viscous friction and its standard deviation, in N·s/m."""
-        return self.viscous_friction, float(self.map_fit.parameter_stds[self.mass_count])
+        return self.viscous_friction, float(self.posterior_mode_fit.parameter_stds[self.mass_count])
 
     @cached_property
     def term_posterior_means_and_stds(self) -> tuple[Floats, Floats]:
         """Posterior means of the terms, (terms,), and their standard deviations, (terms,)."""
-        own = self.map_fit.parameter_stds[self.mass_count + 1 :]
+        own = self.posterior_mode_fit.parameter_stds[self.mass_count + 1 :]
         by_means = self._estimate_changes_per_learnt_mean_u[:, self.mass_count + 1 :]
         return self._estimates_of_terms, np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
     def _estimate_changes_per_learnt_mean_u(self) -> Floats:
         """(terms, p) response of the estimates to one standard uncertainty of each learnt mean."""
-        responses = self.map_fit.responses[self.mass_count + 1 :]
+        responses = self.posterior_mode_fit.responses[self.mass_count + 1 :]
         return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
 
     @cached_property
@@ -230,7 +230,7 @@ class JointFit:
     def u_by_cause_kg(self, coefficients: Floats) -> dict[str, float]:
         """Parts of the standard uncertainty of the sum `coefficients` @ masses, by cause, in kg."""
         wide = np.concatenate([coefficients, np.zeros(self.theta.size - self.mass_count)])
-        fit, by_motion = self.map_fit, self.by_motion
+        fit, by_motion = self.posterior_mode_fit, self.by_motion
         summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
@@ -300,7 +300,7 @@ class JointFit:
 
         Slip measured by the wheels narrows its prior.
         """
-        found = self.map_fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
+        found = self.posterior_mode_fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
         slip = find_term_index("slip", self.terms)
         coefficients = self.mass_coefficients_selecting_state(self.most_frequent_state)
         alone_kg = abs(float(found[slip] @ coefficients))
@@ -334,7 +334,7 @@ class JointFit:
         friction = self.resistance_speed_slope
         slip = self.mass_count + 1 + find_term_index("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
-        response = float(self.map_fit.responses[slip] @ coefficients)
+        response = float(self.posterior_mode_fit.responses[slip] @ coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
         of_masses = coefficients[: self.mass_count]
         masses_kg = float(of_masses @ self.masses_kg)

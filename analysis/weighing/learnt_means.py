@@ -60,10 +60,10 @@ class LearntErrors:
         at = np.array([k for k, _ in own], np.int64)
         place = at + fit.mass_count + 1
         apart = fit.theta[place] - [learnt[name].mean for _, name in own]
-        found = fit.map_fit.covariance[np.ix_(place, place)] * np.outer(share, share)
+        found = fit.posterior_mode_fit.covariance[np.ix_(place, place)] * np.outer(share, share)
         covariance = np.eye(len(own) + len(by_wheels))
         covariance[: len(own), : len(own)] = found + np.diag(std**2 / (mean_u**2 + std**2))
-        together = -fit.map_fit.covariance[: fit.mass_count, place] * share
+        together = -fit.posterior_mode_fit.covariance[: fit.mass_count, place] * share
         return cls(
             (*(name for _, name in own), *by_wheels),
             np.append(-share * apart, np.zeros(len(by_wheels))),

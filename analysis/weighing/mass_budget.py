@@ -227,8 +227,10 @@ def relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> fl
 def estimate_mass_change_without_friction_kg(fit: JointFit, coefficients: Floats) -> float:
     """Change of a sum of masses if viscous friction were known to be zero, in kg."""
     at = fit.mass_count
-    responses = fit.map_fit.responses
-    by_friction = (fit.map_fit.noise + fit.map_fit.scatter)[at] + responses.T @ responses[:, at]
+    responses = fit.posterior_mode_fit.responses
+    by_friction = (fit.posterior_mode_fit.noise + fit.posterior_mode_fit.scatter)[
+        at
+    ] + responses.T @ responses[:, at]
     return -fit.viscous_friction * float(coefficients @ by_friction[:at]) / float(by_friction[at])
 
 

@@ -45,7 +45,7 @@ from analysis.weighing.wheel_kinematics import (
 )
 from estimators.interpreted import compiled_unless_short_log
 from estimators.joint import prior_fit
-from estimators.joint.map_fit import MapFit
+from estimators.joint.posterior_mode_fit import PosteriorModeFit
 from estimators.joint.prior_fit import Grouping
 from estimators.numerics.autocorrelation import compute_autocovariance_loss
 from estimators.numerics.group_sums import NoiseMoments
@@ -285,7 +285,9 @@ def _fit_wheel_comparison(
     )
 
 
-def is_accelerometer_gain_significant(fit: MapFit, noise_m_s: float, least_1: float) -> bool:
+def is_accelerometer_gain_significant(
+    fit: PosteriorModeFit, noise_m_s: float, least_1: float
+) -> bool:
     """Whether a gain exceeds what its prior and the noise allow.
 
     Args:

@@ -216,7 +216,7 @@ def compute_fit_statistics_of_windows(
     solve_factored_in_place(solved.L, solved.inverse, unit)
     variance = solved.rss / max(window - p, 1)
     partial, share = np.empty(variance.size), np.zeros(variance.size)
-    raise_variances_to_noise(
+    raise_variances_to_noise_in_place(
         solved.theta,
         unit,
         np.zeros((p + 1, p + 1)) if noise is None else noise,
@@ -234,7 +234,7 @@ def compute_fit_statistics_of_windows(
 
 
 @compiled_unless_short_log
-def raise_variances_to_noise(
+def raise_variances_to_noise_in_place(
     theta: Floats,
     unit_variances: Floats,
     noise: Floats,
