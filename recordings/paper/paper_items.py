@@ -323,7 +323,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 2: force, acceleration and speed under the triangular force",
         (excitation_figures.FIGURE_2,),
         _make_getter_of_single_extract(excitation_figures.FIGURE_2),
-        item_sentences.write_excitation_figure_sentences,
+        item_sentences.write_sentences_on_excitation_figure_2,
         picture=paper_pictures.FIGURE_2,
     ),
     Item(

@@ -177,7 +177,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     require_writable_folder(folder, force=force)
     stretch = refuse_campaign.load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
-        refuse_timestamp_request_early(timestamp_request_file, key, force=force)
+        refuse_impossible_timestamp_request(timestamp_request_file, key, force=force)
     with stage_output_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -223,7 +223,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:

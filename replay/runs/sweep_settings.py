@@ -81,9 +81,10 @@ def sweep_setting_combinations(
 
         by = load_and_verify_calibration(calibration)
         by.require_calibrated_machine(
-            by.make_weighing_machine(load_machine(machine_file, overrides)), machine_file
+            by.copy_machine_with_calibrated_settings(load_machine(machine_file, overrides)),
+            machine_file,
         )
-        machines = [by.make_weighing_machine(machine) for machine in machines]
+        machines = [by.copy_machine_with_calibrated_settings(machine) for machine in machines]
     truth = read_true_trials_of_logs(logs) if do_logs_have_truth_of_trials(logs) else None
     rows: list[SweepRow] = []
     with ExitStack() as stack:

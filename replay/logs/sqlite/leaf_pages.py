@@ -177,7 +177,7 @@ def read_page_ranges_into(
 
 
 @compiled_without_refcounts
-def scan_leaf_pages(
+def scan_requested_rows_of_leaf_pages(
     data: NDArray[np.uint8],
     leaves: NDArray[np.int64],
     layout: PageLayout,
