@@ -134,9 +134,7 @@ class CycleParts:
             return "no empty pass to compare with"
         return ""
 
-    def pass_mass_coefficients_of_payload(
-        self, tare_coefficient_before: Floats, pass_count: int
-    ) -> Floats:
+    def pass_coefficients(self, tare_coefficient_before: Floats, pass_count: int) -> Floats:
         """(passes,) weights of the passes' masses in the payload.
 
         Args:

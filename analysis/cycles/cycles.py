@@ -21,9 +21,9 @@ from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
-    compute_state_mass_coefficients_of_passes,
     estimate_carry_back_variance_kg2,
     estimate_clean_machine_mass_and_u_kg,
+    state_shares_of_passes,
     weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
@@ -76,9 +76,7 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def common_and_scale_u_of_payload_kg(
-        self, coefficients: Floats, payload_kg: float
-    ) -> tuple[float, float]:
+    def common_shared_u_kg(self, coefficients: Floats, payload_kg: float) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
@@ -130,7 +128,7 @@ def weigh_cycles(
     empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.empty_mass_contradiction_text if empty else "")
     share = compute_tare_coefficient_before_each_pass(found)
-    worth = compute_common_payload_uncertainty_by_scale(
+    worth = compute_payload_uncertainty_by_scale(
         weighing, machine, found, make_pass_coefficients_of_payload_sum(found, parts, share), empty
     )
     clean = estimate_clean_machine_mass_and_u_kg(found)
@@ -138,18 +136,14 @@ def weigh_cycles(
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
     )
-    of_states = (
-        compute_state_mass_coefficients_of_passes(weighing.fit, found)
-        if weighing and known_sums
-        else None
-    )
+    of_states = state_shares_of_passes(weighing.fit, found) if weighing and known_sums else None
     sums, ready_ns = dict[int, Floats](), int(motion[1]["t_ns"][0])
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_make_cycle_time_columns(part, ready_ns)}
         reason = withheld or part.missing_mass_reason
         if not reason:
-            weights = part.pass_mass_coefficients_of_payload(share, found.mass_kg.size)
+            weights = part.pass_coefficients(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
             row |= make_payload_uncertainty_columns(row, worth, weights)
             if of_states is not None:
@@ -216,7 +210,7 @@ def _make_payload_row(
             row[f"{name}_id"] = number
             row[f"{name}_kg"] = float(passes.mass_kg[number])
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
-    weights = cycle.pass_mass_coefficients_of_payload(tare_coefficients, passes.mass_kg.size)
+    weights = cycle.pass_coefficients(tare_coefficients, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
     carry_back_kg2 = payload_variance_by_carry_back_kg2(cycle, passes, tare_coefficients)
     variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_kg2
@@ -236,9 +230,7 @@ def _make_payload_row(
 
 
 def make_payload_uncertainty_columns(
-    cycle_row: dict[str, object],
-    common_uncertainty_by_scale: "_CommonUncertaintyByScale",
-    coefficients: Floats,
+    cycle_row: dict[str, object], uncertainty: "_CommonUncertaintyByScale", coefficients: Floats
 ) -> dict[str, object]:
     """Common, shared and total uncertainty of a payload.
 
@@ -247,20 +239,16 @@ def make_payload_uncertainty_columns(
     own_kg, random_kg = cycle_row["payload_kg"], cycle_row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = common_uncertainty_by_scale.own.common_and_scale_u_of_payload_kg(
-        coefficients, own_kg
-    )
+    own_common_kg, own_shared_kg = uncertainty.own.common_shared_u_kg(coefficients, own_kg)
     common_kg, shared_kg = (
-        common_uncertainty_by_scale.scale_1 * u
-        for u in common_uncertainty_by_scale.on_empty_scale.common_and_scale_u_of_payload_kg(
-            coefficients, own_kg
-        )
+        uncertainty.scale_1 * u
+        for u in uncertainty.on_empty_scale.common_shared_u_kg(coefficients, own_kg)
     )
-    random_kg *= common_uncertainty_by_scale.scale_1
+    random_kg *= uncertainty.scale_1
     return {
-        "scale_1": common_uncertainty_by_scale.scale_1,
-        "scale_from": common_uncertainty_by_scale.scale.told_by,
-        "payload_kg": common_uncertainty_by_scale.scale_1 * own_kg,
+        "scale_1": uncertainty.scale_1,
+        "scale_from": uncertainty.scale.told_by,
+        "payload_kg": uncertainty.scale_1 * own_kg,
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_shared_kg": shared_kg,
@@ -312,10 +300,7 @@ def make_pass_coefficients_of_payload_sum(
         for p in cycle_parts
         if p.loaded_pass is not None and (p.empty_pass_before, p.empty_pass_after) != (None, None)
     ]
-    weights = [
-        part.pass_mass_coefficients_of_payload(tare_coefficients, passes.mass_kg.size)
-        for part in whole
-    ]
+    weights = [part.pass_coefficients(tare_coefficients, passes.mass_kg.size) for part in whole]
     return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
 
 
@@ -336,7 +321,7 @@ class _CommonUncertaintyByScale:
     scale: ShiftScale
 
 
-def compute_common_payload_uncertainty_by_scale(
+def compute_payload_uncertainty_by_scale(
     weighing: Weighing | None,
     machine: Machine,
     passes: Passes,
@@ -357,12 +342,8 @@ def compute_common_payload_uncertainty_by_scale(
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _CommonUncertaintyByScale(none, none, 1.0, ShiftScale())
-    datum = empty.make_payload_datum(
-        compute_state_mass_coefficients_of_passes(weighing.fit, passes) @ coefficients
-    )
-    own = compute_common_payload_uncertainty_with_datum(
-        weighing, machine, passes, coefficients, None
-    )
+    datum = empty.make_payload_datum(state_shares_of_passes(weighing.fit, passes) @ coefficients)
+    own = compute_common_payload_uncertainty(weighing, machine, passes, coefficients, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
     sources = list_payload_uncertainties(weighing, machine, datum, empty.weights)
     unknown = list_scale_sources_without_u(sources)
@@ -372,15 +353,13 @@ def compute_common_payload_uncertainty_by_scale(
         return _CommonUncertaintyByScale(own, own, 1.0, scale)
     return _CommonUncertaintyByScale(
         own,
-        compute_common_payload_uncertainty_with_datum(
-            weighing, machine, passes, coefficients, datum
-        ),
+        compute_common_payload_uncertainty(weighing, machine, passes, coefficients, datum),
         datum.scale_1,
         scale,
     )
 
 
-def compute_common_payload_uncertainty_with_datum(
+def compute_common_payload_uncertainty(
     weighing: Weighing,
     machine: Machine,
     passes: Passes,
@@ -393,7 +372,7 @@ def compute_common_payload_uncertainty_with_datum(
     single payload also has nuisance errors of its own starts.
     """
     fit = weighing.fit
-    of_states = compute_state_mass_coefficients_of_passes(fit, passes)
+    of_states = state_shares_of_passes(fit, passes)
     summed = of_states @ coefficients
     sources = list_payload_uncertainties(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
@@ -404,16 +383,10 @@ def compute_common_payload_uncertainty_with_datum(
     responses_kg, drift = fit.mass_changes_per_term_std_kg, weighing.significant_empty_mass_drift
     if drift is not None:  # unlike other scales, it moves early and late payloads differently
         names.add("drifted_gain")
-        responses_kg = np.vstack(
-            [responses_kg, drift.mass_changes_by_drifting_gain_kg(fit.masses_kg)]
-        )
+        responses_kg = np.vstack([responses_kg, drift.mass_changes_by_gain_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]
-    masses = slice(0, fit.mass_count)
-    covariance = (
-        of_states.T
-        @ (fit.posterior_mode_fit.noise + fit.posterior_mode_fit.scatter)[masses, masses]
-        @ of_states
-    )
+    posterior, count = fit.posterior_fit, fit.mass_count
+    covariance = of_states.T @ (posterior.noise + posterior.scatter)[:count, :count] @ of_states
     empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
         share = np.where(passes.loaded, 0.0, 1.0 / passes.u_kg**2)

@@ -109,11 +109,9 @@ def find_load_passes(
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
         of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digs, dumps)
-    one_filling_ns = find_max_refill_pause_ns(of_state, begin, end, digs)
+    one_filling_ns = max_refill_pause_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[
-        find_loaded_manoeuvres_after_refills(of_state, begin, end, digs, dumps, one_filling_ns)
-    ] = True
+    parts[find_manoeuvres_after_refills(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
         parts[find_load_change_indices_at_dumps(of_state, begin, end, dumps)] = True
     hauls_nothing = mark_short_hauls(of_state, parts, begin, end, digs)
@@ -180,9 +178,7 @@ def mark_short_hauls(
     return found
 
 
-def find_max_refill_pause_ns(
-    is_loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
-) -> int:
+def max_refill_pause_ns(is_loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
     """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digs["start_t_ns"].to_numpy())
     stops = np.sort(digs["end_t_ns"].to_numpy())
@@ -197,7 +193,7 @@ def find_max_refill_pause_ns(
     return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
 
 
-def find_loaded_manoeuvres_after_refills(
+def find_manoeuvres_after_refills(
     is_loaded: Bools,
     begin_ns: Ints,
     end_ns: Ints,

@@ -257,7 +257,7 @@ def compare_lightest_load_with_empty_mass(
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = make_mass_budget(weighing, machine, fit.mass_coefficients_selecting_state(lightest))
+    sources = make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(list_factors_without_uncertainty(sources))
     scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0

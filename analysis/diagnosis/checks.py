@@ -160,7 +160,7 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
     if known is None:
         return 0.0
     # both ends of its span are moving means
-    of_mean = float(known.noise_covariance_of_trailing_means(settings.smooth.samples)[1, 1])
+    of_mean = float(known.noise_covariance_of_means(settings.smooth.samples)[1, 1])
     return 2.0 * of_mean * (settings.align.rate_hz / count_rows_of_speed_rate_span(settings)) ** 2
 
 

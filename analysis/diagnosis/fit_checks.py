@@ -40,7 +40,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     shows = any(
         t > LIMITS.term_min_std for term, t in fit.term_t_values.items() if term not in modelled
     )
-    shows = shows or bool(fit.posterior_mode_fit.misfit.any())
+    shows = shows or bool(fit.posterior_fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.has_excess_scatter)
     out: list[Disagreement] = []
     columns = (
@@ -272,9 +272,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "channel_noise",
         "mass",
-        _make_joint_fit_quantity_function(
-            lambda weighing: weighing.fit.posterior_mode_fit.noise_share
-        ),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.posterior_fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
         applies=_has_joint_fit,
@@ -340,13 +338,11 @@ FIT_CHECKS: Final = (
     CheckRow(
         "common_misfit",
         "mass",
-        _make_joint_fit_quantity_function(
-            lambda weighing: weighing.fit.posterior_mode_fit.misfit_ratio
-        ),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.posterior_fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
         maximum="misfit_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and inputs.weighing.fit.posterior_mode_fit.groups > 2
+            inputs.weighing is not None and inputs.weighing.fit.posterior_fit.groups > 2
         ),
         consequence="widen",
         remedy="filters, brakes or tyres that the equation does not have",

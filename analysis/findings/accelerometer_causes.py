@@ -21,7 +21,7 @@ from analysis.findings.constant_forces import (
 from analysis.findings.delay_causes import find_accelerometer_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import estimate_mass_change_by_correction
+from analysis.findings.refit import mass_change_by_refit
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import compute_longitudinal_force
@@ -54,7 +54,7 @@ class StartAndRestSpectra(NamedTuple):
 
 def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
-    z, _ = inputs.mean_and_std_of_column_at_standstill(_Z)
+    z, _ = inputs.column_mean_and_std_at_rest(_Z)
     return bool(abs(z) < LIMITS.gravity_min_fraction * inputs.machine.machine.gravity_m_s2)
 
 
@@ -70,7 +70,7 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
-    z, std = inputs.mean_and_std_of_column_at_standstill(_Z)
+    z, std = inputs.column_mean_and_std_at_rest(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -LIMITS.gravity_min_fraction * pull or not inputs.select_measured_channels(_Z):
         return []
@@ -94,7 +94,7 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
             change=None
             if backwards
-            else lambda: estimate_mass_change_by_correction(inputs, lambda motion: motion),
+            else lambda: mass_change_by_refit(inputs, lambda motion: motion),
         )
     ]
 
@@ -133,7 +133,7 @@ def _find_accelerometer_error_at_rest(
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{offset - convert_to_accelerometer_unit(inputs, error):.5g}" if names else None,
-            change=lambda: estimate_mass_change_by_correction(
+            change=lambda: mass_change_by_refit(
                 inputs,
                 lambda motion: transform_accelerometer_signals(motion, lambda x: x - error),
                 min(std / abs(error), 1.0),
@@ -149,11 +149,11 @@ def classify_rest_error_as_tilt_or_bias(inputs: FindingInputs, error_m_s2: float
     Returns:
         "tilt", "bias", or "" if the log cannot distinguish them.
     """
-    z, _ = inputs.mean_and_std_of_column_at_standstill(_Z)
+    z, _ = inputs.column_mean_and_std_at_rest(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not np.isfinite(z) or not has_pitch_channel(inputs) or abs(error_m_s2) >= pull:
         return ""
-    pitch = inputs.mean_and_std_of_column_at_standstill(_PITCH)[0]
+    pitch = inputs.column_mean_and_std_at_rest(_PITCH)[0]
     share = np.arcsin(error_m_s2 / pull)
     upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
     if upright - turned < LIMITS.tilt_min_gravity_m_s2:
@@ -209,7 +209,7 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
             channel=_Y,
             setting=setting,
             value=value,
-            change=lambda: estimate_mass_change_by_correction(
+            change=lambda: mass_change_by_refit(
                 inputs,
                 lambda motion: transform_accelerometer_signals(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
@@ -254,7 +254,7 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
         or not does_accelerometer_lack_gravity(inputs)
     ):
         return []
-    pitch, std = inputs.mean_and_std_of_column_at_standstill(_PITCH)
+    pitch, std = inputs.column_mean_and_std_at_rest(_PITCH)
     if not np.isfinite(pitch):
         return []
     strength = abs(pitch) / max(LIMITS.standing_reading_std * std, LIMITS.slope_min_pitch_rad)
@@ -276,7 +276,7 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
             without_gravity=motion.specific_force,
         )
 
-    z, _ = inputs.mean_and_std_of_column_at_standstill(_Z)
+    z, _ = inputs.column_mean_and_std_at_rest(_Z)
     return [
         Symptom(
             strength,
@@ -285,9 +285,7 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: estimate_mass_change_by_correction(
-                inputs, add_gravity, min(std / abs(pitch), 1.0)
-            ),
+            change=lambda: mass_change_by_refit(inputs, add_gravity, min(std / abs(pitch), 1.0)),
         )
     ]
 

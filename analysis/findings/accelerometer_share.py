@@ -39,7 +39,7 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     reads_speed = (
         0.0
         if inputs.column_noise is None
-        else inputs.column_noise.noise_covariance_of_trailing_means(size)[1, 1]
+        else inputs.column_noise.noise_covariance_of_means(size)[1, 1]
     )
     seen = float(x @ x)
     power = seen - x.size * 2.0 * reads_speed / span_s**2

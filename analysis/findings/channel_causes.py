@@ -18,7 +18,7 @@ from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, list_only_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
-from analysis.findings.refit import estimate_mass_change_without_samples
+from analysis.findings.refit import mass_change_by_refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_rows_near_flagged_rows
@@ -58,7 +58,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
 
     @cache
     def refit_without_frozen_samples() -> MassChange | None:
-        return estimate_mass_change_without_samples(inputs, holds)
+        return mass_change_by_refit_without_samples(inputs, holds)
 
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
@@ -137,7 +137,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         if inputs.log_only_fit is None:
             return None
         near = np.abs(inputs.log_only_fit.motion.force) > limit_N
-        return estimate_mass_change_without_samples(inputs, flag_rows_near_flagged_rows(near, 5))
+        return mass_change_by_refit_without_samples(inputs, flag_rows_near_flagged_rows(near, 5))
 
     return [
         Symptom(
@@ -191,7 +191,7 @@ def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpik
         f"{largest_std:.0f} standard deviations",
         channel=channel,
         span_ns=inputs.convert_unix_to_aligned_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
-        change=lambda: estimate_mass_change_without_samples(inputs, spikes.near),
+        change=lambda: mass_change_by_refit_without_samples(inputs, spikes.near),
     )
 
 

@@ -72,12 +72,12 @@ def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
 
 def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
     """Constant forces at rest, and which causes explain that in motion."""
-    rest = inputs.mean_and_std_of_signal_at_standstill(
+    rest = inputs.signal_mean_and_std_at_rest(
         compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     )
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
-        error = inputs.mean_and_std_of_signal_at_standstill(
+        error = inputs.signal_mean_and_std_at_rest(
             column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
         )
     fit, noise = inputs.log_only_fit, inputs.column_noise

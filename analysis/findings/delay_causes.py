@@ -17,8 +17,8 @@ from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.likelihood_search import FittedCause, select_and_score_causes_by_likelihood
-from analysis.findings.refit import estimate_mass_change_by_correction
+from analysis.findings.likelihood_search import FittedCause, rank_causes_by_likelihood
+from analysis.findings.refit import mass_change_by_refit
 from analysis.findings.signal_lag import (
     SignalLag,
     estimate_lag_and_std_s,
@@ -218,7 +218,7 @@ def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
     # a part of the force that is late looks like a delay of the whole
     found = [
         fitted_cause
-        for name, fitted_cause in select_and_score_causes_by_likelihood(inputs).items()
+        for name, fitted_cause in rank_causes_by_likelihood(inputs).items()
         if name.startswith("delay") and not (is_source_late and name == "delay:force")
     ]
     whole = (_make_delay_symptom(inputs, p) for p in found if not is_filter_delay_likelier(p))
@@ -265,7 +265,7 @@ def list_force_source_channels(inputs: FindingInputs) -> tuple[str, ...]:
 
 def find_accelerometer_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that a filter makes later than its stamps explain."""
-    found = select_and_score_causes_by_likelihood(inputs).get("delay:imu")
+    found = rank_causes_by_likelihood(inputs).get("delay:imu")
     if found is None or not is_filter_delay_likelier(found):
         return []
     return [
@@ -326,7 +326,7 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
         # a low-pass is not mended by a delay
         change=None
         if smooth or is_at_end
-        else lambda: estimate_mass_change_by_correction(
+        else lambda: mass_change_by_refit(
             inputs,
             lambda motion: correct_channel_delay(motion, fitted_channel, fitted_s),
             min(std_s / abs(late_s), 1.0),

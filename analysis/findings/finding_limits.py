@@ -124,13 +124,13 @@ class FindingLimits:
     indistinguishable_gain: float = 6.0
     #: The same as a fraction of the gain, for brakes and what resembles them.
     indistinguishable_brake_fraction: float = 0.5
-    #: Gain from which a cause is selected,
+    #: Gain from which a cause is picked,
     picked_gain: float = 11.0
     #: and most causes of a log.
     max_picked_causes: int = 4
     #: Delay in s from which it is tried as a whole,
     long_delay_s: float = 0.03
-    #: and selected if it leaves less than this fraction.
+    #: and picked if it leaves less than this fraction.
     long_delay_residual_ratio: float = 0.5
     #: Residual-to-noise variance ratio above which the wheel equation is ignored.
     wheel_noise_ratio: float = 8.0

@@ -17,9 +17,9 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import (
     FittedCause,
     list_indistinguishable_causes,
-    select_and_score_causes_by_likelihood,
+    rank_causes_by_likelihood,
 )
-from analysis.findings.refit import estimate_mass_change_by_correction
+from analysis.findings.refit import mass_change_by_refit
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.stage_limits import LIMITS as STAGE_LIMITS
@@ -33,7 +33,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
 
     The radius scales the force as well.
     """
-    fitted = select_and_score_causes_by_likelihood(inputs).get("wheel_radius")
+    fitted = rank_causes_by_likelihood(inputs).get("wheel_radius")
     if fitted is None:
         return []
     gain, std = fitted.value, fitted.std
@@ -61,9 +61,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: estimate_mass_change_by_correction(
-                inputs, correct_radius, min(std / abs(gain), 1.0)
-            ),
+            change=lambda: mass_change_by_refit(inputs, correct_radius, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
                 *list_indistinguishable_causes(fitted),
@@ -96,13 +94,11 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _format_offset_setting(
-                    inputs, name, inputs.mean_and_std_of_column_at_standstill(name)[0]
-                )
+                _format_offset_setting(inputs, name, inputs.column_mean_and_std_at_rest(name)[0])
                 for name in names
             )
             or None,
-            change=lambda: estimate_mass_change_by_correction(
+            change=lambda: mass_change_by_refit(
                 inputs,
                 lambda motion: replace(motion, force=motion.force - rest),
                 min(std / abs(rest), 1.0),
@@ -127,10 +123,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.log_only_fit
     if fit is None:
         return []
-    const, std = (
-        float(each[find_term_index("const", fit.terms)])
-        for each in fit.term_posterior_means_and_stds
-    )
+    const, std = (float(each[find_term_index("const", fit.terms)]) for each in fit.term_posteriors)
     imu = ("imu_misaligned", "imu_bias") if fit.motion.by_accelerometer else ()
     return [
         Symptom(
@@ -144,7 +137,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
 
 def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     """Find a constant force against the direction of motion."""
-    fit, found = inputs.log_only_fit, select_and_score_causes_by_likelihood(inputs)
+    fit, found = inputs.log_only_fit, rank_causes_by_likelihood(inputs)
     if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
@@ -191,7 +184,7 @@ def read_fitted_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> F
     names = [] if fit is None else [term.name for term in fit.terms]
     if fit is None or term_name not in names or not np.isfinite(seen.rest_N[0]):
         return None
-    value, std = (float(each[names.index(term_name)]) for each in fit.term_posterior_means_and_stds)
+    value, std = (float(each[names.index(term_name)]) for each in fit.term_posteriors)
     if term_name == "const":
         error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
         value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
@@ -202,7 +195,7 @@ def estimate_mass_change_without_coulomb(
     inputs: FindingInputs, force: float, std: float, rival_terms: tuple[str, ...]
 ) -> MassChange | None:
     """Mass change if Coulomb friction, or a rival term, is removed."""
-    change = estimate_mass_change_by_correction(
+    change = mass_change_by_refit(
         inputs,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),
         min(std / force, 1.0),
@@ -220,7 +213,7 @@ def _bound_mass_change_by_wheel_slip(inputs: FindingInputs) -> MassChange | None
 
 def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     """Find wheels that turn faster than the ground speed while they pull."""
-    fitted, fit = select_and_score_causes_by_likelihood(inputs).get("slip"), inputs.log_only_fit
+    fitted, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.log_only_fit
     if fitted is None or fit is None or fitted.value <= 0.0:
         return []
     at = fitted.value * fit.motion.force_95_percentile_newtons
@@ -241,7 +234,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
 def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     """Find a force that is nonlinear in the acceleration, by load transfer or drive losses."""
     found = find_gain_drift_if_loads_follow_direction(inputs)
-    fitted = select_and_score_causes_by_likelihood(inputs).get("driveline")
+    fitted = rank_causes_by_likelihood(inputs).get("driveline")
     if fitted is not None:
         found.append(
             Symptom(
@@ -251,7 +244,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
                 ),
                 _format_gain_change(fitted.value, fitted.std),
                 channel=inputs.force_channel,
-                change=lambda: estimate_mass_change_by_correction(
+                change=lambda: mass_change_by_refit(
                     inputs,
                     lambda motion: replace(
                         motion, force=motion.force * (1.0 - fitted.value * motion.acceleration)
@@ -269,7 +262,7 @@ def find_force_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.log_only_fit
     if fit is None or fit.mass_count > 1:
         return find_drift_of_empty_mass(inputs)
-    fitted = select_and_score_causes_by_likelihood(inputs).get("gain_drift")
+    fitted = rank_causes_by_likelihood(inputs).get("gain_drift")
     if fitted is None:
         return []
     return [
@@ -316,7 +309,7 @@ def relative_mass_uncertainty_of_answer(inputs: FindingInputs) -> float:
     if weighing is None:
         return float("inf")
     fit = weighing.fit
-    parts = fit.u_by_cause_kg(fit.mass_coefficients_selecting_state(fit.most_frequent_state))
+    parts = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(fit.mass_kg)
@@ -341,7 +334,7 @@ def find_terms_inseparable_from_mass(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.log_only_fit
     if fit is None:
         return []
-    parts = fit.u_by_cause_kg(fit.mass_coefficients_selecting_state(fit.most_frequent_state))
+    parts = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
@@ -360,11 +353,7 @@ def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
     if weighing is None or not np.isfinite(weighing.braking_kg):
         return []
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
-    fitted = (
-        None
-        if weighing.braking_left_out
-        else select_and_score_causes_by_likelihood(inputs).get("braking")
-    )
+    fitted = None if weighing.braking_left_out else rank_causes_by_likelihood(inputs).get("braking")
     if fitted is None:  # what driving says is all there is
         strength = float(abs(weighing.braking_kg) / (LIMITS.braking_change_u * weighing.fit.u_kg))
         share, others = "", ()

@@ -61,7 +61,7 @@ class FittedCause:
     rivals: tuple[str, ...]
 
 
-def select_and_score_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, FittedCause]:
+def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, FittedCause]:
     """Rank the causes by their gain of likelihood; selected causes come first."""
     if "selected_causes" not in inputs.cache:
         inputs.cache["selected_causes"] = _select_causes_stepwise(inputs)

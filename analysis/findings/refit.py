@@ -24,7 +24,7 @@ from estimators.arrays import Bools, Floats
 Mend = Callable[[MotionSamples], MotionSamples]
 
 
-def estimate_mass_change_without_samples(
+def mass_change_by_refit_without_samples(
     inputs: FindingInputs, excluded_rows: Bools
 ) -> MassChange | None:
     """Refit without some samples; u covers that a replay may accept other starts.
@@ -33,12 +33,12 @@ def estimate_mass_change_without_samples(
         inputs: the log.
         excluded_rows: (n,) True for grid samples to exclude.
     """
-    return estimate_mass_change_with_answer_uncertainty(
+    return mass_change_by_refit_with_answer_u(
         inputs, lambda motion: motion.exclude_samples(excluded_rows), LIMITS.cut_start_u
     )
 
 
-def estimate_mass_change_with_answer_uncertainty(
+def mass_change_by_refit_with_answer_u(
     inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion, with the answer's uncertainty added to that of the change.
@@ -48,15 +48,15 @@ def estimate_mass_change_with_answer_uncertainty(
     Args:
         inputs: the log.
         correct_motion: returns the corrected motion.
-        relative_u: see `estimate_mass_change_by_correction`.
+        relative_u: see `mass_change_by_refit`.
     """
-    change = estimate_mass_change_by_correction(inputs, correct_motion, relative_u)
+    change = mass_change_by_refit(inputs, correct_motion, relative_u)
     if change is None or inputs.log_only_fit is None:
         return None
     return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.log_only_fit.u_kg)))
 
 
-def estimate_mass_change_by_correction(
+def mass_change_by_refit(
     inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion from the joint fit on, and compare the masses.
@@ -76,9 +76,7 @@ def estimate_mass_change_by_correction(
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.u_by_cause_kg(fit.mass_coefficients_selecting_state(fit.most_frequent_state))[
-        "noise"
-    ]
+    of_noise = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))["noise"]
     return MassChange(
         kg,
         float(

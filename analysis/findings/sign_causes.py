@@ -9,10 +9,7 @@ from analysis.findings.accelerometer_share import fit_imu_to_wheel_acceleration_
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import (
-    estimate_mass_change_by_correction,
-    estimate_mass_change_with_answer_uncertainty,
-)
+from analysis.findings.refit import mass_change_by_refit, mass_change_by_refit_with_answer_u
 from analysis.findings.unsigned_channels import find_unsigned_speed, has_channel_lost_its_sign
 from analysis.model.schema import column_values
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -92,7 +89,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: estimate_mass_change_with_answer_uncertainty(
+            change=lambda: mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], -1.0), 0.05
             ),
         )
@@ -168,7 +165,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
             setting=keys,
             value=fields,
             # what drives straight does not know its sides
-            change=lambda: estimate_mass_change_by_correction(inputs, lambda motion: motion),
+            change=lambda: mass_change_by_refit(inputs, lambda motion: motion),
             alternatives=("sign_flipped",),
         )
     ]
@@ -188,7 +185,7 @@ def find_wrong_channel_unit(inputs: FindingInputs) -> list[Symptom]:
 def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer's z axis at standstill with gravity."""
     names = inputs.select_measured_channels(*_ACC_AXES)
-    reads, _ = inputs.mean_and_std_of_column_at_standstill(_ACC_AXES[2])
+    reads, _ = inputs.column_mean_and_std_at_rest(_ACC_AXES[2])
     share = reads / inputs.machine.machine.gravity_m_s2
     near = [
         r
@@ -206,7 +203,7 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=setting,
             value=value,
-            change=lambda: estimate_mass_change_with_answer_uncertainty(
+            change=lambda: mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
@@ -215,7 +212,7 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
 
 def _does_z_axis_read_gravity(inputs: FindingInputs) -> bool:
     """Whether the z axis reads ±g at rest, so that its unit is m/s²."""
-    reads, _ = inputs.mean_and_std_of_column_at_standstill(_ACC_AXES[2])
+    reads, _ = inputs.column_mean_and_std_at_rest(_ACC_AXES[2])
     return bool(
         abs(abs(reads) / inputs.machine.machine.gravity_m_s2 - 1.0) < LIMITS.unit_ratio_tolerance
     )
@@ -270,7 +267,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting if told else None,
             value=value if told else None,
-            change=lambda: estimate_mass_change_with_answer_uncertainty(
+            change=lambda: mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], times), 0.05
             ),
         )
@@ -307,7 +304,7 @@ def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: estimate_mass_change_with_answer_uncertainty(
+            change=lambda: mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], 1.0 / near), 0.05
             ),
         )

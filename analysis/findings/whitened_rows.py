@@ -63,7 +63,7 @@ def build_whitened_force_rows(
     std = float(
         np.sqrt(
             (g := np.array([usual_kg, friction, -1.0]))
-            @ noise.noise_covariance_of_trailing_means(LIMITS.force_mean_samples)
+            @ noise.noise_covariance_of_means(LIMITS.force_mean_samples)
             @ g
         )
     )
@@ -96,7 +96,7 @@ def build_whitened_force_rows(
             / std
         )
 
-    own = noise.noise_covariance_of_trailing_means(LIMITS.force_mean_samples) / std**2
+    own = noise.noise_covariance_of_means(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
     along = float((np.sign(v) * f).sum()) / LIMITS.force_mean_samples
     return EquationRows(
@@ -120,11 +120,11 @@ def build_whitened_wheel_rows(
     step_s = 1.0 / motion.rate_hz
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     of_speed = max(
-        float(noise.noise_covariance_of_trailing_means(LIMITS.wheel_mean_samples)[1, 1]),
+        float(noise.noise_covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]),
         rounding_m_s**2,
     )
     of_acc = (
-        float(noise.noise_covariance_of_trailing_means(LIMITS.accumulated_noise_samples)[0, 0])
+        float(noise.noise_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0])
         * LIMITS.accumulated_noise_samples
         * step_s**2
         * LIMITS.wheel_mean_samples

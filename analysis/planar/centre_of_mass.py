@@ -20,7 +20,7 @@ from analysis.model.settings import Settings
 from analysis.model.uncertainty_sources import IMU_POSITION
 from analysis.model.verdict import Check, Verdict
 from analysis.planar.planar_budget import (
-    compute_combined_uncertainty_of_quantity,
+    compute_combined_uncertainty,
     compute_quantity_gradient,
     join_missing_setting_names,
     make_planar_budget_rows,
@@ -97,7 +97,7 @@ def make_planar_frames(
     log = PlanarLog(
         collect_planar_samples(excitation, machine.settings, noise), excitation, machine
     )
-    joint = fit_all_motion_with_row(log, verdict)
+    joint = fit_all_motion(log, verdict)
     start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
     start = start if np.isfinite(start).all() else np.zeros(6)
     rows = list(iter_fit_rows_of_arcs_and_all_arcs(log, gated, verdict, start))
@@ -151,7 +151,7 @@ def iter_fit_rows_of_arcs_and_all_arcs(
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _copy_row_with_outcome(row, reason, withheld=not verdict.can_weigh)
+        yield _make_outcome_row(row, reason, withheld=not verdict.can_weigh)
 
 
 def make_arc_prior_from_axis(
@@ -193,9 +193,7 @@ def does_parameter_occur_on_one_axis(parameter_name: str, axis: Axis) -> bool:
     )
 
 
-def fit_all_motion_with_row(
-    log: PlanarLog, verdict: Verdict
-) -> tuple[dict[str, Any], PlanarFit] | None:
+def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], PlanarFit] | None:
     """Fit over all motion; None without enough turning or without yaw torque."""
     plane, settings = log.plane, log.machine.settings
     used = plane.usable & plane.moving & ~mark_turn_transitions(plane, settings)
@@ -218,7 +216,7 @@ def fit_all_motion_with_row(
         does_check_concern_joint_motion(check, log.machine) for check in verdict.checks_beyond_limit
     )
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
-    return _copy_row_with_outcome(row, reason, withheld=not believed), fitted
+    return _make_outcome_row(row, reason, withheld=not believed), fitted
 
 
 def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
@@ -363,9 +361,7 @@ def _make_fit_row(
     }
 
     def u_of(gradient: Floats) -> float:
-        return compute_combined_uncertainty_of_quantity(
-            estimate, gradient, fitted.response_names, log.machine
-        )
+        return compute_combined_uncertainty(estimate, gradient, fitted.response_names, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known_names:
@@ -395,9 +391,7 @@ def _make_fit_row(
     return row
 
 
-def _copy_row_with_outcome(
-    fit_row: dict[str, Any], reason: str, *, withheld: bool
-) -> dict[str, Any]:
+def _make_outcome_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
     fit_row = {**fit_row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":

@@ -113,7 +113,7 @@ def iter_machine_uncertainty_sources(
         )
 
 
-def compute_combined_uncertainty_of_quantity(
+def compute_combined_uncertainty(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> float:
     """Combined standard uncertainty of a quantity; NaN if the motion does not determine it."""

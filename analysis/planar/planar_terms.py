@@ -22,10 +22,7 @@ from analysis.planar.planar_motion import (
     has_forward_accelerometer,
     has_lateral_accelerometer,
 )
-from analysis.weighing.nuisances import (
-    constant_force_prior_std_newtons,
-    coulomb_friction_prior_std_newtons,
-)
+from analysis.weighing.nuisances import constant_force_prior_std_newtons, friction_prior_std_newtons
 from estimators.arrays import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
@@ -147,7 +144,7 @@ def _combine_columns_by_imu_y_error(drive: PlanarDrive) -> ColumnCombination:
 
 
 def _planar_coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
-    return coulomb_friction_prior_std_newtons(drive.peak_force_N, drive.weight_newtons, priors)
+    return friction_prior_std_newtons(drive.peak_force_N, drive.weight_newtons, priors)
 
 
 def _imu_position_prior_std(drive: PlanarDrive, _priors: PriorSettings) -> float:

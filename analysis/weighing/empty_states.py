@@ -38,9 +38,7 @@ def find_empty_states(
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combine_u(
-        make_mass_budget(weighing, machine, fit.mass_coefficients_selecting_state(lightest))
-    )
+    u_kg = combine_u(make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -80,7 +78,7 @@ def estimate_std_of_empty_masses_kg(
     mean = mass_coefficients_of_mean_over_states(weighing.fit, empty)
     found, expected = 0.0, 0.0
     for state in empty:
-        weights = weighing.fit.mass_coefficients_selecting_state(state) - mean
+        weights = weighing.fit.mass_coefficients_of_state(state) - mean
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         found += mean[state] * float(weights @ weighing.fit.masses_kg) ** 2
         expected += mean[state] * random_kg**2
@@ -92,7 +90,7 @@ def mass_coefficients_of_payload(weighing: Weighing, state: int, empty: list[int
 
     Where the empty mass drifts, the mean is of those before and after the state.
     """
-    weights = weighing.fit.mass_coefficients_selecting_state(state)
+    weights = weighing.fit.mass_coefficients_of_state(state)
     if weighing.significant_empty_mass_drift is not None:
         empty = _find_nearest_empty_states(state, empty)
     return (

@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.column_inputs import ColumnInputs
-from analysis.weighing.fitted_stretches import count_earlier_samples_in_stretch, mark_stretch_ends
+from analysis.weighing.fitted_stretches import compute_index_in_stretch, mark_stretch_ends
 from analysis.weighing.force_hysteresis import Play, compute_sign_of_force_change
 from analysis.weighing.force_rate import (
     compute_force_rate_variances,
@@ -281,9 +281,7 @@ def average_columns_of_pieces(
     # lengths are few and short: counting them is quicker than sorting all rows
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
-    covariances = np.stack(
-        [noise.noise_covariance_of_trailing_means(int(length)) for length in lengths]
-    )
+    covariances = np.stack([noise.noise_covariance_of_means(int(length)) for length in lengths])
     weight = compute_square_roots_of_row_weights(A[:, :2], f, covariances, which)
 
     def weigh_rows(number: int) -> tuple[Floats, Floats]:
@@ -373,7 +371,7 @@ def make_columns_of_piece(
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
     wheels = motion.wheel_acceleration
     if wheels is None:
-        force_std = float(np.sqrt(noise.noise_covariance_of_trailing_means(1)[2, 2]))
+        force_std = float(np.sqrt(noise.noise_covariance_of_means(1)[2, 2]))
         force_rate, parabola = differentiate_force(force, motion.rate_hz, force_std), None
     else:
         force_rate, parabola = differentiate_force_by_widest_parabolas(force, motion.rate_hz, noise)
@@ -390,7 +388,7 @@ def make_columns_of_piece(
         else compute_sign_of_force_change(force, previous_estimates.play),
         motion.direction,
         motion.progress,
-        motion.earlier_sample_count_in_stretch / motion.rate_hz,
+        motion.index_in_stretch / motion.rate_hz,
         relative_load,
         relative_load if loads is None else relative_load / loads.rms,
         motion.place_1,
@@ -432,15 +430,13 @@ def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
     """Samples in stretches, but for the first ones of each, whose force is from before it."""
     fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
     if lag:
-        fitted = fitted & (
-            (motion.earlier_sample_count_in_stretch >= lag) | mark_stretch_ends(motion.group)
-        )
+        fitted = fitted & ((motion.index_in_stretch >= lag) | mark_stretch_ends(motion.group))
     return np.flatnonzero(fitted)
 
 
 def select_every_nth_sample(group: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
-    since = count_earlier_samples_in_stretch(group)
+    since = compute_index_in_stretch(group)
     short = mark_stretch_ends(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 

@@ -125,7 +125,7 @@ def mark_stretch_ends(group: Ints) -> Bools:
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
 
-def count_earlier_samples_in_stretch(group: Ints) -> Ints:
+def compute_index_in_stretch(group: Ints) -> Ints:
     """Number of earlier samples in the same stretch, (n,)."""
     row = np.arange(group.size)
     return row - np.maximum.accumulate(np.where(mark_stretch_starts(group), row, 0))
@@ -227,7 +227,7 @@ def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:
     return aligned["left_out"].to_numpy()
 
 
-def make_evenly_spaced_centred_values(sample_count: int) -> Floats:
+def make_centred_ramp(sample_count: int) -> Floats:
     """Evenly spaced values from -1/2 to 1/2, (samples,)."""
     return np.arange(sample_count) / max(sample_count, 1) - 0.5
 

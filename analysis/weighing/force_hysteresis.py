@@ -69,7 +69,7 @@ def choose_hysteresis_width_and_mean_length(
     noise_N, mean = 0.0, longest
     for mean in (*(1 << k for k in range(longest.bit_length() - 1)), longest):
         noise_N = LIMITS.hysteresis_turn_std * float(
-            np.sqrt(noise.noise_covariance_of_trailing_means(mean)[2, 2])
+            np.sqrt(noise.noise_covariance_of_means(mean)[2, 2])
         )
         if noise_N <= half_N:
             break

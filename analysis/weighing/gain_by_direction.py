@@ -150,7 +150,7 @@ def compute_reverse_to_forward_gain(
     """
     share, std = (
         float(fit_with_one_load.theta[-1]),
-        float(fit_with_one_load.posterior_mode_fit.parameter_stds[-1]),
+        float(fit_with_one_load.posterior_fit.parameter_stds[-1]),
     )
     if fit_with_load_states.mass_count == 1:
         std = max(

@@ -124,7 +124,7 @@ def refit_with_load_growing_at_starts(
     names = [term.name for term in fit.terms]
     resistances = [find_term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.mass_count + 1 + place for place in resistances)]
-    found, covariance = grown.theta[at], grown.posterior_mode_fit.covariance[np.ix_(at, at)]
+    found, covariance = grown.theta[at], grown.posterior_fit.covariance[np.ix_(at, at)]
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
     if not (
@@ -135,24 +135,17 @@ def refit_with_load_growing_at_starts(
     whitened = np.linalg.inv(np.linalg.cholesky(correlation))
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
-    better = max(missed_by_none**2 - missed**2, 0.0) / max(
-        grown.posterior_mode_fit.misfit_ratio, 1.0
-    )
+    better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.posterior_fit.misfit_ratio, 1.0)
     # what the masses are beside that growth and those resistances
-    follows = np.linalg.lstsq(
-        covariance, grown.posterior_mode_fit.covariance[at, : fit.mass_count]
-    )[0]
+    follows = np.linalg.lstsq(covariance, grown.posterior_fit.covariance[at, : fit.mass_count])[0]
     moved = (
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
     )
     of_sums = chain(
-        map(fit.mass_coefficients_selecting_state, range(fit.mass_count)),
+        map(fit.mass_coefficients_of_state, range(fit.mass_count)),
         list_coefficients_of_mean_payloads(fit),
     )
-    moves_u = [
-        abs(float(each @ moved)) / max(fit.u_of_weighted_mass_sum_kg(each), 1e-9)
-        for each in of_sums
-    ]
+    moves_u = [abs(float(each @ moved)) / max(fit.mass_sum_u_kg(each), 1e-9) for each in of_sums]
     return LoadFilling(
         float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u))), moved
     )
@@ -206,7 +199,7 @@ def find_manoeuvres_with_growing_load(
         left[part] = left[part].clip(-most, most)
     variance = _row_noise_variance_newtons2(fit, noise)
     friction = float(
-        np.hypot(fit.viscous_friction, fit.posterior_mode_fit.parameter_stds[fit.mass_count])
+        np.hypot(fit.viscous_friction, fit.posterior_fit.parameter_stds[fit.mass_count])
     )
     own = (
         LIMITS.own_friction_fraction * friction,
@@ -305,11 +298,9 @@ def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) 
         int(np.searchsorted(states.unit, manoeuvre_number, side)) for side in ("left", "right")
     )
     places = np.array([first] if end > first else [first - 1, first]).clip(0, states.unit.size - 1)
-    lightest = fit.mass_coefficients_selecting_state(int(np.argmin(fit.masses_kg)))
-    loads = [
-        fit.mass_coefficients_selecting_state(int(k)) - lightest for k in states.membership[places]
-    ]
-    return max(float(each @ fit.masses_kg) + fit.u_of_weighted_mass_sum_kg(each) for each in loads)
+    lightest = fit.mass_coefficients_of_state(int(np.argmin(fit.masses_kg)))
+    loads = [fit.mass_coefficients_of_state(int(k)) - lightest for k in states.membership[places]]
+    return max(float(each @ fit.masses_kg) + fit.mass_sum_u_kg(each) for each in loads)
 
 
 def find_creeping_load_changes(fit: JointFit) -> Ints:
@@ -371,4 +362,4 @@ def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> floa
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
     overlap = samples / compute_samples_between_fitted_means(samples)
-    return overlap * float(gradient @ noise.noise_covariance_of_trailing_means(samples) @ gradient)
+    return overlap * float(gradient @ noise.noise_covariance_of_means(samples) @ gradient)

@@ -157,7 +157,7 @@ def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFi
     filtered = task.fit_over_sample_means(mean_samples, 2, advance_force=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
-    if not chosen.posterior_mode_fit.misfit.any():
+    if not chosen.posterior_fit.misfit.any():
         return chosen
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
@@ -283,7 +283,7 @@ def refit_without_unlikely_effects(
 ) -> JointFit:
     """Refit without the effects that the log is unlikely to have."""
     likely = MostProbableEffects.from_fit(
-        fit.posterior_mode_fit, fit.mass_count, fit.terms, fit.prior_std
+        fit.posterior_fit, fit.mass_count, fit.terms, fit.prior_std
     )
     fit = replace(fit, effects=likely)
     return (
@@ -321,7 +321,7 @@ def refit_with_hysteresis_if_significant(
         half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percentile_newtons
         and (
             half_width_N
-            > LIMITS.hysteresis_min_std * float(tested.posterior_mode_fit.parameter_stds[-1])
+            > LIMITS.hysteresis_min_std * float(tested.posterior_fit.parameter_stds[-1])
         )
     )
     if not (shown or priors.hysteresis_share):

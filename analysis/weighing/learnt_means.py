@@ -60,10 +60,10 @@ class LearntErrors:
         at = np.array([k for k, _ in own], np.int64)
         place = at + fit.mass_count + 1
         apart = fit.theta[place] - [learnt[name].mean for _, name in own]
-        found = fit.posterior_mode_fit.covariance[np.ix_(place, place)] * np.outer(share, share)
+        found = fit.posterior_fit.covariance[np.ix_(place, place)] * np.outer(share, share)
         covariance = np.eye(len(own) + len(by_wheels))
         covariance[: len(own), : len(own)] = found + np.diag(std**2 / (mean_u**2 + std**2))
-        together = -fit.posterior_mode_fit.covariance[: fit.mass_count, place] * share
+        together = -fit.posterior_fit.covariance[: fit.mass_count, place] * share
         return cls(
             (*(name for _, name in own), *by_wheels),
             np.append(-share * apart, np.zeros(len(by_wheels))),
@@ -108,7 +108,7 @@ def make_learnt_mean_frames(
     def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
         return _make_mass_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
-    rows = make_rows_of_kind(of_mass, {k: fit.mass_coefficients_selecting_state(k) for k in states})
+    rows = make_rows_of_kind(of_mass, {k: fit.mass_coefficients_of_state(k) for k in states})
     if empty:
         against = {
             k: mass_coefficients_of_payload(weighing, k, empty) for k in states if k not in empty

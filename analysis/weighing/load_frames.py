@@ -155,7 +155,7 @@ def _make_load_row(
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
-    sources = make_mass_budget(weighing, machine, fit.mass_coefficients_selecting_state(state))
+    sources = make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combine_u(sources)
     withheld = [check.check for check in verdict.withholding_checks("mass")]

@@ -21,7 +21,7 @@ from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.joint.posterior_mode_fit import PosteriorModeFit
+from estimators.joint.posterior_fit import PosteriorFit
 
 #: The settings that are the widths of an effect's priors.
 _WIDTHS: Final = {
@@ -66,7 +66,7 @@ class MostProbableEffects:
 
     @classmethod
     def from_fit(
-        cls, fit: PosteriorModeFit, mass_count: int, terms: tuple[Nuisance, ...], prior_std: Floats
+        cls, fit: PosteriorFit, mass_count: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
         """Compute the probabilities of all choices of effects; None without effects.
 

@@ -201,7 +201,7 @@ def estimate_force_curvature(
     """
     curved = refit_with_extra_terms(
         fit, noise, priors, (CURVATURE,), fit_rows=fit_rows
-    ).posterior_mode_fit
+    ).posterior_fit
     moved = float(curved.theta[fit.most_frequent_state] - fit.theta[fit.most_frequent_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
@@ -242,7 +242,7 @@ def find_missing_terms(
             continue
         value = float(other.theta[-1])
         lacking = MissingTerm(
-            term, value, value / float(other.posterior_mode_fit.parameter_stds[-1]), effect_kg
+            term, value, value / float(other.posterior_fit.parameter_stds[-1]), effect_kg
         )
         if lacking.is_significant(fit):
             found.append(lacking)
@@ -254,5 +254,5 @@ def find_missing_terms(
 def _largest_mass_change_over_uncertainty(mass_changes_kg: Floats, fit: JointFit) -> float:
     """Largest change of a mass over its uncertainty."""
     return float(
-        np.max(np.abs(mass_changes_kg) / fit.posterior_mode_fit.parameter_stds[: fit.mass_count])
+        np.max(np.abs(mass_changes_kg) / fit.posterior_fit.parameter_stds[: fit.mass_count])
     )

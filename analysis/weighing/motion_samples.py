@@ -24,14 +24,14 @@ from analysis.weighing.fitted_stretches import (
     assign_fitted_manoeuvre_numbers,
     assign_one_way_run_numbers,
     clear_stretch_numbers_at_noise_speed,
-    count_earlier_samples_in_stretch,
+    compute_index_in_stretch,
     count_gaps_so_far,
     count_standstills_so_far,
     extend_manoeuvres_to_break_away,
     find_manoeuvre_direction_of_samples,
     find_stretch_spans,
     integrate_path_positions_and_length_m,
-    make_evenly_spaced_centred_values,
+    make_centred_ramp,
     mark_gear_changes,
     mark_rows_without_data,
     read_gear_ratio,
@@ -57,7 +57,7 @@ def select_rows_of_array_fields(record: Any, rows: slice | Ints) -> dict[str, An
 class ColumnNoiseModel(Protocol):
     """Noise model of acceleration, speed and force."""
 
-    def noise_covariance_of_trailing_means(self, mean_samples: int) -> Floats:
+    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
         ...
 
@@ -73,12 +73,10 @@ class CachedNoise:
     columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
 
-    def noise_covariance_of_trailing_means(self, mean_samples: int) -> Floats:
+    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
         if mean_samples not in self._known:
-            self._known[mean_samples] = self.columns.noise_covariance_of_trailing_means(
-                mean_samples
-            )
+            self._known[mean_samples] = self.columns.noise_covariance_of_means(mean_samples)
         return self._known[mean_samples]
 
 
@@ -146,9 +144,7 @@ class MotionSamples:
         if not self.is_fittable.any() or int(self.group.max()) < stretch_count:
             return self
         end = int(np.argmax(self.group >= stretch_count))
-        return replace(
-            self._select_samples(slice(0, end)), progress=make_evenly_spaced_centred_values(end)
-        )
+        return replace(self._select_samples(slice(0, end)), progress=make_centred_ramp(end))
 
     def drop_samples_far_from_fitted(self, reach_s: float) -> "MotionSamples":
         """Drop samples farther than `reach_s` from all that may be fitted.
@@ -198,15 +194,15 @@ class MotionSamples:
         )
 
     @cached_property
-    def earlier_sample_count_in_stretch(self) -> Ints:
+    def index_in_stretch(self) -> Ints:
         """Number of earlier samples in the same stretch, (n,)."""
-        return count_earlier_samples_in_stretch(self.group)
+        return compute_index_in_stretch(self.group)
 
     @cached_property
     def travelled_m(self) -> Floats:
         """Distance of each sample from the begin of its stretch, (n,) in m."""
         way = np.cumsum(np.abs(self.speed)) / self.rate_hz
-        return way - way[np.arange(way.size) - self.earlier_sample_count_in_stretch]
+        return way - way[np.arange(way.size) - self.index_in_stretch]
 
     @cached_property
     def is_fittable(self) -> Bools:
@@ -296,13 +292,9 @@ def collect_motion_samples(
     acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
-    noise_m_s = LIMITS.moving_speed_std * float(
-        np.sqrt(noise.noise_covariance_of_trailing_means(3)[1, 1])
-    )
+    noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.noise_covariance_of_means(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
-    smoothed_m_s = float(
-        np.sqrt(noise.noise_covariance_of_trailing_means(settings.smooth.samples)[1, 1])
-    )
+    smoothed_m_s = float(np.sqrt(noise.noise_covariance_of_means(settings.smooth.samples)[1, 1]))
     group = assign_fitted_manoeuvre_numbers(
         excitation, gated, machine, moves_m_s, smoothed_m_s, braking=braking
     )
@@ -351,7 +343,7 @@ def collect_motion_samples(
         _read_known_grid_column(aligned, "acc_x_m_s2", known)
         if machine.differentiates_wheels
         else None,
-        make_evenly_spaced_centred_values(speed.size),
+        make_centred_ramp(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
         *integrate_path_positions_and_length_m(
             np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz

@@ -60,7 +60,7 @@ def constant_force_prior_std_newtons(
     return float(np.hypot(priors.const_share * largest_force_N, by_weight_N))
 
 
-def coulomb_friction_prior_std_newtons(
+def friction_prior_std_newtons(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
@@ -77,13 +77,9 @@ def constant_force_prior_std_of_motion_newtons(
     )
 
 
-def coulomb_friction_prior_std_of_motion_newtons(
-    motion: MotionSamples, priors: PriorSettings
-) -> float:
+def friction_prior_std_of_motion_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the Coulomb term, in N."""
-    return coulomb_friction_prior_std_newtons(
-        motion.force_95_percentile_newtons, motion.weight, priors
-    )
+    return friction_prior_std_newtons(motion.force_95_percentile_newtons, motion.weight, priors)
 
 
 def split_constant_prior_into_error_and_force(
@@ -98,9 +94,7 @@ def split_constant_prior_into_error_and_force(
     """
     wrong = priors.const_share * motion.force_95_percentile_newtons
     coulomb = (
-        0.0
-        if motion.drives_both_ways
-        else coulomb_friction_prior_std_of_motion_newtons(motion, priors)
+        0.0 if motion.drives_both_ways else friction_prior_std_of_motion_newtons(motion, priors)
     )
     acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
     both = float(np.hypot(wrong, acts))
@@ -255,7 +249,7 @@ NUISANCES: Final = (
         "direction",
         "N",
         lambda m: m.direction * (1.0 + m.weight_shares[1] * m.relative_load),
-        coulomb_friction_prior_std_of_motion_newtons,
+        friction_prior_std_of_motion_newtons,
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.drives_both_ways,

@@ -134,13 +134,13 @@ class _DerivativeNoise:
     columns: ColumnNoise
     rate_hz: float
 
-    def noise_covariance_of_trailing_means(self, mean_samples: int) -> Floats:
+    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.noise_covariance_of_trailing_means(mean_samples)
+        found = self.columns.noise_covariance_of_means(mean_samples)
         if mean_samples < LIMITS.derivative_mean_samples:
             return found
         found = found.copy()
-        speed = self.columns.noise_covariance_of_trailing_means(1)[1, 1]
+        speed = self.columns.noise_covariance_of_means(1)[1, 1]
         found[0, :] = found[:, 0] = 0.0
         found[0, 0] = 2.0 * speed * (self.rate_hz / mean_samples) ** 2
         return found

@@ -45,7 +45,7 @@ from analysis.weighing.wheel_kinematics import (
 )
 from estimators.interpreted import compiled_unless_short_log
 from estimators.joint import prior_fit
-from estimators.joint.posterior_mode_fit import PosteriorModeFit
+from estimators.joint.posterior_fit import PosteriorFit
 from estimators.joint.prior_fit import Grouping
 from estimators.numerics.autocorrelation import compute_autocovariance_loss
 from estimators.numerics.group_sums import NoiseMoments
@@ -242,9 +242,7 @@ def _fit_wheel_comparison(
         wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
-    noise_m_s = max(
-        float(np.sqrt(noise.noise_covariance_of_trailing_means(MEAN)[1, 1])), rounding_m_s
-    )
+    noise_m_s = max(float(np.sqrt(noise.noise_covariance_of_means(MEAN)[1, 1])), rounding_m_s)
     free = wide.fit
     least_1 = LIMITS.gain_min_std * estimate_gain_that_noise_mimics(
         rows,
@@ -285,9 +283,7 @@ def _fit_wheel_comparison(
     )
 
 
-def is_accelerometer_gain_significant(
-    fit: PosteriorModeFit, noise_m_s: float, least_1: float
-) -> bool:
+def is_accelerometer_gain_significant(fit: PosteriorFit, noise_m_s: float, least_1: float) -> bool:
     """Whether a gain exceeds what its prior and the noise allow.
 
     Args:
@@ -312,7 +308,7 @@ def _make_comparison_rows(
     X, y, group, ground = average_and_detrend_wheel_columns(
         measured_acceleration, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
-    covariance = noise.noise_covariance_of_trailing_means(MEAN)
+    covariance = noise.noise_covariance_of_means(MEAN)
     grams = np.zeros((len(spans), 4, 4))
     grams[:, 1, 1] = ground * covariance[2, 2]
     grams[:, 2, 2] = np.bincount(group) * covariance[0, 0]

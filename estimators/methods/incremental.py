@@ -294,9 +294,7 @@ def _step_exponential_rls(
         squares = np.zeros((p + 1, p + 1))
         squares[:p, :p] = R @ invert_positive_definite(G) @ R
         past = WindowHistory(
-            pad_entries_to_lanes(
-                pack_symmetric_matrix(recursion.compute_initial_gram_matrix(begin))
-            ),
+            pad_entries_to_lanes(pack_symmetric_matrix(recursion.initial_gram_matrix(begin))),
             pad_entries_to_lanes(pack_symmetric_matrix(squares)),
             begin.weight,
         )

@@ -155,7 +155,7 @@ def _trace_with_exponential_forgetting(
     theta[0], rms[0] = initial_state.theta, np.sqrt(initial_state.square / initial_state.weight)
     condition[0] = compute_scaled_condition(gram)
     past, weight = (
-        pad_entries_to_lanes(pack_symmetric_matrix(compute_initial_gram_matrix(initial_state))),
+        pad_entries_to_lanes(pack_symmetric_matrix(initial_gram_matrix(initial_state))),
         np.array([initial_state.weight]),
     )
     entries = (p + 1) * (p + 2) // 2
@@ -187,7 +187,7 @@ def estimate_window_autocorrelation(
     )
 
 
-def compute_initial_gram_matrix(state: RlsState) -> Floats:
+def initial_gram_matrix(state: RlsState) -> Floats:
     """Discounted Gram matrix of [A f], (p+1, p+1), that is equivalent to an initial state."""
     R = np.diag(1.0 / np.diagonal(state.P))
     h = R @ state.theta

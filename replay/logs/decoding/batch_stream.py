@@ -40,7 +40,7 @@ class TopicStream:
         self._few: list[RawBatch] = []
         self._rows = self._bytes = 0
         self._begun: list[Callable[[], DecodedBatch]] = []
-        #: the log time of the last message, by connection: groups hold several side by side
+        #: the log time of the last message, by connection: slabs hold several side by side
         self._last: dict[int, int] = {}
 
     def submit_batch(self, batch: RawBatch, submit: Submit) -> None:

@@ -201,8 +201,8 @@ class _TwoLoads:
     def masses_kg(self) -> Floats:
         return np.array([12_000.0, 15_000.0])
 
-    def mass_coefficients_selecting_state(self, state: int) -> Floats:
+    def mass_coefficients_of_state(self, state: int) -> Floats:
         return np.eye(2)[state]
 
-    def u_of_weighted_mass_sum_kg(self, weights: Floats) -> float:
+    def mass_sum_u_kg(self, weights: Floats) -> float:
         return 50.0 * float(np.abs(weights).any())
