@@ -75,7 +75,7 @@ class RelativeLoads:
         return cls(manoeuvre_numbers, value, weight_shares)
 
     @property
-    def rms(self) -> float:
+    def rms_relative_load(self) -> float:
         """Root mean square of the relative loads, above 0."""
         return max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
@@ -313,17 +313,17 @@ def average_columns_of_pieces(
 
 
 def whiten_random_intercepts_in_place(
-    A: Floats, f: Floats, group: Ints, variance_ratio: float
+    A: Floats, f: Floats, stretch_of_row: Ints, variance_ratio: float
 ) -> None:
     """Subtract from each stretch the part of its mean that a random intercept explains.
 
     Args:
         A: (rows, p) columns, changed in place.
         f: (rows,) force, changed in place.
-        group: (rows,) number of the stretch.
+        stretch_of_row: (rows,) number of the stretch.
         variance_ratio: variance of the intercepts over that of a row.
     """
-    for part in list_rows_by_group(group):
+    for part in list_rows_by_group(stretch_of_row):
         off, rows = (
             1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size),
             convert_consecutive_rows_to_slice(part),
@@ -390,7 +390,7 @@ def make_columns_of_piece(
         motion.progress,
         motion.index_in_stretch / motion.rate_hz,
         relative_load,
-        relative_load if loads is None else relative_load / loads.rms,
+        relative_load if loads is None else relative_load / loads.rms_relative_load,
         motion.place_1,
         motion.travelled_m,
         *route_positions_and_length_m(motion, previous_estimates),
@@ -434,11 +434,11 @@ def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
     return np.flatnonzero(fitted)
 
 
-def select_every_nth_sample(group: Ints, stride: int) -> Bools:
+def select_every_nth_sample(stretch_of_sample: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
-    since = compute_index_in_stretch(group)
-    short = mark_stretch_ends(group) & (since < stride - 1)
-    return (group >= 0) & ((since % stride == stride - 1) | short)
+    since = compute_index_in_stretch(stretch_of_sample)
+    short = mark_stretch_ends(stretch_of_sample) & (since < stride - 1)
+    return (stretch_of_sample >= 0) & ((since % stride == stride - 1) | short)
 
 
 def compute_square_roots_of_row_weights(

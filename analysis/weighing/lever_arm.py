@@ -243,12 +243,12 @@ def compute_lagged_differences_of_stretch_means(
 
 
 @compiled_unless_short_log
-def _compute_lagged_differences_of_column(x: Floats, spans: Ints, lag_means: int) -> Floats:
+def _compute_lagged_differences_of_column(column: Floats, spans: Ints, lag_means: int) -> Floats:
     """Centred differences of a column, the stretches one after another."""
     counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means
     out, row = np.empty(counts.sum()), 0
     for number in range(len(spans)):
-        means = compute_overlapping_means(x[spans[number, 0] : spans[number, 1]])
+        means = compute_overlapping_means(column[spans[number, 0] : spans[number, 1]])
         differences = means[lag_means:] - means[:-lag_means]
         out[row : row + counts[number]] = differences - sum_in_order(differences) / counts[number]
         row += counts[number]

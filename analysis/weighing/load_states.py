@@ -264,15 +264,19 @@ def _is_load_state_partition_credible(
     return repeatability_kg is not None or not (few and doubted)
 
 
-def compute_weighted_mean_mass_by_state_kg(mass_kg: Floats, weight: Floats, state: Ints) -> Floats:
+def compute_weighted_mean_mass_by_state_kg(
+    mass_kg: Floats, statistical_weight: Floats, state_of_manoeuvre: Ints
+) -> Floats:
     """Weighted means by state, (states,).
 
     Args:
         mass_kg: (units,) mass of each manoeuvre.
-        weight: (units,) weight of each manoeuvre.
-        state: (units,) state of each manoeuvre, from 0.
+        statistical_weight: (units,) weight of each manoeuvre.
+        state_of_manoeuvre: (units,) state of each manoeuvre, from 0.
     """
-    return np.bincount(state, weights=weight * mass_kg) / np.bincount(state, weights=weight)
+    return np.bincount(state_of_manoeuvre, weights=statistical_weight * mass_kg) / np.bincount(
+        state_of_manoeuvre, weights=statistical_weight
+    )
 
 
 def estimate_or_assume_mass_scatter_about_states(

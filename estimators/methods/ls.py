@@ -84,7 +84,7 @@ class Windows(NamedTuple):
     condition: Floats
 
     @classmethod
-    def empty(cls, rows: int, parameter_count: int) -> "Windows":
+    def allocate_rows(cls, rows: int, parameter_count: int) -> "Windows":
         """Allocate the rows."""
         return cls(
             np.empty((rows, parameter_count)),
@@ -106,7 +106,7 @@ class Windows(NamedTuple):
 
 def solve_windows(A: Floats, f: Floats, window: int, window_ends: Ints) -> Windows:
     """Solve the windows that end at `window_ends`."""
-    out = Windows.empty(window_ends.size, A.shape[1])
+    out = Windows.allocate_rows(window_ends.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
         products = sum_window_products(A, f, window, window_ends[rows])
