@@ -243,7 +243,7 @@ def ours(points: Points, line: tuple[float, float]) -> tuple[float, float, float
     inversion = LineInversion.from_line(fitted)
     c0, c1 = line
     low, high = inversion.slope_interval(CONFIDENCE)
-    at_zero = inversion.invert_without_later_variance(0.0, CONFIDENCE)
+    at_zero = inversion.invert_with_line_uncertainty_only(0.0, CONFIDENCE)
     beta_kg = -c0 / c1
     found_kg = float(at_zero.mass_kg[0])
     holds_beta = at_zero.low_kg[0] <= beta_kg <= at_zero.high_kg[0]

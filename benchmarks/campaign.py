@@ -13,7 +13,7 @@ from typing import Annotated
 import polars as pl
 import typer
 
-from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
+from analysis.calibration.campaign.method_errors import compute_rms_mass_errors_by_method
 from analysis.simulation import Scenario
 from replay import load_machine
 from replay.demo.run_demo import replay_simulated_campaign
@@ -43,7 +43,7 @@ def main(
                 base.with_seed(seed), Path(folder) / f"campaign{suffix}"
             )
             calibration = replay_simulated_campaign(logs, machine).frames["calibration"]
-        errors.append(compute_rms_errors_by_method(calibration).with_columns(seed=seed))
+        errors.append(compute_rms_mass_errors_by_method(calibration).with_columns(seed=seed))
         biases.append(
             calibration.group_by("method", maintain_order=True).agg(
                 bias_kg=(pl.col("estimate_kg") - pl.col("reference_kg")).mean(),

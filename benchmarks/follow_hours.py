@@ -17,7 +17,7 @@ import typer
 
 from analysis.model.machine import Machine
 from analysis.online.follower import Follower
-from analysis.online.growing_log import make_causal_machine
+from analysis.online.growing_log import copy_machine_with_causal_filters
 from analysis.simulation import Scenario
 from benchmarks.follow_live import NOISE
 from benchmarks.page import markdown
@@ -36,7 +36,7 @@ def driven(folder: Path, machine: Machine, rate_hz: float) -> dict[str, pl.DataF
     plan = {"campaign": {"loads_kg": [150], "runs": 4}, "sensors": {"rate_hz": rate_hz}}
     (log,) = simulate_scenario_to_logs(Scenario.model_validate(plan), folder / "starts.mcap")
     with open_log(log) as opened:
-        return opened.read_many(list_channel_fields(make_causal_machine(machine)))
+        return opened.read_many(list_channel_fields(copy_machine_with_causal_filters(machine)))
 
 
 def later(samples: pl.DataFrame, by_ns: int) -> pl.DataFrame:

@@ -13,7 +13,7 @@ import typer
 
 from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
+from analysis.calibration.campaign.method_errors import compute_rms_mass_errors_by_method
 from analysis.model.axes import make_straight_regressor_and_force
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
@@ -54,7 +54,7 @@ def campaign(seeds: int) -> tuple[Found, Found]:
         plan = scenario(seed, loads_kg=Scenario().campaign.loads_kg)
         for option, table in estimates_of(*joined(plan, machine=MACHINE)).items():
             left_out[option].append(
-                compute_rms_errors_by_method(fit_calibration_line_by_method(table))[
+                compute_rms_mass_errors_by_method(fit_calibration_line_by_method(table))[
                     "rmse_left_out_kg"
                 ][0]
             )

@@ -16,7 +16,7 @@ import typer
 
 from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
+from analysis.calibration.campaign.method_errors import compute_rms_mass_errors_by_method
 from analysis.model.axes import make_straight_regressor_and_force
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
@@ -109,7 +109,7 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
         error = (windows["mass_kg"] - windows["mass_kg_true"]).to_numpy()
         named = {f"estimates/{method}": table for method, table in estimates.items()}
         by_run = average_masses_by_method_and_run(Run(named, replayed.provenance), runs)
-        errors = compute_rms_errors_by_method(fit_calibration_line_by_method(by_run))
+        errors = compute_rms_mass_errors_by_method(fit_calibration_line_by_method(by_run))
         left_out = dict(errors.select("method", "rmse_left_out_kg").iter_rows())
         raw = by_run.filter(pl.col("method") == "ls")
         raw_error = (raw["mass_kg"] - raw["reference_kg"]).drop_nulls().to_numpy()

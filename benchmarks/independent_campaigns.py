@@ -21,14 +21,14 @@ import typer
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
     make_readings_of_campaign_runs,
-    make_run_responses_to_learnt_means,
+    make_run_changes_per_learnt_mean_u,
 )
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.calibration.use.apply_calibration import calibrate_loads, collect_later_log_facts
 from analysis.calibration.use.learnt_priors import (
-    apply_learnt_priors_to_machine,
-    copy_machine_with_learnt_means_checked,
+    copy_machine_estimating_learnt_mean_errors,
+    copy_machine_with_learnt_priors,
     pool_learnt_terms_over_logs,
     select_learnable_terms,
 )
@@ -132,8 +132,8 @@ def changed(drawn: Drawn, change: str) -> Drawn:
 def machine_as_calibrated(own: Machine, calibrated_machine: Machine) -> Machine:
     """Give a machine the learnt priors of another, and the way in which that uses them."""
     priors = calibrated_machine.settings.priors
-    own = apply_learnt_priors_to_machine(own, priors.learnt)
-    return copy_machine_with_learnt_means_checked(own) if priors.learnt_means == "told" else own
+    own = copy_machine_with_learnt_priors(own, priors.learnt)
+    return copy_machine_estimating_learnt_mean_errors(own) if priors.learnt_means == "told" else own
 
 
 def replayed(
@@ -206,7 +206,7 @@ def calibrated(
         if not each.frames["loads"]["withheld"].any()
         for term in select_learnable_terms(str(number), each.frames["nuisances"])
     ]
-    machine = apply_learnt_priors_to_machine(raw[0][1], pool_learnt_terms_over_logs(said))
+    machine = copy_machine_with_learnt_priors(raw[0][1], pool_learnt_terms_over_logs(said))
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]
     again = [replayed(drawn, state, own, machine)[0] for state, own in logs]
     runs = [
@@ -222,7 +222,7 @@ def calibrated(
     responses = [
         one
         for each, about in zip(again, runs, strict=True)
-        for one in make_run_responses_to_learnt_means(each, [about], "joint_mass")
+        for one in make_run_changes_per_learnt_mean_u(each, [about], "joint_mass")
     ]
     reference_kg = mass_kg * (1.0 + np.array(loads_1))
     known = pl.DataFrame({"load_id": [r.log for r in runs], "reference_kg": reference_kg})
@@ -232,7 +232,7 @@ def calibrated(
         line = fit_calibration_line(pl.concat(tables), known, u_kg2, options, responses)
     except ValueError as fault:
         return str(fault)
-    return line, copy_machine_with_learnt_means_checked(machine)
+    return line, copy_machine_estimating_learnt_mean_errors(machine)
 
 
 def later(

@@ -28,7 +28,7 @@ from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import ForceCurvature, Weighing
 from estimators.arrays import Floats, Ints
 from estimators.joint.group_effects import GroupEffects
-from estimators.joint.map_fit import MapFit
+from estimators.joint.posterior_fit import PosteriorFit
 from replay import load_machine
 
 EMPTY_KG: Final = 3614.0
@@ -212,7 +212,7 @@ def _true_passes(truth: DrawnShift, states: LoadStates, hat: Floats) -> Passes:
 
 
 class _Estimated(NamedTuple):
-    fit: MapFit
+    fit: PosteriorFit
 
 
 def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
@@ -230,7 +230,7 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     width = np.zeros(count + r)
     width[count:] = prior[count:] ** -0.5
     theta = hat @ units.y
-    fit = MapFit(
+    fit = PosteriorFit(
         theta=theta,
         noise=(hat * units.variance) @ hat.T,
         responses=(bread * prior * width).T,
@@ -259,13 +259,13 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     return weighing, hat[count:]
 
 
-def _with_friction(fit: MapFit, place: int) -> MapFit:
+def _with_friction(fit: PosteriorFit, place: int) -> PosteriorFit:
     def wide(x: Floats) -> Floats:
         for axis in range(x.ndim):
             x = np.insert(x, place, 0.0, axis=axis)
         return x
 
-    return MapFit(
+    return PosteriorFit(
         wide(fit.theta), wide(fit.noise), wide(fit.responses), wide(fit.scatter),
         wide(fit.misfit), wide(fit.doubt), fit.noise_share, fit.scatter_ratio, fit.misfit_ratio,
         fit.groups, fit.residual, fit.residual_rms,

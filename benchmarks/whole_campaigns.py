@@ -17,13 +17,13 @@ from scipy.stats import t as student_t
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
     make_readings_of_campaign_runs,
-    make_run_responses_to_learnt_means,
+    make_run_changes_per_learnt_mean_u,
 )
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.calibration.use.apply_calibration import calibrate_loads, collect_later_log_facts
 from analysis.calibration.use.learnt_priors import (
-    apply_learnt_priors_to_machine,
+    copy_machine_with_learnt_priors,
     pool_learnt_terms_over_logs,
     select_learnable_terms,
 )
@@ -139,7 +139,7 @@ def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
         for term in select_learnable_terms(f"{load_kg:g}", each.frames["nuisances"])
     ]
     narrow = replays(
-        logs, apply_learnt_priors_to_machine(machine, pool_learnt_terms_over_logs(said))
+        logs, copy_machine_with_learnt_priors(machine, pool_learnt_terms_over_logs(said))
     )
     return {
         name: _outcomes(replayed, references)
@@ -155,7 +155,7 @@ def _outcomes(replayed: list[Run], references: pl.DataFrame) -> list[Outcome]:
     responses = [
         one
         for each, load_kg in zip(first, LOADS_KG, strict=True)
-        for one in make_run_responses_to_learnt_means(each, [run_of(load_kg)], "joint_mass")
+        for one in make_run_changes_per_learnt_mean_u(each, [run_of(load_kg)], "joint_mass")
     ]
     options = CalibrationOptions("joint_mass")
     line = fit_calibration_line(table, references, covariance, options, responses)

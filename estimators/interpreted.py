@@ -107,7 +107,7 @@ class CompiledLoop:
         """The function as run by the interpreter."""
         if self._by_arrays is not None:
             return self._by_arrays
-        return self._with_replaced_globals(
+        return self._copy_function_with_replaced_globals(
             {name: each.interpreted for name, each in self._find_called_loops().items()}
         )
 
@@ -117,7 +117,7 @@ class CompiledLoop:
         from estimators import compiled  # imports numba, which is slow
 
         calls = {name: each.compiled for name, each in self._find_called_loops().items()}
-        return getattr(compiled, self._how)(self._with_replaced_globals(calls))
+        return getattr(compiled, self._how)(self._copy_function_with_replaced_globals(calls))
 
     @cached_property
     def is_cached(self) -> bool:
@@ -167,7 +167,9 @@ class CompiledLoop:
             name: each for name, each in used.items() if isinstance(each, CompiledLoop | Primitive)
         }
 
-    def _with_replaced_globals(self, replacements_by_name: dict[str, Any]) -> Callable[..., Any]:
+    def _copy_function_with_replaced_globals(
+        self, replacements_by_name: dict[str, Any]
+    ) -> Callable[..., Any]:
         """The function with some of its global names replaced."""
         mine = self._function
         made = FunctionType(

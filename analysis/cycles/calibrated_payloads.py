@@ -69,7 +69,7 @@ def calibrate_cycles(
     )
     if is_empty_mass_scale_more_certain(cycles, on_scale, tuple(found)):
         return cycles
-    off_kg, u_kg = estimate_mean_line_offset_and_u_kg(calibration, shared_errors)
+    off_kg, u_kg = estimate_mean_offset_from_line_and_u_kg(calibration, shared_errors)
     reasons = pl.Series(
         "reason",
         [_explain_inapplicable_line(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()],
@@ -112,7 +112,7 @@ def is_empty_mass_scale_more_certain(
     return relative_u_of_sum(cycles) < relative_u_of_sum(line_payloads)
 
 
-def estimate_mean_line_offset_and_u_kg(
+def estimate_mean_offset_from_line_and_u_kg(
     calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
     """Mean offset of the log's masses from their line in kg, with its standard uncertainty."""
@@ -129,7 +129,7 @@ def estimate_mean_line_offset_and_u_kg(
     ):
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
-    return shared_errors.line_offset_and_u_kg(
+    return shared_errors.estimate_minus_line_kg_and_u_kg(
         moved_kg, shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
     )
 

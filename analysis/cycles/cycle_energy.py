@@ -121,20 +121,23 @@ def compute_shift_energy(
         return NO_ENERGY
     drive = collect_fitted_drive(frames, machine)
     found = drive.integrate_over_phases(spans)
-    value = split_energy_by_phase_and_part(found, drive.model)
+    value = split_energy_by_phase_and_part_joules(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
     gain_u_1, unknown = relative_work_u_and_missing_settings(machine)
     common_1, random_1 = relative_common_and_individual_mass_u(frames)
-    common = [*compute_energy_sensitivities(drive, spans, found, value), gain_u_1 * value]
-    common.append(common_1 * compute_energy_change_by_mass_error(found))
-    random = estimate_random_energy_u(found, value, drive.model, random_1, spans)
+    common = [
+        *compute_energy_changes_by_term_u_joules(drive, spans, found, value),
+        gain_u_1 * value,
+    ]
+    common.append(common_1 * compute_energy_change_by_mass_error_joules(found))
+    random = estimate_random_energy_u_joules(found, value, drive.model, random_1, spans)
     fuel_L = sum_fuel_litres(drive.samples, spans)
     rows = _make_energy_rows(spans, value, np.array(common), random, fuel_L)
     return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
 
 
-def compute_energy_sensitivities(
+def compute_energy_changes_by_term_u_joules(
     drive: FittedDrive, spans: list[PhaseSpan], integrals: PhaseIntegrals, energy_J: Floats
 ) -> list[Floats]:
     """Changes of the energy by one standard uncertainty of each term, (phases, parts) in J each."""
@@ -148,23 +151,24 @@ def compute_energy_sensitivities(
         for each in perturb_terms_one_by_one(drive.errors, drive.errors_u)
     ]
     earlier, later = (
-        split_energy_by_phase_and_part(
+        split_energy_by_phase_and_part_joules(
             replace(drive, samples=each).integrate_over_phases(spans), model
         )
         - energy_J
         for each in (delay_force_samples(drive.samples, way * drive.move_rows) for way in (-1, 1))
     )
     return [
-        *(split_energy_by_phase_and_part(integrals, each) - energy_J for each in forces),
+        *(split_energy_by_phase_and_part_joules(integrals, each) - energy_J for each in forces),
         *(
-            split_energy_by_phase_and_part(each.integrate_over_phases(spans), model) - energy_J
+            split_energy_by_phase_and_part_joules(each.integrate_over_phases(spans), model)
+            - energy_J
             for each in moved
         ),
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
-        compute_energy_change_by_slope(integrals, model),
-        distribute_mean_residual_work_by_part(integrals, energy_J, model),
-        drive.speed_u_1 * compute_energy_change_by_speed_error(energy_J),
+        compute_energy_change_by_slope_joules(integrals, model),
+        distribute_mean_residual_work_joules(integrals, energy_J, model),
+        drive.speed_u_1 * compute_energy_change_by_speed_error_joules(energy_J),
     ]
 
 
@@ -199,23 +203,25 @@ def list_phase_edges_ns(cycle_row: Mapping[str, Any]) -> list[int] | None:
     return edges if sorted(edges) == edges else None
 
 
-def split_energy_by_phase_and_part(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
+def split_energy_by_phase_and_part_joules(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Energy by phase and part, (phases, parts) in J."""
     drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
-    straight = compute_drive_work(drive, model)
+    straight = compute_drive_work_by_phase_joules(drive, model)
     work = straight + integrals.turning_J
     slope = (
         drive["mass"]
         - integrals.kinetic_J
         + model.constant_force_without_offset_newtons * drive["offset"]
     )
-    digging = compute_drive_work(dig, model) - compute_friction_work(dig, model)
+    digging = compute_drive_work_by_phase_joules(
+        dig, model
+    ) - compute_friction_work_by_phase_joules(dig, model)
     friction = work - integrals.kinetic_J - slope - digging
-    braking = -sum_inertia_and_friction_work(slow, model)
+    braking = -compute_inertia_and_friction_work_joules(slow, model)
     return np.stack([work, integrals.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def compute_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def compute_drive_work_by_phase_joules(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive: measured work less the work of force errors, (phases,) in J."""
     return (
         integrals["force"]
@@ -225,7 +231,9 @@ def compute_drive_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     )
 
 
-def sum_inertia_and_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def compute_inertia_and_friction_work_joules(
+    integrals: EnergyIntegrals, model: ForceModel
+) -> Floats:
     """Work done on masses and fitted friction, (phases,) in J."""
     return (
         integrals["mass"]
@@ -237,12 +245,12 @@ def sum_inertia_and_friction_work(integrals: EnergyIntegrals, model: ForceModel)
     )
 
 
-def compute_friction_work(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
+def compute_friction_work_by_phase_joules(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the drive against friction and slip without a pile, (phases,) in J."""
-    return sum_inertia_and_friction_work(integrals, model) + integrals["slip"]
+    return compute_inertia_and_friction_work_joules(integrals, model) + integrals["slip"]
 
 
-def compute_energy_change_by_slope(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
+def compute_energy_change_by_slope_joules(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
     """Change of the energy if a slope shifts weight like an acceleration, (phases, parts) in J.
 
     The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
@@ -253,7 +261,7 @@ def compute_energy_change_by_slope(integrals: PhaseIntegrals, model: ForceModel)
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
 
 
-def compute_energy_change_by_speed_error(energy_J: Floats) -> Floats:
+def compute_energy_change_by_speed_error_joules(energy_J: Floats) -> Floats:
     """Change of the energy by a relative speed error of 1, (phases, parts) in J.
 
     Torque times wheel speed stays, and so does the work of lifting, since the masses are lighter as
@@ -276,11 +284,11 @@ def shift_viscous_to_coulomb_friction(
     )
 
 
-def distribute_mean_residual_work_by_part(
+def distribute_mean_residual_work_joules(
     integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel
 ) -> Floats:
     """Mean residual work of the fit without digging, (phases, parts) in J."""
-    left_N = compute_unexplained_work(integrals, energy_J, model).sum() / max(
+    left_N = compute_unexplained_work_by_phase_joules(integrals, energy_J, model).sum() / max(
         integrals.drive["direction"].sum(), 1.0
     )
     dig, slow = left_N * integrals.dig["direction"], left_N * integrals.slow["direction"]
@@ -288,15 +296,18 @@ def distribute_mean_residual_work_by_part(
     return np.stack([nothing, nothing, slope, -dig - slope, dig, slow], axis=1)
 
 
-def compute_unexplained_work(
+def compute_unexplained_work_by_phase_joules(
     integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel
 ) -> Floats:
     """Work not explained by masses, fitted friction or digging, (phases,) in J."""
-    explained = compute_friction_work(integrals.drive, model) + energy_J[:, PARTS.index("digging")]
-    return compute_drive_work(integrals.drive, model) - explained
+    explained = (
+        compute_friction_work_by_phase_joules(integrals.drive, model)
+        + energy_J[:, PARTS.index("digging")]
+    )
+    return compute_drive_work_by_phase_joules(integrals.drive, model) - explained
 
 
-def compute_energy_change_by_mass_error(integrals: PhaseIntegrals) -> Floats:
+def compute_energy_change_by_mass_error_joules(integrals: PhaseIntegrals) -> Floats:
     """Change of the energy by a relative error of 1 of all masses, (phases, parts) in J."""
     lifted = integrals.drive["mass"] - integrals.kinetic_J
     dug = -integrals.dig["mass"]
@@ -307,7 +318,7 @@ def compute_energy_change_by_mass_error(integrals: PhaseIntegrals) -> Floats:
     )
 
 
-def estimate_random_energy_u(
+def estimate_random_energy_u_joules(
     integrals: PhaseIntegrals,
     energy_J: Floats,
     model: ForceModel,
@@ -316,14 +327,14 @@ def estimate_random_energy_u(
 ) -> Floats:
     """Random uncertainty from cycle to cycle, of masses and fit residual, (phases, parts) in J."""
     drive, dig = integrals.drive, integrals.dig
-    left = compute_unexplained_work(integrals, energy_J, model)
+    left = compute_unexplained_work_by_phase_joules(integrals, energy_J, model)
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
     scatter_N = (
         float(left_N.std(ddof=1)) if left_N.size >= LIMITS.friction_scatter_min_cycles else 0.0
     )
-    mass = abs(relative_mass_u * compute_energy_change_by_mass_error(integrals))
+    mass = abs(relative_mass_u * compute_energy_change_by_mass_error_joules(integrals))
     ways = np.zeros_like(energy_J)
     ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m
     ways[:, PARTS.index("digging")] = dig["direction"]

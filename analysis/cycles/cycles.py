@@ -16,14 +16,14 @@ import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts, fill_in_dump_times, split_cycles_into_parts
-from analysis.cycles.cycles_without_mass import add_boom_cycles, does_digging_contradict_boom
+from analysis.cycles.cycles_without_mass import add_boom_cycles, do_digs_contradict_loaded_passes
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
     estimate_carry_back_variance_kg2,
     estimate_clean_machine_mass_and_u_kg,
-    state_weights_of_passes,
+    state_shares_of_passes,
     weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
@@ -76,7 +76,7 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def payload_u_parts_kg(self, coefficients: Floats, payload_kg: float) -> tuple[float, float]:
+    def common_shared_u_kg(self, coefficients: Floats, payload_kg: float) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
@@ -111,7 +111,7 @@ def weigh_cycles(
     drift = None if weighing is None else weighing.significant_empty_mass_drift
     drift_1 = 0.0 if drift is None else drift.nearby_1.mean(axis=0)
     found = passes or find_load_passes(*masses, digs, *motion, drift_1) or NO_PASSES
-    twice = passes is None and does_digging_contradict_boom(found, digs)
+    twice = passes is None and do_digs_contradict_loaded_passes(found, digs)
     found = NO_PASSES if twice else found
     parts = split_cycles_into_parts(found, digs)
     fill_in_dump_times(parts, found, *motion)
@@ -126,30 +126,30 @@ def weigh_cycles(
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     fuel = FuelOnBoard.integrate_fuel_rate(machine.machine, motion[0])
     empty = weigh_empty_machine(weighing, machine, found, fuel)
-    withheld = withheld or (empty.contradiction_text if empty else "")
-    share = choose_preceding_tare_coefficients(found)
-    worth = compute_shared_payload_uncertainty(
-        weighing, machine, found, make_payload_sum_coefficients(found, parts, share), empty
+    withheld = withheld or (empty.empty_mass_contradiction_text if empty else "")
+    share = compute_tare_coefficient_before_each_pass(found)
+    worth = compute_payload_uncertainty_by_scale(
+        weighing, machine, found, make_pass_coefficients_of_payload_sum(found, parts, share), empty
     )
     clean = estimate_clean_machine_mass_and_u_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
     )
-    of_states = state_weights_of_passes(weighing.fit, found) if weighing and known_sums else None
+    of_states = state_shares_of_passes(weighing.fit, found) if weighing and known_sums else None
     sums, ready_ns = dict[int, Floats](), int(motion[1]["t_ns"][0])
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_make_cycle_time_columns(part, ready_ns)}
         reason = withheld or part.missing_mass_reason
         if not reason:
-            weights = part.weights_of_passes(share, found.mass_kg.size)
+            weights = part.pass_coefficients(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
             row |= make_payload_uncertainty_columns(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded_pass])
-        row["quality"], row["counted"] = _judge_if_payload_counts(row, part)
+        row["quality"], row["counted"] = _explain_if_payload_counts(row, part)
         row["withheld_for"] = reason or _make_cycle_note(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = part.end_of_last_part_ns
@@ -188,7 +188,7 @@ def _make_cycle_note(cycle_row: dict[str, object]) -> str:
     }.get(str(cycle_row["quality"]), "")
 
 
-def _judge_if_payload_counts(cycle_row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
+def _explain_if_payload_counts(cycle_row: dict[str, object], cycle: CycleParts) -> tuple[str, bool]:
     payload_kg, u_kg = cycle_row.get("payload_kg"), cycle_row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
@@ -210,9 +210,9 @@ def _make_payload_row(
             row[f"{name}_id"] = number
             row[f"{name}_kg"] = float(passes.mass_kg[number])
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
-    weights = cycle.weights_of_passes(tare_coefficients, passes.mass_kg.size)
+    weights = cycle.pass_coefficients(tare_coefficients, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
-    carry_back_kg2 = carry_back_variance_kg2(cycle, passes, tare_coefficients)
+    carry_back_kg2 = payload_variance_by_carry_back_kg2(cycle, passes, tare_coefficients)
     variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_kg2
     row |= {
         "tare_before_1": 0.0
@@ -230,7 +230,7 @@ def _make_payload_row(
 
 
 def make_payload_uncertainty_columns(
-    cycle_row: dict[str, object], shared_uncertainty: "_SharedUncertainty", coefficients: Floats
+    cycle_row: dict[str, object], uncertainty: "_CommonUncertaintyByScale", coefficients: Floats
 ) -> dict[str, object]:
     """Common, shared and total uncertainty of a payload.
 
@@ -239,16 +239,16 @@ def make_payload_uncertainty_columns(
     own_kg, random_kg = cycle_row["payload_kg"], cycle_row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = shared_uncertainty.own.payload_u_parts_kg(coefficients, own_kg)
+    own_common_kg, own_shared_kg = uncertainty.own.common_shared_u_kg(coefficients, own_kg)
     common_kg, shared_kg = (
-        shared_uncertainty.scale_1 * u
-        for u in shared_uncertainty.on_empty_scale.payload_u_parts_kg(coefficients, own_kg)
+        uncertainty.scale_1 * u
+        for u in uncertainty.on_empty_scale.common_shared_u_kg(coefficients, own_kg)
     )
-    random_kg *= shared_uncertainty.scale_1
+    random_kg *= uncertainty.scale_1
     return {
-        "scale_1": shared_uncertainty.scale_1,
-        "scale_from": shared_uncertainty.scale.told_by,
-        "payload_kg": shared_uncertainty.scale_1 * own_kg,
+        "scale_1": uncertainty.scale_1,
+        "scale_from": uncertainty.scale.told_by,
+        "payload_kg": uncertainty.scale_1 * own_kg,
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_shared_kg": shared_kg,
@@ -258,7 +258,7 @@ def make_payload_uncertainty_columns(
     }
 
 
-def choose_preceding_tare_coefficients(passes: Passes) -> Floats:
+def compute_tare_coefficient_before_each_pass(passes: Passes) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
     empties = np.flatnonzero(~passes.loaded)
@@ -271,7 +271,7 @@ def choose_preceding_tare_coefficients(passes: Passes) -> Floats:
     return share
 
 
-def carry_back_variance_kg2(
+def payload_variance_by_carry_back_kg2(
     cycle: CycleParts, passes: Passes, carry_back_fraction: Floats
 ) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
@@ -291,7 +291,7 @@ def carry_back_variance_kg2(
     return variance * (before**2 + after**2)
 
 
-def make_payload_sum_coefficients(
+def make_pass_coefficients_of_payload_sum(
     passes: Passes, cycle_parts: list[CycleParts], tare_coefficients: Floats
 ) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
@@ -300,12 +300,12 @@ def make_payload_sum_coefficients(
         for p in cycle_parts
         if p.loaded_pass is not None and (p.empty_pass_before, p.empty_pass_after) != (None, None)
     ]
-    weights = [part.weights_of_passes(tare_coefficients, passes.mass_kg.size) for part in whole]
+    weights = [part.pass_coefficients(tare_coefficients, passes.mass_kg.size) for part in whole]
     return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
 
 
 @dataclass(frozen=True)
-class _SharedUncertainty:
+class _CommonUncertaintyByScale:
     """Uncertainty shared by payloads.
 
     Attributes:
@@ -321,13 +321,13 @@ class _SharedUncertainty:
     scale: ShiftScale
 
 
-def compute_shared_payload_uncertainty(
+def compute_payload_uncertainty_by_scale(
     weighing: Weighing | None,
     machine: Machine,
     passes: Passes,
     coefficients: Floats,
     empty: EmptyMachine | None,
-) -> _SharedUncertainty:
+) -> _CommonUncertaintyByScale:
     """Compute the uncertainty shared by the payloads.
 
     Args:
@@ -341,8 +341,8 @@ def compute_shared_payload_uncertainty(
         count = passes.mass_kg.size
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
-        return _SharedUncertainty(none, none, 1.0, ShiftScale())
-    datum = empty.make_payload_datum(state_weights_of_passes(weighing.fit, passes) @ coefficients)
+        return _CommonUncertaintyByScale(none, none, 1.0, ShiftScale())
+    datum = empty.make_payload_datum(state_shares_of_passes(weighing.fit, passes) @ coefficients)
     own = compute_common_payload_uncertainty(weighing, machine, passes, coefficients, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
     sources = list_payload_uncertainties(weighing, machine, datum, empty.weights)
@@ -350,8 +350,8 @@ def compute_shared_payload_uncertainty(
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
-        return _SharedUncertainty(own, own, 1.0, scale)
-    return _SharedUncertainty(
+        return _CommonUncertaintyByScale(own, own, 1.0, scale)
+    return _CommonUncertaintyByScale(
         own,
         compute_common_payload_uncertainty(weighing, machine, passes, coefficients, datum),
         datum.scale_1,
@@ -372,7 +372,7 @@ def compute_common_payload_uncertainty(
     single payload also has nuisance errors of its own starts.
     """
     fit = weighing.fit
-    of_states = state_weights_of_passes(fit, passes)
+    of_states = state_shares_of_passes(fit, passes)
     summed = of_states @ coefficients
     sources = list_payload_uncertainties(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
@@ -380,13 +380,13 @@ def compute_common_payload_uncertainty(
     kept = (combine_u(sources, "random") / by_1) ** 2 - float(coefficients**2 @ passes.u_kg**2)
     common = combine_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
-    responses_kg, drift = fit.term_responses, weighing.significant_empty_mass_drift
+    responses_kg, drift = fit.mass_changes_per_term_std_kg, weighing.significant_empty_mass_drift
     if drift is not None:  # unlike other scales, it moves early and late payloads differently
         names.add("drifted_gain")
-        responses_kg = np.vstack([responses_kg, drift.mass_responses_to_gain_kg(fit.masses_kg)])
+        responses_kg = np.vstack([responses_kg, drift.mass_changes_by_gain_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]
-    masses = slice(0, fit.mass_count)
-    covariance = of_states.T @ (fit.map_fit.noise + fit.map_fit.scatter)[masses, masses] @ of_states
+    posterior, count = fit.posterior_fit, fit.mass_count
+    covariance = of_states.T @ (posterior.noise + posterior.scatter)[:count, :count] @ of_states
     empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
         share = np.where(passes.loaded, 0.0, 1.0 / passes.u_kg**2)

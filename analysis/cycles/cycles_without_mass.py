@@ -21,7 +21,7 @@ from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Ints
 
 
-def does_digging_contradict_boom(passes: Passes, digs: pl.DataFrame) -> bool:
+def do_digs_contradict_loaded_passes(passes: Passes, digs: pl.DataFrame) -> bool:
     """Whether masses change so often that most fillings would be hauled twice.
 
     With loads too small for the ground, masses follow other alternating effects, such as the
@@ -150,7 +150,7 @@ def estimate_uncounted_cycle_count(
     boom = find_boom_dumps(
         aligned, excitation, [(t - LIMITS.one_dump_ns, t + LIMITS.one_dump_ns) for t in times]
     )
-    likely, common_u = estimate_massless_cycle_probabilities(cycles, boom)
+    likely, common_u = estimate_unweighed_cycle_probabilities_and_count_u(cycles, boom)
     if not boom.shows_dumps and not is_dig_detection_reliable(cycles):
         likely += estimate_missed_cycle_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
@@ -193,7 +193,7 @@ def estimate_unweighed_load_and_u_kg(
     return cycle_count * mean_kg, float(np.linalg.norm(parts))
 
 
-class _Reliability(NamedTuple):
+class _BetaPosterior(NamedTuple):
     """Probability that what one witness shows was a cycle.
 
     Attributes:
@@ -221,21 +221,21 @@ class _Reliability(NamedTuple):
 
 
 #: What two witnesses show was a cycle.
-_CERTAIN: Final = _Reliability(1.0, 0.0)
+_CERTAIN: Final = _BetaPosterior(1.0, 0.0)
 
 
-def estimate_massless_cycle_probabilities(
+def estimate_unweighed_cycle_probabilities_and_count_u(
     cycles: pl.DataFrame, boom_dumps: BoomDumps
 ) -> tuple[list[float], float]:
     """Probability that each row without a mass was a cycle, and the common u of their number."""
     blank = cycles.filter(pl.col("payload_kg").is_null())
-    contradicted = _Reliability.from_trials(LIMITS.contradicted_probability)
-    alone = _Reliability.from_trials(LIMITS.sole_witness_probability)
+    contradicted = _BetaPosterior.from_trials(LIMITS.contradicted_probability)
+    alone = _BetaPosterior.from_trials(LIMITS.sole_witness_probability)
     only_dug = contradicted if boom_dumps.shows_dumps else alone
     only_dumped = (
         contradicted
         if is_dig_detection_reliable(cycles)
-        else _estimate_boom_reliability(cycles, boom_dumps)
+        else _estimate_probability_that_boom_dump_is_cycle(cycles, boom_dumps)
     )
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
     shown = [
@@ -251,11 +251,13 @@ def estimate_massless_cycle_probabilities(
     return [each.probability for each in shown], float(np.linalg.norm(parts))
 
 
-def _estimate_boom_reliability(cycles: pl.DataFrame, boom_dumps: BoomDumps) -> _Reliability:
+def _estimate_probability_that_boom_dump_is_cycle(
+    cycles: pl.DataFrame, boom_dumps: BoomDumps
+) -> _BetaPosterior:
     """How often a dump of the boom was a cycle, by the cycles that masses confirm."""
     weighed = cycles.filter(pl.col("counted"))["dump_t_ns"].drop_nulls().to_numpy()
     every = cycles["dump_t_ns"].drop_nulls().to_numpy()
-    return _Reliability.from_trials(
+    return _BetaPosterior.from_trials(
         LIMITS.sole_witness_probability,
         confirmed_count=sum(dump.is_near_any_time(weighed) for dump in boom_dumps.dumps),
         denied_count=sum(not dump.is_near_any_time(every) for dump in boom_dumps.dumps),

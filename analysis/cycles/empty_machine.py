@@ -71,7 +71,7 @@ class ShiftScale(NamedTuple):
     gain_u_1: float | None = None
 
 
-def state_weights_of_passes(fit: JointFit, passes: Passes) -> Floats:
+def state_shares_of_passes(fit: JointFit, passes: Passes) -> Floats:
     """(states, passes) weights of the states' masses in the passes' masses."""
     assert fit.states is not None
     weights = np.zeros((fit.mass_count, passes.mass_kg.size))
@@ -127,7 +127,7 @@ def weigh_empty_machine(
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
-    weights = state_weights_of_passes(weighing.fit, passes) @ share
+    weights = state_shares_of_passes(weighing.fit, passes) @ share
     middles_ns = (passes.start_ns + passes.end_ns) / 2.0
     fuel_kg = (
         (0.0, 0.0) if fuel is None else fuel.fuel_mass_since_ticket_and_u_kg(middles_ns, share)
@@ -157,7 +157,7 @@ def find_machine_change_by_empty_mass(
     for number, border_ns in enumerate(log_begins_ns[1:], 1):
         later = start_ns >= border_ns
         sides = [
-            average_lightest_starts_and_std_kg(mass_kg[side], std_kg[side])
+            compute_lightest_start_mean_and_std_kg(mass_kg[side], std_kg[side])
             for side in (~later, later)
         ]
         if sides[0] is None or sides[1] is None:
@@ -172,7 +172,7 @@ def find_machine_change_by_empty_mass(
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
-def average_lightest_starts_and_std_kg(
+def compute_lightest_start_mean_and_std_kg(
     mass_kg: Floats, std_kg: Floats
 ) -> tuple[float, float] | None:
     """Mass of the lightest starts, and its standard deviation; None if none is known empty."""

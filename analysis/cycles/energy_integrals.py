@@ -142,7 +142,7 @@ def collect_energy_samples(
     )
 
 
-def find_rows_of_phases(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
+def find_first_and_end_row_of_phases(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
     """First and end row of each phase, (phases, 2)."""
     ends = [(span.start_ns, span.end_ns) for span in spans]
     return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
@@ -155,7 +155,12 @@ def sum_fuel_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
     litres = np.nan_to_num(samples.fuel_L_h) * samples.step_s / SECONDS_PER_HOUR
     unknown_s = np.where(np.isnan(samples.fuel_L_h), samples.step_s, 0.0)
     fuel_L, lost_s = (
-        np.array([each[first:last].sum() for first, last in find_rows_of_phases(samples, spans)])
+        np.array(
+            [
+                each[first:last].sum()
+                for first, last in find_first_and_end_row_of_phases(samples, spans)
+            ]
+        )
         for each in (litres, unknown_s)
     )
     return np.where(lost_s > LIMITS.longest_sample_s, np.nan, fuel_L)
@@ -223,7 +228,7 @@ def shift_trailing_mean_to_centre(
     """Column after the trailing mean, advanced by half its length, (n,); 0 where unknown."""
     return np.roll(
         np.nan_to_num(column_values(excitation, column_name)),
-        -count_delay_rows_of_excitation(machine),
+        -count_trailing_mean_delay_rows(machine),
     )
 
 
@@ -232,10 +237,10 @@ def mark_phase_samples(
 ) -> Bools:
     """Samples in a phase, (n,), corrected for the delay of the trailing mean."""
     found = (excitation["phase"] == phase_column).fill_null(value=value_if_unknown).to_numpy()
-    return np.roll(found, -count_delay_rows_of_excitation(machine))
+    return np.roll(found, -count_trailing_mean_delay_rows(machine))
 
 
-def count_delay_rows_of_excitation(machine: Machine) -> int:
+def count_trailing_mean_delay_rows(machine: Machine) -> int:
     """Delay of the excitation's trailing mean, in rows."""
     return (machine.settings.smooth.samples - 1) // 2
 
@@ -340,7 +345,7 @@ def integrate_drive_over_phases(
         "quadratic": fast**3 * step_s,
         "slip": force * (wheels - speed) * step_s,
     }
-    edges = find_rows_of_phases(samples, spans)
+    edges = find_first_and_end_row_of_phases(samples, spans)
 
     def integrate_samples(x: Floats, samples_of_set: Bools) -> Floats:
         total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))

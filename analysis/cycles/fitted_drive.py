@@ -15,7 +15,7 @@ from analysis.cycles.energy_integrals import (
     advance_force_samples,
     collect_energy_samples,
     compute_centred_speed_and_acceleration,
-    count_delay_rows_of_excitation,
+    count_trailing_mean_delay_rows,
     drop_driving_samples_under_brakes,
     integrate_drive_over_phases,
 )
@@ -27,7 +27,7 @@ from analysis.cycles.energy_terms import (
 )
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
-from analysis.weighing.load_states import weighted_means_by_state
+from analysis.weighing.load_states import compute_weighted_mean_mass_by_state_kg
 from estimators.arrays import Floats, Ints
 
 
@@ -97,7 +97,7 @@ def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -
         drop_driving_samples_under_brakes(
             samples, frames["excitation"], machine, mass_kg, *friction
         ),
-        max(count_delay_rows_of_excitation(machine), 1),
+        max(count_trailing_mean_delay_rows(machine), 1),
         mass_kg,
         machine.machine.rotating_mass_kg,
         compute_ground_force_newtons(frames["excitation"], machine, mass_kg, model),
@@ -117,7 +117,9 @@ def estimate_total_mass_of_samples_kg(
     """Mass of machine and load, (n,), by the nearest start with the load; grows in digging."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
-    by_state = weighted_means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
+    by_state = compute_weighted_mean_mass_by_state_kg(
+        manoeuvres["mass_kg"].to_numpy(), weight, state
+    )
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     order = np.argsort(middle)
     starts = _StartMasses(middle[order], by_state[state][order])

@@ -22,7 +22,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.axes import X, make_regressor_and_force
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
-from analysis.weighing.load_states import weighted_means_by_state
+from analysis.weighing.load_states import compute_weighted_mean_mass_by_state_kg
 from estimators.arrays import Floats
 
 
@@ -159,7 +159,9 @@ def look_up_state_mass_of_manoeuvres_kg(manoeuvres: pl.DataFrame) -> Floats:
     """Mass of the load state of each manoeuvre, (manoeuvres,)."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
-    return weighted_means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]
+    return compute_weighted_mean_mass_by_state_kg(manoeuvres["mass_kg"].to_numpy(), weight, state)[
+        state
+    ]
 
 
 def fit_daily_friction_trend(

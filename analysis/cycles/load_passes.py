@@ -111,7 +111,7 @@ def find_load_passes(
         of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digs, dumps)
     one_filling_ns = max_refill_pause_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[find_borders_before_refills(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    parts[find_manoeuvres_after_refills(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
         parts[find_load_change_indices_at_dumps(of_state, begin, end, dumps)] = True
     hauls_nothing = mark_short_hauls(of_state, parts, begin, end, digs)
@@ -193,7 +193,7 @@ def max_refill_pause_ns(is_loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl
     return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
 
 
-def find_borders_before_refills(
+def find_manoeuvres_after_refills(
     is_loaded: Bools,
     begin_ns: Ints,
     end_ns: Ints,

@@ -70,7 +70,7 @@ def make_shift_totals_frame(
     row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
         "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
-        **sum_counted_cycles(cycles, ()),
+        **make_totals_of_counted_cycles(cycles, ()),
         "lost_cycles": lost.cycles,
         "lost_cycles_u": lost.u,
         "lost_kg": lost.payload_kg,
@@ -123,7 +123,7 @@ def recompute_shift_totals(
         cycles: frame `cycles`.
         rejected_cycles: numbers of cycles to exclude.
     """
-    sums = sum_counted_cycles(cycles, rejected_cycles)
+    sums = make_totals_of_counted_cycles(cycles, rejected_cycles)
     mean_kg = shift_frame["payload_mean_kg"][0]
     scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
     row = shift_frame.row(0, named=True)
@@ -166,7 +166,9 @@ def sum_total_payload_with_u(shift_row: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def sum_counted_cycles(cycles: pl.DataFrame, rejected_cycles: Collection[int]) -> dict[str, Any]:
+def make_totals_of_counted_cycles(
+    cycles: pl.DataFrame, rejected_cycles: Collection[int]
+) -> dict[str, Any]:
     """Totals of the cycles.
 
     Random parts of the passes add in squares, each with its total weight in the sum, since an empty
@@ -253,7 +255,9 @@ def sum_cycles_by_label(
     found: list[LabelTotal] = []
     named = cycles.with_columns(pl.Series("label", cycle_labels, dtype=pl.String))
     for label in sorted(set(cycle_labels), key=lambda each: (each == "", each)):
-        sums = sum_counted_cycles(named.filter(label=label).drop("label"), rejected_cycles)
+        sums = make_totals_of_counted_cycles(
+            named.filter(label=label).drop("label"), rejected_cycles
+        )
         total = LabelTotal(label, sums["cycles_counted"], sums["payload_kg"], sums["payload_u_kg"])
         if total.loads:
             found.append(total)

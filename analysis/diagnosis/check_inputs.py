@@ -189,7 +189,7 @@ class CheckInputs:
         return self.excitation["phase"].is_in(phases).fill_null(False).to_numpy()
 
     @cached_property
-    def position_dependent_force(self) -> Floats | None:
+    def position_dependent_force_newtons(self) -> Floats | None:
         """Position-dependent force of the joint fit, such as a spring, (n,) in N; None without."""
         return None if self.weighing is None else self.weighing.fit.force_by_position
 
@@ -210,8 +210,8 @@ class CheckInputs:
         """Samples of straight motion, without the position-dependent force."""
         settings = self.machine.settings
         A, f = make_straight_regressor_and_force(self.excitation, settings)
-        if self.position_dependent_force is not None:
-            f = f - self.position_dependent_force
+        if self.position_dependent_force_newtons is not None:
+            f = f - self.position_dependent_force_newtons
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         welcome = () if settings.gate.exclude_braking else ("braking",)
         return AxisMotion(
@@ -257,7 +257,7 @@ def compare_lightest_load_with_empty_mass(
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = make_mass_budget(weighing, machine, fit.coefficients_of_state(lightest))
+    sources = make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(list_factors_without_uncertainty(sources))
     scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0

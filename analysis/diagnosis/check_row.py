@@ -64,7 +64,7 @@ class CheckRow:
                     "analysis/model/verdict_limits.py"
                 )
 
-    def describe_check_number(self, inputs: CheckInputs, motion: AxisMotion) -> str:
+    def describe_measured_quantity(self, inputs: CheckInputs, motion: AxisMotion) -> str:
         """Meaning of the number and its subject, as text."""
         name = self.subject_text(inputs, motion)
         return f"{self.meaning} ({name})" if name else self.meaning

@@ -68,7 +68,7 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
             "maximum": float_series(
                 [limits[row.maximum] if row.maximum else None for row, _ in judged]
             ),
-            "meaning": [row.describe_check_number(inputs, motion) for row, motion in judged],
+            "meaning": [row.describe_measured_quantity(inputs, motion) for row, motion in judged],
             "consequence": [row.decide_consequence(inputs, motion) for row, motion in judged],
             "remedy": [row.describe_remedy(inputs, motion) for row, motion in judged],
         }
@@ -138,7 +138,7 @@ def _driving_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     )
 
 
-def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _imu_to_wheel_acceleration_slope(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
     used = motion.complete & inputs.mark_samples_in_phases("accelerating", "cruising", "braking")
     measured = column_values(inputs.excitation, "specific_force_x_m_s2")
@@ -160,7 +160,7 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
     if known is None:
         return 0.0
     # both ends of its span are moving means
-    of_mean = float(known.covariance_of_means(settings.smooth.samples)[1, 1])
+    of_mean = float(known.noise_covariance_of_means(settings.smooth.samples)[1, 1])
     return 2.0 * of_mean * (settings.align.rate_hz / count_rows_of_speed_rate_span(settings)) ** 2
 
 
@@ -290,7 +290,7 @@ CHECKS: Final = (
     CheckRow(
         "acceleration_gain",
         "mass",
-        _acceleration_gain,
+        _imu_to_wheel_acceleration_slope,
         "accelerometer over the derivative of the wheel speed; 1: they agree",
         minimum="acceleration_gain_min",
         maximum="acceleration_gain_max",

@@ -18,7 +18,7 @@ from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.gating.gate import reject_windows_with_excluded_rows
 from analysis.stages.motion.phases import count_rows_of_speed_rate_span
-from analysis.weighing.weigh import Weighing, average_mass_difference_kg
+from analysis.weighing.weigh import Weighing, compute_mean_mass_a_minus_b_kg
 from estimators.arrays import Bools
 
 
@@ -135,7 +135,8 @@ def compute_mass_change_over_uncertainty(
     if fit_without is None:
         return np.inf
     moved_u = (
-        abs(average_mass_difference_kg(fit_without.fit, fit_with_all.fit)) / fit_without.fit.u_kg
+        abs(compute_mean_mass_a_minus_b_kg(fit_without.fit, fit_with_all.fit))
+        / fit_without.fit.u_kg
     )
     return moved_u if np.isfinite(moved_u) else np.inf
 

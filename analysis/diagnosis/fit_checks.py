@@ -10,7 +10,7 @@ from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.schema import column_values
 from analysis.weighing.mass_budget import relative_load_mass_u
-from analysis.weighing.other_motion import measure_wheel_imu_disagreement
+from analysis.weighing.other_motion import compute_wheel_imu_disagreement_over_speed
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
@@ -40,7 +40,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     shows = any(
         t > LIMITS.term_min_std for term, t in fit.term_t_values.items() if term not in modelled
     )
-    shows = shows or bool(fit.map_fit.misfit.any())
+    shows = shows or bool(fit.posterior_fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.has_excess_scatter)
     out: list[Disagreement] = []
     columns = (
@@ -124,7 +124,7 @@ def relative_mass_u_of_main_load(inputs: CheckInputs, _motion: AxisMotion) -> fl
     return relative_load_mass_u(weighing, inputs.machine, weighing.fit.most_frequent_state)
 
 
-def is_answer_expected(inputs: CheckInputs, _motion: AxisMotion) -> bool:
+def are_inputs_complete_for_answer(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     """Whether the inputs are complete enough for an answer; frames alone give none."""
     return inputs.totals is not None
 
@@ -186,7 +186,7 @@ def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _motion: AxisM
 
 def gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Gated minus ungated pooled mass, in standard deviations; NaN if a spring biases both."""
-    if inputs.totals is None or inputs.position_dependent_force is not None:
+    if inputs.totals is None or inputs.position_dependent_force_newtons is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
     mass_kg, std_kg = (column_values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
@@ -229,7 +229,7 @@ FIT_CHECKS: Final = (
         relative_mass_u_of_main_load,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
-        applies=is_answer_expected,
+        applies=are_inputs_complete_for_answer,
         subject_text=_describe_missing_answer,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
@@ -251,7 +251,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "filling",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: weighing.filling.significance_in_stds),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.filling.load_growth_over_std),
         "evidence for a load that grows during every start, in standard deviations; 0 where it "
         "moves neither a mass nor the mean payload by its uncertainty",
         maximum="filling_max",
@@ -272,7 +272,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "channel_noise",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.map_fit.noise_share),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.posterior_fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
         applies=_has_joint_fit,
@@ -313,7 +313,7 @@ FIT_CHECKS: Final = (
         "wheel_imu_residual",
         "mass",
         _make_joint_fit_quantity_function(
-            lambda weighing: measure_wheel_imu_disagreement(weighing.fit)
+            lambda weighing: compute_wheel_imu_disagreement_over_speed(weighing.fit)
         ),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
@@ -338,11 +338,11 @@ FIT_CHECKS: Final = (
     CheckRow(
         "common_misfit",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.map_fit.misfit_ratio),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.fit.posterior_fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
         maximum="misfit_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and inputs.weighing.fit.map_fit.groups > 2
+            inputs.weighing is not None and inputs.weighing.fit.posterior_fit.groups > 2
         ),
         consequence="widen",
         remedy="filters, brakes or tyres that the equation does not have",

@@ -12,7 +12,7 @@ from analysis.stages.signals.mounting_guess import estimate_gravity_tilt_deg
 from estimators.arrays import Floats
 
 
-def _unfiltered_opposing_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _unfiltered_force_fraction_against_motion(inputs: CheckInputs, motion: AxisMotion) -> float:
     """`opposing_share` of the unfiltered force, since a low-pass undershoots zero."""
     force = interpolate_unfiltered_force(inputs)
     if force is None:
@@ -94,7 +94,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "raw_opposing_share",
         "mass",
-        _unfiltered_opposing_fraction,
+        _unfiltered_force_fraction_against_motion,
         "fraction of samples that the drive slows down whose unfiltered force opposes the motion",
         minimum="opposing_share_min",
         optional=True,

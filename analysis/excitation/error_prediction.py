@@ -45,7 +45,7 @@ class MeasuredSignals(NamedTuple):
         return cls(*(getattr(motion, name) for name in cls._fields))
 
 
-def compute_sensor_noise(scenario: Scenario) -> MeasuredSignals:
+def compute_sensor_noise_stds(scenario: Scenario) -> MeasuredSignals:
     """The standard deviation of one sample of each channel, (17) and (18) applied."""
     sensors = scenario.sensors
     values = (
@@ -59,7 +59,7 @@ def compute_sensor_noise(scenario: Scenario) -> MeasuredSignals:
     return MeasuredSignals(*(np.array(value) for value in values))
 
 
-def compute_true_parameters(body: RigidBody) -> Floats:
+def compute_true_planar_parameters(body: RigidBody) -> Floats:
     """(6,) the true values of `planar_rows.PARAMETERS`."""
     return np.array(
         [
@@ -81,7 +81,7 @@ class Filters:
     rate_hz: float
 
     @property
-    def samples_beyond_window(self) -> int:
+    def filter_margin_samples(self) -> int:
         """Samples that the filters need before and after a window, together."""
         return self.samples + 1
 
@@ -96,7 +96,9 @@ class Filters:
         ones = np.full(self.samples, 1.0 / self.samples)
         return (np.r_[0.0, 0.0, ones] - np.r_[ones, 0.0, 0.0]) * self.rate_hz / 2.0
 
-    def filter_to_regressor_rows(self, raw_channels: MeasuredSignals) -> tuple[Floats, Floats]:
+    def compute_filtered_regressor_rows(
+        self, raw_channels: MeasuredSignals
+    ) -> tuple[Floats, Floats]:
         """Both rows of all six parameters from raw channels of n + margin samples.
 
         Returns:
@@ -129,13 +131,13 @@ def make_whitened_window_system(
         raw_channels: the channels, true or noisy.
         noise: noise of one sample; only that of force and torque is used.
     """
-    A, y = filters.filter_to_regressor_rows(raw_channels)
-    rows, weights = _ROWS[motion_kind], compute_reciprocal_row_noise(motion_kind, noise)
+    A, y = filters.compute_filtered_regressor_rows(raw_channels)
+    rows, weights = _ROWS[motion_kind], compute_reciprocal_row_noise_stds(motion_kind, noise)
     part = A[:, rows][:, :, COLUMNS[motion_kind]] * weights[:, None]
     return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
 
 
-def compute_reciprocal_row_noise(motion_kind: Drive, noise: MeasuredSignals) -> Floats:
+def compute_reciprocal_row_noise_stds(motion_kind: Drive, noise: MeasuredSignals) -> Floats:
     """Reciprocal noise (rows,) of force and torque; 1 if they have none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
     return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[motion_kind]]
@@ -161,14 +163,14 @@ class ErrorPrediction:
     force_N: float
 
     @property
-    def error_std(self) -> float:
+    def predicted_error_std(self) -> float:
         """Standard deviation."""
         return float(np.sqrt(self.variance_per_force * self.force_N**2 + self.variance_rest))
 
     @property
-    def rms_error(self) -> float:
+    def predicted_rms_error(self) -> float:
         """Root mean square error: standard deviation and bias."""
-        return float(np.hypot(self.error_std, self.bias))
+        return float(np.hypot(self.predicted_error_std, self.bias))
 
     def allowed_force_noise_std_newtons(self, error: float) -> float | None:
         """Force noise in N at which the r.m.s. error is `error`; None if there is none."""
@@ -198,22 +200,24 @@ def predict_estimate_errors_of_drive(
     columns, rows = COLUMNS[motion_kind], _ROWS[motion_kind]
     A, y = make_whitened_window_system(motion_kind, filters, truth, noise)
     # noise in the regressor adds E[NᵀN] to AᵀA
-    gram = A.T @ A + np.diag(compute_regressor_noise_squares(motion_kind, filters, truth, noise))
+    gram = A.T @ A + np.diag(
+        compute_expected_regressor_noise_squares(motion_kind, filters, truth, noise)
+    )
     inverse = np.linalg.solve(gram, A.T)
-    theta = compute_true_parameters(body)[columns]
+    theta = compute_true_planar_parameters(body)[columns]
     bias = inverse @ y - theta
     phi = np.zeros(len(planar_rows.PARAMETERS))
     phi[columns] = theta
-    full = filters.filter_to_regressor_rows(truth)[0]
+    full = filters.compute_filtered_regressor_rows(truth)[0]
     predictions: dict[str, ErrorPrediction] = {}
-    for name, (value, gradient) in list_predicted_quantities(body).items():
+    for name, (value, gradient) in compute_true_quantities_and_gradients(body).items():
         if set(np.flatnonzero(gradient)) <= set(columns):
             weight = (gradient[columns] @ inverse).reshape(
                 -1, len(rows)
-            ) * compute_reciprocal_row_noise(motion_kind, noise)
+            ) * compute_reciprocal_row_noise_stds(motion_kind, noise)
             both = np.zeros((weight.shape[0], 2))
             both[:, rows] = weight
-            shares = predict_variance_by_source(filters, both, phi, full, noise)
+            shares = predict_error_variances_by_force_and_rest(filters, both, phi, full, noise)
             predictions[name] = ErrorPrediction(
                 value=value,
                 variance_per_force=shares[0] / float(noise.force_x_N) ** 2,
@@ -224,7 +228,7 @@ def predict_estimate_errors_of_drive(
     return predictions
 
 
-def list_predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]]:
+def compute_true_quantities_and_gradients(body: RigidBody) -> dict[str, tuple[float, Floats]]:
     """True value of each quantity, and its gradient in `planar_rows.PARAMETERS`."""
     mass = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     inertia = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
@@ -236,7 +240,7 @@ def list_predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]
     }
 
 
-def predict_variance_by_source(
+def predict_error_variances_by_force_and_rest(
     filters: Filters,
     error_weights: Floats,
     true_parameters: Floats,
@@ -265,7 +269,7 @@ def predict_variance_by_source(
     return sum(variances[:2]), sum(variances[2:])
 
 
-def compute_regressor_noise_squares(
+def compute_expected_regressor_noise_squares(
     motion_kind: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> Floats:
     """Diagonal (p,) of E[NᵀN] over a window; mean and central difference are uncorrelated."""
@@ -275,13 +279,13 @@ def compute_regressor_noise_squares(
     )
     s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
     turn = float(noise.yaw_rate_rad_s) ** 2 * difference
-    A, _ = filters.filter_to_regressor_rows(truth)
+    A, _ = filters.compute_filtered_regressor_rows(truth)
     samples = A.shape[0]
     omega = A[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     square = 4.0 * float(omega @ omega) / samples * yaw_rate
     each = np.array([[s_x, 0.0, square, turn, speed, 0.0], [0.0, turn, s_y, s_x, 0.0, yaw_rate]])
     rows = _ROWS[motion_kind]
-    weighted = each[rows] * compute_reciprocal_row_noise(motion_kind, noise)[:, None] ** 2
+    weighted = each[rows] * compute_reciprocal_row_noise_stds(motion_kind, noise)[:, None] ** 2
     return samples * weighted.sum(0)[COLUMNS[motion_kind]]
 
 
@@ -290,7 +294,7 @@ def predict_noise_scaled_condition(
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""
     A, _ = make_whitened_window_system(motion_kind, filters, truth, noise)
-    inside = np.sqrt(compute_regressor_noise_squares(motion_kind, filters, truth, noise))
+    inside = np.sqrt(compute_expected_regressor_noise_squares(motion_kind, filters, truth, noise))
     if not (inside > 0.0).all():
         inside = np.linalg.norm(A, axis=0)
     return float(np.linalg.cond(A / inside)) ** 2

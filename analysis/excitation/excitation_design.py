@@ -16,7 +16,7 @@ from analysis.excitation.error_prediction import (
     ErrorPrediction,
     Filters,
     MeasuredSignals,
-    compute_sensor_noise,
+    compute_sensor_noise_stds,
     predict_estimate_errors_of_drive,
     predict_noise_scaled_condition,
 )
@@ -99,9 +99,9 @@ class WaveformScore:
             "predictions": {
                 name: {
                     "value": each.value,
-                    "std": each.error_std,
+                    "std": each.predicted_error_std,
                     "bias": each.bias,
-                    "rms": each.rms_error,
+                    "rms": each.predicted_rms_error,
                 }
                 for name, each in self.predictions.items()
             },
@@ -184,13 +184,13 @@ def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> f
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
             force=ForceWave(lowest_N=full[0] / 2, highest_N=full[0] / 2),
-            duration_s=compute_settling_time_bound_s(inertia, friction, key, scenario),
+            duration_s=compute_settling_time_upper_bound_s(inertia, friction, key, scenario),
         )
     else:
         inertia, friction, key = body.inertia_z_kg_m2, body.friction_z_N_m_s, "friction_z_N_m_s"
         step = Excite(
             torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
-            duration_s=compute_settling_time_bound_s(inertia, friction, key, scenario),
+            duration_s=compute_settling_time_upper_bound_s(inertia, friction, key, scenario),
         )
     motion = solve_motion(copy_scenario_with_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
@@ -201,7 +201,7 @@ def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> f
     return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
 
 
-def compute_settling_time_bound_s(
+def compute_settling_time_upper_bound_s(
     inertia: float, friction: float, friction_key: str, scenario: Scenario
 ) -> float:
     """Time in which a step certainly settles, at most an hour."""
@@ -320,9 +320,9 @@ def score_waveform(
     load_kg = scenario.campaign.loads_kg[0]
     manoeuvre = _make_excite_manoeuvre(scenario, motion_kind, wave_shape, directions, response_s)
     period_s = manoeuvre.duration_s / 2.0
-    noise, rate_hz = compute_sensor_noise(scenario), scenario.sensors.rate_hz
+    noise, rate_hz = compute_sensor_noise_stds(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
-    samples = round(window_s * rate_hz) + filters.samples_beyond_window
+    samples = round(window_s * rate_hz) + filters.filter_margin_samples
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
@@ -332,7 +332,9 @@ def score_waveform(
     asked = _ASKED[motion_kind]
 
     def largest_relative_rms(predictions: Mapping[str, ErrorPrediction]) -> float:
-        return max(predictions[name].rms_error / predictions[name].value for name in asked)
+        return max(
+            predictions[name].predicted_rms_error / predictions[name].value for name in asked
+        )
 
     windows: list[tuple[int, MeasuredSignals, dict[str, ErrorPrediction]]] = []
     for place in range(_PLACES):

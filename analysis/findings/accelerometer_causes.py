@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import fit_accelerometer_gain_and_std
+from analysis.findings.accelerometer_share import fit_imu_to_wheel_acceleration_gain_and_std
 from analysis.findings.altered_motion import transform_accelerometer_signals
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
@@ -21,7 +21,7 @@ from analysis.findings.constant_forces import (
 from analysis.findings.delay_causes import find_accelerometer_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import refit_corrected
+from analysis.findings.refit import mass_change_by_refit
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import column_values
 from analysis.stages.motion.forces import compute_longitudinal_force
@@ -74,7 +74,7 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -LIMITS.gravity_min_fraction * pull or not inputs.select_measured_channels(_Z):
         return []
-    seen = fit_accelerometer_gain_and_std(inputs)
+    seen = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
     backwards = seen is not None and seen[0] < -LIMITS.low_passed_std * seen[1]
     angle = "pitch_deg" if backwards else "roll_deg"
     whole = len(inputs.select_measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
@@ -92,7 +92,9 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
             channel=_Z,
             setting=f"machine.imu.{angle}" if whole else keys,
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
-            change=None if backwards else lambda: refit_corrected(inputs, lambda motion: motion),
+            change=None
+            if backwards
+            else lambda: mass_change_by_refit(inputs, lambda motion: motion),
         )
     ]
 
@@ -131,7 +133,7 @@ def _find_accelerometer_error_at_rest(
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{offset - convert_to_accelerometer_unit(inputs, error):.5g}" if names else None,
-            change=lambda: refit_corrected(
+            change=lambda: mass_change_by_refit(
                 inputs,
                 lambda motion: transform_accelerometer_signals(motion, lambda x: x - error),
                 min(std / abs(error), 1.0),
@@ -207,7 +209,7 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
             channel=_Y,
             setting=setting,
             value=value,
-            change=lambda: refit_corrected(
+            change=lambda: mass_change_by_refit(
                 inputs,
                 lambda motion: transform_accelerometer_signals(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
@@ -220,7 +222,10 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that measures only a fraction of the wheels' acceleration."""
     if not inputs.has_accelerometer:
         return []
-    late, found = find_accelerometer_filter_delay(inputs), fit_accelerometer_gain_and_std(inputs)
+    late, found = (
+        find_accelerometer_filter_delay(inputs),
+        fit_imu_to_wheel_acceleration_gain_and_std(inputs),
+    )
     if found is None:
         return late
     gain, std = found
@@ -280,7 +285,7 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: refit_corrected(inputs, add_gravity, min(std / abs(pitch), 1.0)),
+            change=lambda: mass_change_by_refit(inputs, add_gravity, min(std / abs(pitch), 1.0)),
         )
     ]
 
@@ -295,7 +300,7 @@ def convert_to_accelerometer_unit(inputs: FindingInputs, acceleration_m_s2: floa
 
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     """Find an IMU that rocks on its mount, by a resonance after starts that the force lacks."""
-    share = fit_accelerometer_gain_and_std(inputs)
+    share = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
     if share is None or share[0] - LIMITS.loose_gain_std * share[1] < LIMITS.loose_gain_1:
         return []

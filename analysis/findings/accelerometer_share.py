@@ -9,7 +9,7 @@ from analysis.model.schema import column_values
 from estimators.arrays import Floats
 
 
-def fit_accelerometer_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
+def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
     """Regress the accelerometer on the wheels' acceleration.
 
     Returns:
@@ -37,7 +37,9 @@ def fit_accelerometer_gain_and_std(inputs: FindingInputs) -> tuple[float, float]
     x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
     # noise of the speed is no acceleration, and would look like one that is not seen
     reads_speed = (
-        0.0 if inputs.column_noise is None else inputs.column_noise.covariance_of_means(size)[1, 1]
+        0.0
+        if inputs.column_noise is None
+        else inputs.column_noise.noise_covariance_of_means(size)[1, 1]
     )
     seen = float(x @ x)
     power = seen - x.size * 2.0 * reads_speed / span_s**2

@@ -80,6 +80,6 @@ class Cause:
     masks_others: bool = False
 
 
-def keep_strongest_symptom(symptoms: Sequence[Symptom]) -> list[Symptom]:
+def list_only_strongest_symptom(symptoms: Sequence[Symptom]) -> list[Symptom]:
     """Keep only the strongest symptom; the list is empty if there is none."""
     return [max(symptoms, key=lambda each: each.strength)] if symptoms else []

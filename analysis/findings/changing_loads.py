@@ -21,9 +21,9 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import (
     ProjectedEquation,
     build_whitened_force_rows,
+    compute_sums_of_sample_blocks,
     compute_whitened_row_noise_variance,
-    index_samples_of_whole_blocks,
-    sum_blocks_of_samples,
+    list_indices_of_samples_in_whole_blocks,
 )
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import format_count
@@ -82,12 +82,12 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
         ProjectedEquation.project_out(one, ()),
         ProjectedEquation.project_out(one, ("driveline",)),
     )
-    square = before.remaining_information("driveline")
+    square = before.remaining_information_about_cause("driveline")
     if not square > 0.0:
         return None
     variance = min(by_loads.variance, after.variance)
     worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
-    value = before.remaining_score("driveline") / square
+    value = before.remaining_likelihood_score_of_cause("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
     return ForceShareChange(value, std, gain, worse / variance, fit.mass_count)
@@ -207,9 +207,9 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
     system = build_whitened_force_rows(
         motion, noise, inputs.look_up_mass_of_samples_kg(motion), viscous
     )
-    taken = index_samples_of_whole_blocks(motion.group, LIMITS.force_mean_samples).reshape(
-        -1, LIMITS.force_mean_samples
-    )
+    taken = list_indices_of_samples_in_whole_blocks(
+        motion.group, LIMITS.force_mean_samples
+    ).reshape(-1, LIMITS.force_mean_samples)
     group = motion.group[taken[:, 0]]
     usual = [column for name, column in system.columns.items() if name in _USUAL]
     base = np.column_stack([system.base, *usual])
@@ -223,7 +223,7 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         mine = taken[rows].ravel()
         t_s = (mine - part[0]) / motion.rate_hz
         grown = (
-            sum_blocks_of_samples(
+            compute_sums_of_sample_blocks(
                 t_s * motion.acceleration[mine] + motion.speed[mine], LIMITS.force_mean_samples
             )
             / LIMITS.force_mean_samples

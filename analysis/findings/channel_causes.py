@@ -15,10 +15,10 @@ from analysis.diagnosis.diagnosis_limits import LIMITS as DIAGNOSIS_LIMITS
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import find_unexplained_repeats
 from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
-from analysis.findings.cause import MassChange, Symptom, keep_strongest_symptom
+from analysis.findings.cause import MassChange, Symptom, list_only_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
-from analysis.findings.refit import refit_without_samples
+from analysis.findings.refit import mass_change_by_refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_rows_near_flagged_rows
@@ -58,7 +58,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
 
     @cache
     def refit_without_frozen_samples() -> MassChange | None:
-        return refit_without_samples(inputs, holds)
+        return mass_change_by_refit_without_samples(inputs, holds)
 
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
@@ -67,7 +67,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
             f"change{_format_mass_change_by_exclusion(found)}",
             channel=name,
-            span_ns=inputs.convert_to_relative_ns(*spans[0]),
+            span_ns=inputs.convert_unix_to_aligned_ns(*spans[0]),
             change=refit_without_frozen_samples,
             harmless=does_exclusion_keep_answer(inputs, found, refit_without_frozen_samples),
             explains=_OF_DEAD
@@ -137,7 +137,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         if inputs.log_only_fit is None:
             return None
         near = np.abs(inputs.log_only_fit.motion.force) > limit_N
-        return refit_without_samples(inputs, flag_rows_near_flagged_rows(near, 5))
+        return mass_change_by_refit_without_samples(inputs, flag_rows_near_flagged_rows(near, 5))
 
     return [
         Symptom(
@@ -178,7 +178,7 @@ class ChannelSpikes:
 
 def find_spikes(inputs: FindingInputs) -> list[Symptom]:
     """Find single readings far from both neighbours, which agree with each other."""
-    return keep_strongest_symptom(
+    return list_only_strongest_symptom(
         [_make_spike_symptom(inputs, *each) for each in spikes_by_channel(inputs).items()]
     )
 
@@ -190,8 +190,8 @@ def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpik
         f"{count} single readings are off by {spikes.median_distance:.3g} (median), up to "
         f"{largest_std:.0f} standard deviations",
         channel=channel,
-        span_ns=inputs.convert_to_relative_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
-        change=lambda: refit_without_samples(inputs, spikes.near),
+        span_ns=inputs.convert_unix_to_aligned_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
+        change=lambda: mass_change_by_refit_without_samples(inputs, spikes.near),
     )
 
 

@@ -112,9 +112,9 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         own = ProjectedEquation.project_out(system, ())
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
-        square = own.remaining_information(friction)
-        if square > 0.0 and own.remaining_score(friction) * way > 0.0:
-            gain = own.remaining_score(friction) ** 2 / square
+        square = own.remaining_information_about_cause(friction)
+        if square > 0.0 and own.remaining_likelihood_score_of_cause(friction) * way > 0.0:
+            gain = own.remaining_likelihood_score_of_cause(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
     cost = {of: each / min(variances) + LIMITS.cause_cost * sum(of) for of, each in left.items()}
     best = min(cost, key=lambda each: cost[each])
@@ -122,8 +122,8 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
     return ConstantForces(
         rest,
         error,
-        is_in_best_explanation(cost, best, 0),
-        is_in_best_explanation(cost, best, 1),
+        is_cause_in_best_explanation(cost, best, 0),
+        is_cause_in_best_explanation(cost, best, 1),
         _subtract_force_and_accelerometer_offsets(motion, of_rest, of_error),
     )
 
@@ -139,7 +139,7 @@ def _subtract_force_and_accelerometer_offsets(
     )
 
 
-def is_in_best_explanation(
+def is_cause_in_best_explanation(
     cost_by_explanation: dict[tuple[bool, bool, bool], float],
     best_explanation: tuple[bool, bool, bool],
     cause_index: int,

@@ -17,13 +17,13 @@ from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.likelihood_search import PickedCause, rank_causes_by_likelihood
-from analysis.findings.refit import refit_corrected
+from analysis.findings.likelihood_search import FittedCause, rank_causes_by_likelihood
+from analysis.findings.refit import mass_change_by_refit
 from analysis.findings.signal_lag import (
     SignalLag,
     estimate_lag_and_std_s,
     estimate_lag_of_signal,
-    find_parabola_peak,
+    find_parabola_peak_offset_steps,
 )
 from analysis.findings.unsigned_channels import find_unsigned_speed
 from analysis.model.schema import column_values
@@ -135,7 +135,9 @@ def _sum_squared_force_residuals(force: Floats, columns: Floats, used_rows: Bool
     return float(left @ left)
 
 
-def correlate_force_with_acceleration(force: Floats, acceleration: Floats, speed: Floats) -> float:
+def compute_partial_force_acceleration_correlation(
+    force: Floats, acceleration: Floats, speed: Floats
+) -> float:
     """Partial correlation of force and acceleration about 0, given the speed.
 
     Friction in the force follows the speed, which is the integral of the acceleration.
@@ -155,14 +157,16 @@ def _estimate_force_lag_while_driving(
     inside = is_driving.copy()
     inside[:longest] = inside[-longest:] = False
     seen = [
-        correlate_force_with_acceleration(
+        compute_partial_force_acceleration_correlation(
             force[inside], np.roll(acceleration, k)[inside], np.roll(speed, k)[inside]
         )
         for k in range(-longest, longest + 1)
     ]
     at = int(np.argmax(seen))
     inside_search = 0 < at < len(seen) - 1
-    part = find_parabola_peak(np.array(seen[at - 1 : at + 2])) if inside_search else 0.0
+    part = (
+        find_parabola_peak_offset_steps(np.array(seen[at - 1 : at + 2])) if inside_search else 0.0
+    )
     return SignalLag((at - longest + part) * step_s, seen[at], seen[longest])
 
 
@@ -213,8 +217,8 @@ def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
         return [] if find_unsigned_speed(inputs) else [_make_long_delay_symptom(inputs, late)]
     # a part of the force that is late looks like a delay of the whole
     found = [
-        pick
-        for name, pick in rank_causes_by_likelihood(inputs).items()
+        fitted_cause
+        for name, fitted_cause in rank_causes_by_likelihood(inputs).items()
         if name.startswith("delay") and not (is_source_late and name == "delay:force")
     ]
     whole = (_make_delay_symptom(inputs, p) for p in found if not is_filter_delay_likelier(p))
@@ -224,7 +228,7 @@ def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
 def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
     """Find a sensor that is late against another one of those that make up the force."""
     found: list[Symptom] = []
-    for first, second in combinations(list_force_sources(inputs), 2):
+    for first, second in combinations(list_force_source_channels(inputs), 2):
         seen = estimate_lag_and_std_s(
             inputs.unfiltered_readings[second], inputs.unfiltered_readings[first]
         )
@@ -248,7 +252,7 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
     return found
 
 
-def list_force_sources(inputs: FindingInputs) -> tuple[str, ...]:
+def list_force_source_channels(inputs: FindingInputs) -> tuple[str, ...]:
     """Channels that add up to the force, all forces, torques, currents or pressures; else none."""
     machine = inputs.machine
     whole = ("force_x_N",) if "force_x_N" in machine.channels else FORCES
@@ -276,14 +280,14 @@ def is_delay_that_masks_other_causes(cause: str, strength: float | None) -> bool
     return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
 
-def is_filter_delay_likelier(pick: PickedCause) -> bool:
+def is_filter_delay_likelier(fitted_cause: FittedCause) -> bool:
     """Whether a delay is better explained by a filter of the accelerometer."""
-    return pick.name == "delay:imu" and pick.value > LIMITS.filter_delay_s
+    return fitted_cause.name == "delay:imu" and fitted_cause.value > LIMITS.filter_delay_s
 
 
-def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
-    fitted_channel = pick.name.partition(":")[2]
-    fitted_s, std_s = pick.value, pick.std
+def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Symptom:
+    fitted_channel = fitted_cause.name.partition(":")[2]
+    fitted_s, std_s = fitted_cause.value, fitted_cause.std
     # two channels do not tell which one is wrong; sensors are late more often than early
     is_ambiguous = not inputs.has_accelerometer and bool(inputs.speed_channels)
     is_speed_late = is_ambiguous and fitted_channel == "force" and fitted_s < 0.0
@@ -293,7 +297,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     # what lies beyond the search, or is no delay but a filter, ends there as well
     is_at_end = abs(late_s) >= LIMITS.longest_likelihood_delay_s
     beside = _list_other_motion_channels(inputs, channel)
-    rivals = [each for each in beside if f"delay:{each}" in pick.rivals]
+    rivals = [each for each in beside if f"delay:{each}" in fitted_cause.rivals]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in beside)
     size = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms"
@@ -305,12 +309,12 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     elif rivals:
         said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
     smooth = channel == "imu" and late_s > 0
-    others = [n for n in pick.rivals if not n.startswith("delay") and n not in WARMING]
+    others = [n for n in fitted_cause.rivals if not n.startswith("delay") and n not in WARMING]
     # what is early against an accelerometer may be in time, and the accelerometer filtered
     filtered = smooth or (late_s < 0.0 and "imu" in rivals)
     return Symptom(
         min(
-            float(np.sqrt(pick.gain)) / LIMITS.likelihood_gain_root,
+            float(np.sqrt(fitted_cause.gain)) / LIMITS.likelihood_gain_root,
             abs(late_s) / LIMITS.trusted_stamp_s,
             # at the end of the search the gain is of a step, not of the delay
             abs(late_s) / (LIMITS.term_min_std * std_s),
@@ -322,7 +326,7 @@ def _make_delay_symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
         # a low-pass is not mended by a delay
         change=None
         if smooth or is_at_end
-        else lambda: refit_corrected(
+        else lambda: mass_change_by_refit(
             inputs,
             lambda motion: correct_channel_delay(motion, fitted_channel, fitted_s),
             min(std_s / abs(late_s), 1.0),

@@ -144,7 +144,7 @@ class FindingInputs:
         names = (*self.equation_channels_in_log, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
-    def convert_to_relative_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
+    def convert_unix_to_aligned_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
         """Convert two unix stamps to ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
@@ -152,7 +152,9 @@ class FindingInputs:
     def mark_moving_stamps(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
         t = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
-        return ~self.is_standing_sample[np.minimum(find_stamp_indices(t, unix_ns), t.size - 1)]
+        return ~self.is_standing_sample[
+            np.minimum(find_insertion_indices_of_stamps(t, unix_ns), t.size - 1)
+        ]
 
     def force_newtons_per_channel_unit(self, channel: str) -> float:
         """Longitudinal force in N per unit of a force channel, by equation (17) of the paper."""
@@ -215,7 +217,7 @@ class FindingInputs:
 
 
 @compiled_unless_short_log
-def find_stamp_indices(sorted_stamps: Ints, stamps: Ints) -> Ints:
+def find_insertion_indices_of_stamps(sorted_stamps: Ints, stamps: Ints) -> Ints:
     """Insertion indices (n,) of stamps into `sorted_stamps`; fast for stamps mostly in order."""
     out = np.empty(stamps.size, np.int64)
     at = 0

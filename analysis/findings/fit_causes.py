@@ -15,11 +15,11 @@ from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import (
-    PickedCause,
+    FittedCause,
     list_indistinguishable_causes,
     rank_causes_by_likelihood,
 )
-from analysis.findings.refit import refit_corrected
+from analysis.findings.refit import mass_change_by_refit
 from analysis.model.physical_units import gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.stage_limits import LIMITS as STAGE_LIMITS
@@ -33,10 +33,10 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
 
     The radius scales the force as well.
     """
-    pick = rank_causes_by_likelihood(inputs).get("wheel_radius")
-    if pick is None:
+    fitted = rank_causes_by_likelihood(inputs).get("wheel_radius")
+    if fitted is None:
         return []
-    gain, std = pick.value, pick.std
+    gain, std = fitted.value, fitted.std
     if gain <= -1.0:  # no radius makes wheels follow that do not
         return []
     body = inputs.machine.machine
@@ -53,7 +53,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             min(
-                float(np.sqrt(pick.gain)) / LIMITS.wheel_radius_min_std,
+                float(np.sqrt(fitted.gain)) / LIMITS.wheel_radius_min_std,
                 abs(gain) / LIMITS.trusted_gain_1,
             ),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
@@ -61,10 +61,10 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: refit_corrected(inputs, correct_radius, min(std / abs(gain), 1.0)),
+            change=lambda: mass_change_by_refit(inputs, correct_radius, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
-                *list_indistinguishable_causes(pick),
+                *list_indistinguishable_causes(fitted),
                 *(("imu_loose",) if gain < -LIMITS.rocking_imu_fraction else ()),
             ),
         )
@@ -98,7 +98,7 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
                 for name in names
             )
             or None,
-            change=lambda: refit_corrected(
+            change=lambda: mass_change_by_refit(
                 inputs,
                 lambda motion: replace(motion, force=motion.force - rest),
                 min(std / abs(rest), 1.0),
@@ -143,27 +143,27 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     motion = fit.motion
     name = "direction" if motion.drives_both_ways else "const"
     way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.is_fittable]))
-    pick = found.get(name) or read_picked_cause_from_joint_fit(inputs, name)
-    if pick is None or pick.value * way <= 0.0:
+    fitted = found.get(name) or read_fitted_cause_from_joint_fit(inputs, name)
+    if fitted is None or fitted.value * way <= 0.0:
         return []
-    force = pick.value * way
+    force = fitted.value * way
     prior = "direction_share" if motion.drives_both_ways else "const_share"
     share = max(
         getattr(inputs.machine.settings.priors, prior), force / motion.force_95_percentile_newtons
     )
-    others = list_indistinguishable_causes(pick)
+    others = list_indistinguishable_causes(fitted)
     seen = explain_constant_force(inputs)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Symptom(
             min(
-                float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+                float(np.sqrt(fitted.gain)) / LIMITS.term_min_std,
                 force / (LIMITS.trusted_coulomb_fraction * motion.force_95_percentile_newtons),
             ),
-            f"{format_force_and_std(force, pick.std)} oppose the motion at any speed",
+            f"{format_force_and_std(force, fitted.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
-            change=lambda: estimate_mass_change_without_coulomb(inputs, force, pick.std, others),
+            change=lambda: estimate_mass_change_without_coulomb(inputs, force, fitted.std, others),
             alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
@@ -175,7 +175,7 @@ def format_force_and_std(force_N: float, std_N: float, sign: str = "-") -> str:
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
-def read_picked_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> PickedCause | None:
+def read_fitted_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> FittedCause | None:
     """Term of the joint fit, less the part that standstill explains.
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
@@ -188,14 +188,14 @@ def read_picked_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> P
     if term_name == "const":
         error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
         value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
-    return PickedCause(term_name, value, std, (value / std) ** 2, ())
+    return FittedCause(term_name, value, std, (value / std) ** 2, ())
 
 
 def estimate_mass_change_without_coulomb(
     inputs: FindingInputs, force: float, std: float, rival_terms: tuple[str, ...]
 ) -> MassChange | None:
     """Mass change if Coulomb friction, or a rival term, is removed."""
-    change = refit_corrected(
+    change = mass_change_by_refit(
         inputs,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),
         min(std / force, 1.0),
@@ -213,20 +213,20 @@ def _bound_mass_change_by_wheel_slip(inputs: FindingInputs) -> MassChange | None
 
 def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     """Find wheels that turn faster than the ground speed while they pull."""
-    pick, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.log_only_fit
-    if pick is None or fit is None or pick.value <= 0.0:
+    fitted, fit = rank_causes_by_likelihood(inputs).get("slip"), inputs.log_only_fit
+    if fitted is None or fit is None or fitted.value <= 0.0:
         return []
-    at = pick.value * fit.motion.force_95_percentile_newtons
+    at = fitted.value * fit.motion.force_95_percentile_newtons
     if at > LIMITS.max_slip_1:
         return []
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / LIMITS.term_min_std, at / 0.005),
-            f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
+            min(float(np.sqrt(fitted.gain)) / LIMITS.term_min_std, at / 0.005),
+            f"the wheels slip by {at:.2%} ± {at * fitted.std / fitted.value:.2%} of their speed at "
             "full force",
             channel=next(iter(inputs.speed_channels), None),
             change=lambda: _bound_mass_change_by_wheel_slip(inputs),
-            alternatives=list_indistinguishable_causes(pick),
+            alternatives=list_indistinguishable_causes(fitted),
         )
     ]
 
@@ -234,24 +234,24 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
 def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     """Find a force that is nonlinear in the acceleration, by load transfer or drive losses."""
     found = find_gain_drift_if_loads_follow_direction(inputs)
-    pick = rank_causes_by_likelihood(inputs).get("driveline")
-    if pick is not None:
+    fitted = rank_causes_by_likelihood(inputs).get("driveline")
+    if fitted is not None:
         found.append(
             Symptom(
                 min(
-                    float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
-                    abs(pick.value) / LIMITS.trusted_share_change_s2_m,
+                    float(np.sqrt(fitted.gain)) / LIMITS.term_min_std,
+                    abs(fitted.value) / LIMITS.trusted_share_change_s2_m,
                 ),
-                _format_gain_change(pick.value, pick.std),
+                _format_gain_change(fitted.value, fitted.std),
                 channel=inputs.force_channel,
-                change=lambda: refit_corrected(
+                change=lambda: mass_change_by_refit(
                     inputs,
                     lambda motion: replace(
-                        motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
+                        motion, force=motion.force * (1.0 - fitted.value * motion.acceleration)
                     ),
                     1.0,
                 ),
-                alternatives=list_indistinguishable_causes(pick),
+                alternatives=list_indistinguishable_causes(fitted),
             )
         )
     return [max(found, key=lambda sign: sign.strength)] if found else []
@@ -262,21 +262,21 @@ def find_force_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.log_only_fit
     if fit is None or fit.mass_count > 1:
         return find_drift_of_empty_mass(inputs)
-    pick = rank_causes_by_likelihood(inputs).get("gain_drift")
-    if pick is None:
+    fitted = rank_causes_by_likelihood(inputs).get("gain_drift")
+    if fitted is None:
         return []
     return [
         Symptom(
             min(
-                float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
-                abs(pick.value) / LIMITS.trusted_gain_drift_1,
+                float(np.sqrt(fitted.gain)) / LIMITS.term_min_std,
+                abs(fitted.value) / LIMITS.trusted_gain_drift_1,
             ),
-            f"force over acceleration changes by {pick.value:+.1%} ± {pick.std:.1%} from the "
+            f"force over acceleration changes by {fitted.value:+.1%} ± {fitted.std:.1%} from the "
             "beginning of the log to its end: the force's gain, or the load",
             channel=inputs.force_channel,
             # its mean over the log is what the masses have
-            change=lambda: MassChange(0.0, abs(pick.value) / 2.0 * abs(fit.mass_kg)),
-            alternatives=list_indistinguishable_causes(pick),
+            change=lambda: MassChange(0.0, abs(fitted.value) / 2.0 * abs(fit.mass_kg)),
+            alternatives=list_indistinguishable_causes(fitted),
         )
     ]
 
@@ -309,7 +309,7 @@ def relative_mass_uncertainty_of_answer(inputs: FindingInputs) -> float:
     if weighing is None:
         return float("inf")
     fit = weighing.fit
-    parts = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
+    parts = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(fit.mass_kg)
@@ -334,7 +334,7 @@ def find_terms_inseparable_from_mass(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.log_only_fit
     if fit is None:
         return []
-    parts = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))
+    parts = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
@@ -353,17 +353,17 @@ def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
     if weighing is None or not np.isfinite(weighing.braking_kg):
         return []
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
-    pick = None if weighing.braking_left_out else rank_causes_by_likelihood(inputs).get("braking")
-    if pick is None:  # what driving says is all there is
+    fitted = None if weighing.braking_left_out else rank_causes_by_likelihood(inputs).get("braking")
+    if fitted is None:  # what driving says is all there is
         strength = float(abs(weighing.braking_kg) / (LIMITS.braking_change_u * weighing.fit.u_kg))
         share, others = "", ()
     else:
         strength = min(
-            float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
-            pick.value / LIMITS.seen_braking_fraction,
+            float(np.sqrt(fitted.gain)) / LIMITS.term_min_std,
+            fitted.value / LIMITS.seen_braking_fraction,
         )
-        share = f" ({pick.value:.2%} ± {pick.std:.2%} is not measured)"
-        others = list_indistinguishable_causes(pick)
+        share = f" ({fitted.value:.2%} ± {fitted.std:.2%} is not measured)"
+        others = list_indistinguishable_causes(fitted)
     return [
         Symptom(
             strength,

@@ -1,8 +1,8 @@
 """Stepwise search for causes that raise the likelihood of the two equations.
 
 At each step every cause is tried as one additional parameter besides mass, friction and the causes
-picked before; the one that raises the likelihood most is picked. Causes that would raise it nearly
-as much form its class: this log cannot distinguish them.
+selected before; the one that raises the likelihood most is selected. Causes that would raise it
+nearly as much form its class: this log cannot distinguish them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ _BESIDE: Final = {"delay:speed": "delay:imu", "delay:imu": "delay:speed"}
 
 
 @dataclass(frozen=True)
-class PickedCause:
+class FittedCause:
     """A candidate cause with its fitted parameter.
 
     Attributes:
@@ -61,14 +61,14 @@ class PickedCause:
     rivals: tuple[str, ...]
 
 
-def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
-    """Rank the causes by their gain of likelihood; picked causes come first."""
-    if "picks" not in inputs.cache:
-        inputs.cache["picks"] = _pick_causes_stepwise(inputs)
-    return inputs.cache["picks"]  # type: ignore[return-value]
+def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, FittedCause]:
+    """Rank the causes by their gain of likelihood; selected causes come first."""
+    if "selected_causes" not in inputs.cache:
+        inputs.cache["selected_causes"] = _select_causes_stepwise(inputs)
+    return inputs.cache["selected_causes"]  # type: ignore[return-value]
 
 
-def _pick_causes_stepwise(inputs: FindingInputs) -> dict[str, PickedCause]:
+def _select_causes_stepwise(inputs: FindingInputs) -> dict[str, FittedCause]:
     fit, noise = inputs.log_only_fit, inputs.column_noise
     if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
@@ -79,7 +79,7 @@ def _pick_causes_stepwise(inputs: FindingInputs) -> dict[str, PickedCause]:
         if not motion.is_fittable.any():  # there are spikes all along
             return {}
     taken: list[str] = []
-    out: dict[str, PickedCause] = {}
+    out: dict[str, FittedCause] = {}
     uncorrected = motion
     late = _test_delay_beyond_linearisation(inputs, motion)
     if late is not None:
@@ -93,14 +93,16 @@ def _pick_causes_stepwise(inputs: FindingInputs) -> dict[str, PickedCause]:
             break
         best = _choose_most_likely_cause(tried)
         if best.gain < LIMITS.picked_gain:
-            out.update({name: pick for name, pick in tried.items() if name not in out})
+            out.update(
+                {name: fitted_cause for name, fitted_cause in tried.items() if name not in out}
+            )
             break
         found = best
         rivals = {
             name
-            for name, pick in tried.items()
-            if best.gain - pick.gain < likelihood_gain_tolerance(best, name)
-            and has_plausible_slip_sign(pick)
+            for name, fitted_cause in tried.items()
+            if best.gain - fitted_cause.gain < compute_indistinguishable_gain_difference(best, name)
+            and has_plausible_slip_sign(fitted_cause)
         }
         if best.name.startswith("delay"):
             begun = motion
@@ -120,38 +122,42 @@ def _pick_causes_stepwise(inputs: FindingInputs) -> dict[str, PickedCause]:
         out.update(
             {n: p for n, p in score_remaining_causes(equations, taken).items() if n not in out}
         )
-    return out | _refit_delays_and_friction(
+    return out | _refit_selected_delays_and_friction(
         inputs, uncorrected, {name: out[name] for name in taken}
     )
 
 
-def _refit_delays_and_friction(
-    inputs: FindingInputs, uncorrected: MotionSamples, picks: Mapping[str, PickedCause]
-) -> dict[str, PickedCause]:
-    """Fit picked delays and Coulomb friction again, each with all other picks beside it.
+def _refit_selected_delays_and_friction(
+    inputs: FindingInputs, uncorrected: MotionSamples, selected_causes: Mapping[str, FittedCause]
+) -> dict[str, FittedCause]:
+    """Fit selected delays and Coulomb friction again, each with all others beside it.
 
-    Whichever was picked first was fitted without the other, and both are steps where the motion
+    Whichever was selected first was fitted without the other, and both are steps where the motion
     turns.
     """
-    delays = [name for name in picks if name.startswith("delay")]
-    frictions = [name for name in picks if name in _FRICTION]
+    delays = [name for name in selected_causes if name.startswith("delay")]
+    frictions = [name for name in selected_causes if name in _FRICTION]
     if not delays or not frictions:
         return {}
-    refitted: dict[str, PickedCause] = {}
+    refitted: dict[str, FittedCause] = {}
     motion = uncorrected
     for name in delays:
-        others = [other for other in picks if other != name]
-        motion, delay = correct_delay_iteratively(inputs, motion, others, picks[name])
+        others = [other for other in selected_causes if other != name]
+        motion, delay = correct_delay_iteratively(inputs, motion, others, selected_causes[name])
         refitted[name] = delay
     equations = build_whitened_equations(inputs, motion)
     for name in frictions:
-        again = score_remaining_causes(equations, [other for other in picks if other != name])
+        again = score_remaining_causes(
+            equations, [other for other in selected_causes if other != name]
+        )
         if name in again:
-            refitted[name] = replace(picks[name], value=again[name].value, std=again[name].std)
+            refitted[name] = replace(
+                selected_causes[name], value=again[name].value, std=again[name].std
+            )
     return refitted
 
 
-def likelihood_gain_tolerance(best_pick: PickedCause, cause_name: str) -> float:
+def compute_indistinguishable_gain_difference(best_pick: FittedCause, cause_name: str) -> float:
     """Difference of gains below which two causes cannot be distinguished."""
     # under a throttle that is held, brakes of an unknown course are a constant force as well, or
     # one that is not linear in the acceleration
@@ -164,37 +170,38 @@ def likelihood_gain_tolerance(best_pick: PickedCause, cause_name: str) -> float:
     )
 
 
-def _choose_most_likely_cause(candidates: Mapping[str, PickedCause]) -> PickedCause:
+def _choose_most_likely_cause(candidates: Mapping[str, FittedCause]) -> FittedCause:
     """Candidate with the largest gain; among equals, one that is physical and matters."""
-    best = max(candidates.values(), key=lambda pick: pick.gain)
+    best = max(candidates.values(), key=lambda fitted_cause: fitted_cause.gain)
     if has_plausible_slip_sign(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
     others = [
-        pick
-        for pick in candidates.values()
-        if best.gain - pick.gain < likelihood_gain_tolerance(best, pick.name)
-        and has_plausible_slip_sign(pick)
-        and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
-        and pick.gain >= LIMITS.picked_gain
+        fitted_cause
+        for fitted_cause in candidates.values()
+        if best.gain - fitted_cause.gain
+        < compute_indistinguishable_gain_difference(best, fitted_cause.name)
+        and has_plausible_slip_sign(fitted_cause)
+        and abs(fitted_cause.value) >= _LEAST.get(fitted_cause.name, 0.0)
+        and fitted_cause.gain >= LIMITS.picked_gain
     ]
-    return max(others, key=lambda pick: pick.gain, default=best)
+    return max(others, key=lambda fitted_cause: fitted_cause.gain, default=best)
 
 
-def has_plausible_slip_sign(picked_cause: PickedCause) -> bool:
+def has_plausible_slip_sign(fitted_cause: FittedCause) -> bool:
     """Whether a slip has a possible sign: driving wheels cannot turn slower than the ground."""
-    return picked_cause.name != "slip" or picked_cause.value > 0.0
+    return fitted_cause.name != "slip" or fitted_cause.value > 0.0
 
 
 def _test_delay_beyond_linearisation(
     inputs: FindingInputs, motion: MotionSamples
-) -> PickedCause | None:
+) -> FittedCause | None:
     """Test a delay that is too long to be linearised, with the lag of the joint fit."""
     fit = inputs.log_only_fit
     if fit is None or abs(fit.force_lag_s) < LIMITS.long_delay_s:
         return None
     late = correct_channel_delay(motion, "force", fit.force_lag_s)
-    before, without = project_out_picked_causes(build_whitened_equations(inputs, motion))
-    after, _ = project_out_picked_causes(build_whitened_equations(inputs, late))
+    before, without = project_out_selected_causes(build_whitened_equations(inputs, motion))
+    after, _ = project_out_selected_causes(build_whitened_equations(inputs, late))
     if (
         before.square_left * before.variance
         < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
@@ -202,7 +209,7 @@ def _test_delay_beyond_linearisation(
         return None
     # the wheels tell whether it is the accelerometer that is early or late
     turned = correct_channel_delay(motion, "imu", -fit.force_lag_s)
-    _, with_it = project_out_picked_causes(build_whitened_equations(inputs, turned))
+    _, with_it = project_out_selected_causes(build_whitened_equations(inputs, turned))
     by_imu = (
         without is not None
         and with_it is not None
@@ -210,13 +217,16 @@ def _test_delay_beyond_linearisation(
     )
     gain = before.square_left * before.variance / after.variance - after.square_left
     if by_imu:
-        return PickedCause("delay:imu", -fit.force_lag_s, 1e-3, gain, ())
-    return PickedCause("delay:force", fit.force_lag_s, 1e-3, gain, ())
+        return FittedCause("delay:imu", -fit.force_lag_s, 1e-3, gain, ())
+    return FittedCause("delay:force", fit.force_lag_s, 1e-3, gain, ())
 
 
 def correct_delay_iteratively(
-    inputs: FindingInputs, motion: MotionSamples, picked_causes: list[str], delay_cause: PickedCause
-) -> tuple[MotionSamples, PickedCause]:
+    inputs: FindingInputs,
+    motion: MotionSamples,
+    selected_causes: list[str],
+    delay_cause: FittedCause,
+) -> tuple[MotionSamples, FittedCause]:
     """Correct the delay of a channel repeatedly until none is left."""
     channel, total, std = delay_cause.name.partition(":")[2], 0.0, delay_cause.std
     begun, step = motion, delay_cause.value
@@ -227,9 +237,9 @@ def correct_delay_iteratively(
             )
         )
         motion = correct_channel_delay(begun, channel, total)
-        again = score_remaining_causes(build_whitened_equations(inputs, motion), picked_causes).get(
-            delay_cause.name
-        )
+        again = score_remaining_causes(
+            build_whitened_equations(inputs, motion), selected_causes
+        ).get(delay_cause.name)
         if again is None:
             break
         step, std = again.value, again.std
@@ -241,9 +251,9 @@ def correct_delay_iteratively(
 def decide_if_wheels_or_imu_are_delayed(
     inputs: FindingInputs,
     uncorrected: MotionSamples,
-    picked_causes: list[str],
-    corrected_motion_and_delay: tuple[MotionSamples, PickedCause],
-) -> tuple[MotionSamples, PickedCause, tuple[str, ...]]:
+    selected_causes: list[str],
+    corrected_motion_and_delay: tuple[MotionSamples, FittedCause],
+) -> tuple[MotionSamples, FittedCause, tuple[str, ...]]:
     """Decide whether the wheels are early or the accelerometer is late.
 
     Both have the same effect on the wheel equation; the force distinguishes them.
@@ -251,7 +261,7 @@ def decide_if_wheels_or_imu_are_delayed(
     Args:
         inputs: the log.
         uncorrected: motion before any correction.
-        picked_causes: causes found before.
+        selected_causes: causes found before.
         corrected_motion_and_delay: corrected motion and the delay that was found.
 
     Returns:
@@ -263,7 +273,7 @@ def decide_if_wheels_or_imu_are_delayed(
     other = correct_channel_delay(uncorrected, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
     left, left_other = (
-        project_out_picked_causes(build_whitened_equations(inputs, each), picked_causes)[0]
+        project_out_selected_causes(build_whitened_equations(inputs, each), selected_causes)[0]
         for each in (motion, other)
     )
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
@@ -275,23 +285,23 @@ def decide_if_wheels_or_imu_are_delayed(
 
 
 def score_remaining_causes(
-    equations: Equations, picked_causes: list[str]
-) -> dict[str, PickedCause]:
-    """Score every remaining cause in addition to those already picked."""
-    force, wheels = project_out_picked_causes(equations, picked_causes)
+    equations: Equations, selected_causes: list[str]
+) -> dict[str, FittedCause]:
+    """Score every remaining cause in addition to those already selected."""
+    force, wheels = project_out_selected_causes(equations, selected_causes)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
     together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
     parts = [force, wheels] if wheels is not None and together else [force]
     names = list(dict.fromkeys(name for part in parts for name in part.information))
-    out: dict[str, PickedCause] = {}
+    out: dict[str, FittedCause] = {}
     for name in names:
-        if name in picked_causes:
+        if name in selected_causes:
             continue
-        square = sum(part.remaining_information(name) for part in parts)
+        square = sum(part.remaining_information_about_cause(name) for part in parts)
         if not square > 0.0:
             continue
-        value = sum(part.remaining_score(name) for part in parts) / square
-        out[name] = PickedCause(name, value, square**-0.5, value**2 * square, ())
+        value = sum(part.remaining_likelihood_score_of_cause(name) for part in parts) / square
+        out[name] = FittedCause(name, value, square**-0.5, value**2 * square, ())
     return out
 
 
@@ -313,21 +323,21 @@ def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Eq
     return force, build_whitened_wheel_rows(motion, noise)
 
 
-def project_out_picked_causes(
-    equations: Equations, picked_causes: Sequence[str] = ()
+def project_out_selected_causes(
+    equations: Equations, selected_causes: Sequence[str] = ()
 ) -> tuple[ProjectedEquation, ProjectedEquation | None]:
-    """Force and wheel equations with the picked causes projected out."""
+    """Force and wheel equations with the selected causes projected out."""
     force, wheels = equations
     project_out = ProjectedEquation.project_out
     return (
-        project_out(force, picked_causes),
-        None if wheels is None else project_out(wheels, picked_causes),
+        project_out(force, selected_causes),
+        None if wheels is None else project_out(wheels, selected_causes),
     )
 
 
-def list_indistinguishable_causes(pick: PickedCause) -> tuple[str, ...]:
+def list_indistinguishable_causes(fitted_cause: FittedCause) -> tuple[str, ...]:
     """Keys of the causes that this log cannot distinguish from a given one."""
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
-    own = keys.get(pick.name, pick.name.partition(":")[0])
-    named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
+    own = keys.get(fitted_cause.name, fitted_cause.name.partition(":")[0])
+    named = (keys.get(name, name.partition(":")[0]) for name in fitted_cause.rivals)
     return tuple(key for key in dict.fromkeys(named) if key not in (own, *WARMING))

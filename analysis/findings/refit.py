@@ -24,19 +24,21 @@ from estimators.arrays import Bools, Floats
 Mend = Callable[[MotionSamples], MotionSamples]
 
 
-def refit_without_samples(inputs: FindingInputs, excluded_rows: Bools) -> MassChange | None:
+def mass_change_by_refit_without_samples(
+    inputs: FindingInputs, excluded_rows: Bools
+) -> MassChange | None:
     """Refit without some samples; u covers that a replay may accept other starts.
 
     Args:
         inputs: the log.
         excluded_rows: (n,) True for grid samples to exclude.
     """
-    return refit_and_add_answer_u(
+    return mass_change_by_refit_with_answer_u(
         inputs, lambda motion: motion.exclude_samples(excluded_rows), LIMITS.cut_start_u
     )
 
 
-def refit_and_add_answer_u(
+def mass_change_by_refit_with_answer_u(
     inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion, with the answer's uncertainty added to that of the change.
@@ -46,15 +48,15 @@ def refit_and_add_answer_u(
     Args:
         inputs: the log.
         correct_motion: returns the corrected motion.
-        relative_u: see `refit_corrected`.
+        relative_u: see `mass_change_by_refit`.
     """
-    change = refit_corrected(inputs, correct_motion, relative_u)
+    change = mass_change_by_refit(inputs, correct_motion, relative_u)
     if change is None or inputs.log_only_fit is None:
         return None
     return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.log_only_fit.u_kg)))
 
 
-def refit_corrected(
+def mass_change_by_refit(
     inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion from the joint fit on, and compare the masses.
@@ -74,7 +76,7 @@ def refit_corrected(
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))["noise"]
+    of_noise = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))["noise"]
     return MassChange(
         kg,
         float(
@@ -111,7 +113,7 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
     if motion.is_fittable.sum() < LIMITS.refit_min_samples or not motion.has_enough_motion:
         return None
     motion = motion.drop_samples_far_from_fitted(LIMITS.refit_reach_s)
-    states = None if fit.states is None else fit.states.renumber_for_motion(motion)
+    states = None if fit.states is None else fit.states.reassign_to_manoeuvres_of_motion(motion)
     if states is not None and states.state_count != inputs.cache.setdefault(
         "states", states.state_count
     ):
@@ -175,7 +177,11 @@ def refit_from_earlier_fit(
         )
     if is_lag_known:
         return refit_with_extra_terms(earlier_fit, noise, priors)
-    states = None if earlier_fit.states is None else earlier_fit.states.renumber_for_motion(part)
+    states = (
+        None
+        if earlier_fit.states is None
+        else earlier_fit.states.reassign_to_manoeuvres_of_motion(part)
+    )
     pilot = refit_with_extra_terms(replace(earlier_fit, motion=part, states=states), noise, priors)
     if abs(pilot.found.lag_s - earlier_fit.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit_with_extra_terms(pilot, noise, priors)

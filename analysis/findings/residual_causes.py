@@ -27,15 +27,15 @@ class Spectra(NamedTuple):
     counts: tuple[int, int]
 
 
-def residual_spectra(inputs: FindingInputs) -> Spectra | None:
+def force_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     """Spectra of f - m a - b v; None if standstill or motion is too short, or the grid too slow."""
     if "spectra" in inputs.cache:
         return inputs.cache["spectra"]  # type: ignore[return-value]
-    inputs.cache["spectra"] = found = _compute_residual_spectra(inputs)
+    inputs.cache["spectra"] = found = _compute_force_residual_spectra(inputs)
     return found
 
 
-def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
+def _compute_force_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     fit, aligned, machine = inputs.log_only_fit, inputs.aligned, inputs.machine
     rate_hz = machine.settings.align.rate_hz
     if rate_hz <= 2.0 * LIMITS.reference_band_hz[0]:
@@ -129,7 +129,7 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
                 change=lambda: MassChange(0.0, abs(effect_kg)),
             )
         ]
-    found = residual_spectra(inputs)
+    found = force_residual_spectra(inputs)
     if found is None:
         return []
     hz = found.hz
@@ -154,7 +154,7 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
 
 def find_residual_noise_growth_in_motion(inputs: FindingInputs) -> list[Symptom]:
     """Find more residual noise in motion than at standstill."""
-    found = residual_spectra(inputs)
+    found = force_residual_spectra(inputs)
     if found is None:
         return []
     driving, standing = (
@@ -172,7 +172,7 @@ def find_residual_noise_growth_in_motion(inputs: FindingInputs) -> list[Symptom]
 
 def find_slow_noise_at_standstill(inputs: FindingInputs) -> list[Symptom]:
     """Find slow noise of the channels at standstill, beyond white noise."""
-    found = residual_spectra(inputs)
+    found = force_residual_spectra(inputs)
     if found is None:
         return []
     slow = _median_power_in_band(found.hz, found.standing, 0.5, LIMITS.slow_noise_hz)
@@ -194,7 +194,9 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
         return []
     half_N = fit.estimate_of_term(HYSTERESIS.name)
     std_N = abs(half_N) / fit.term_t_values[HYSTERESIS.name]
-    u_kg = fit.u_by_cause_kg(fit.coefficients_of_state(fit.most_frequent_state))[HYSTERESIS.name]
+    u_kg = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))[
+        HYSTERESIS.name
+    ]
     return [
         Symptom(
             half_N / (LIMITS.hysteresis_share * fit.motion.force_95_percentile_newtons),

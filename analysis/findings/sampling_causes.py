@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.findings.cause import Symptom, keep_strongest_symptom
+from analysis.findings.cause import Symptom, list_only_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.physical_units import NS_PER_S
@@ -48,10 +48,10 @@ def find_topic_gaps(inputs: FindingInputs) -> list[Symptom]:
                 f"{format_count(holes.size, 'gap')}, the longest {steps[longest] / 1e9:.2f} s, "
                 f"together {missing:.1%} of the log",
                 channel=name,
-                span_ns=inputs.convert_to_relative_ns(t[longest], t[longest + 1]),
+                span_ns=inputs.convert_unix_to_aligned_ns(t[longest], t[longest + 1]),
             )
         )
-    return keep_strongest_symptom(found)
+    return list_only_strongest_symptom(found)
 
 
 def mark_gaps_of_whole_recorder(
@@ -85,10 +85,10 @@ def find_copied_row_stretches(inputs: FindingInputs) -> list[Symptom]:
                 f"{start_s:,.1f} s on to the last digit{times}: they are left out, and what was "
                 "done meanwhile was not recorded",
                 channel=inputs.find_channel_of_topic(topic),
-                span_ns=inputs.convert_to_relative_ns(int(t[begin]), int(t[end])),
+                span_ns=inputs.convert_unix_to_aligned_ns(int(t[begin]), int(t[end])),
             )
         )
-    return keep_strongest_symptom(found)
+    return list_only_strongest_symptom(found)
 
 
 def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
@@ -123,7 +123,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
                 channel=name,
             )
         )
-    return keep_strongest_symptom(found)
+    return list_only_strongest_symptom(found)
 
 
 def choose_sampling_jitter_limit_and_verdict(
@@ -138,7 +138,9 @@ def choose_sampling_jitter_limit_and_verdict(
     weight, weighted = 0.0, 0.0
     for channel in inputs.equation_channels_in_log:
         if inputs.machine.channels[channel].topic == topic:
-            share, std = estimate_stamp_fidelity_and_std(*inputs.unfiltered_readings[channel])
+            share, std = estimate_stamp_over_even_timing_weight_and_std(
+                *inputs.unfiltered_readings[channel]
+            )
             if np.isfinite([share, std]).all() and std > 0.0:
                 weight, weighted = weight + std**-2, weighted + share * std**-2
     if not weight:
@@ -157,7 +159,9 @@ def choose_sampling_jitter_limit_and_verdict(
     return LIMITS.uneven_steps, ""
 
 
-def estimate_stamp_fidelity_and_std(stamps_ns: Ints, readings: Floats) -> tuple[float, float]:
+def estimate_stamp_over_even_timing_weight_and_std(
+    stamps_ns: Ints, readings: Floats
+) -> tuple[float, float]:
     """Estimate whether readings were taken at their stamps (1) or evenly spaced (0).
 
     A reading taken at its stamp differs from the mean of its neighbours by the slope times the
@@ -198,7 +202,7 @@ def find_header_clock_step(inputs: FindingInputs) -> list[Symptom]:
             continue
         at, jump_s, left_s = find_largest_latency_step(level)
         # a clock that drifts has no one step
-        if left_s > std_about_fitted_line_s(level):
+        if left_s > compute_latency_std_about_line_s(level):
             continue
         strength = abs(jump_s) / max(LIMITS.clock_jump_std * std_s, LIMITS.clock_jump_s)
         place = at * log.size // LIMITS.latency_parts
@@ -209,10 +213,10 @@ def find_header_clock_step(inputs: FindingInputs) -> list[Symptom]:
                 f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
                 "against log time",
                 channel=inputs.find_channel_of_topic(topic),
-                span_ns=inputs.convert_to_relative_ns(when, when),
+                span_ns=inputs.convert_unix_to_aligned_ns(when, when),
             )
         )
-    return keep_strongest_symptom(found)
+    return list_only_strongest_symptom(found)
 
 
 def find_header_clock_drift(inputs: FindingInputs) -> list[Symptom]:
@@ -292,7 +296,7 @@ def find_largest_latency_step(latency_s: Floats) -> LatencyStep:
     return LatencyStep(at, float(after[at - 1] - before[at - 1]), float(np.std(left)))
 
 
-def std_about_fitted_line_s(latency_s: Floats) -> float:
+def compute_latency_std_about_line_s(latency_s: Floats) -> float:
     """Standard deviation in s that remains after fitting a line."""
     x = np.arange(latency_s.size, dtype=np.float64)
     return float(np.std(latency_s - np.polyval(np.polyfit(x, latency_s, 1), x)))
@@ -313,7 +317,7 @@ def find_coarse_channel_resolution(inputs: FindingInputs) -> list[Symptom]:
                 channel=name,
             )
         )
-    return keep_strongest_symptom(found)
+    return list_only_strongest_symptom(found)
 
 
 def measure_repeat_fraction_and_resolution(

@@ -5,11 +5,11 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import fit_accelerometer_gain_and_std
+from analysis.findings.accelerometer_share import fit_imu_to_wheel_acceleration_gain_and_std
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import refit_and_add_answer_u, refit_corrected
+from analysis.findings.refit import mass_change_by_refit, mass_change_by_refit_with_answer_u
 from analysis.findings.unsigned_channels import find_unsigned_speed, has_channel_lost_its_sign
 from analysis.model.schema import column_values
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -48,7 +48,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     """Find a force, speed or accelerometer of the opposite sign."""
     of_force = inputs.value_by_check.get("force_sign", np.nan)
     driving_share = inputs.value_by_check.get("driving_share", np.nan)
-    gain, std = fit_accelerometer_gain_and_std(inputs) or (np.nan, np.nan)
+    gain, std = fit_imu_to_wheel_acceleration_gain_and_std(inputs) or (np.nan, np.nan)
     by_imu = abs(gain) > LIMITS.signed_gain_std * std
     if not np.isfinite(of_force):
         return []
@@ -89,7 +89,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_and_add_answer_u(
+            change=lambda: mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], -1.0), 0.05
             ),
         )
@@ -165,7 +165,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
             setting=keys,
             value=fields,
             # what drives straight does not know its sides
-            change=lambda: refit_corrected(inputs, lambda motion: motion),
+            change=lambda: mass_change_by_refit(inputs, lambda motion: motion),
             alternatives=("sign_flipped",),
         )
     ]
@@ -203,7 +203,7 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=setting,
             value=value,
-            change=lambda: refit_and_add_answer_u(
+            change=lambda: mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
@@ -230,7 +230,7 @@ def list_unit_mistakes_by_ratio(inputs: FindingInputs) -> dict[float, str]:
 def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer with the wheels and with gravity."""
     gain = inputs.value_by_check.get("acceleration_gain", np.nan)
-    seen = fit_accelerometer_gain_and_std(inputs)
+    seen = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
@@ -267,7 +267,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting if told else None,
             value=value if told else None,
-            change=lambda: refit_and_add_answer_u(
+            change=lambda: mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], times), 0.05
             ),
         )
@@ -304,7 +304,7 @@ def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_and_add_answer_u(
+            change=lambda: mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], 1.0 / near), 0.05
             ),
         )

@@ -51,7 +51,7 @@ def estimate_lag_of_signal(delayed: Floats, reference: Floats, step_s: float) ->
     # lag k: one is k steps behind
     near = np.concatenate([product[-longest:], product[: longest + 1]])
     at = int(np.argmax(near))
-    part = find_parabola_peak(near[at - 1 : at + 2]) if 0 < at < near.size - 1 else 0.0
+    part = find_parabola_peak_offset_steps(near[at - 1 : at + 2]) if 0 < at < near.size - 1 else 0.0
     return SignalLag((at - longest + part) * step_s, float(near[at]), float(product[0]))
 
 
@@ -85,14 +85,16 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
         )
         at = int(np.argmax(seen))
         if seen[at] > LIMITS.source_correlation and 0 < at < seen.size - 1:
-            lags.append((at - longest + find_parabola_peak(seen[at - 1 : at + 2])) * step_ns)
+            lags.append(
+                (at - longest + find_parabola_peak_offset_steps(seen[at - 1 : at + 2])) * step_ns
+            )
     if len(lags) < LIMITS.source_delay_parts / 2:
         return None
     lag_s = np.array(lags) / NS_PER_S
     return float(lag_s.mean()), float(lag_s.std(ddof=1) / np.sqrt(lag_s.size))
 
 
-def find_parabola_peak(values: Floats) -> float:
+def find_parabola_peak_offset_steps(values: Floats) -> float:
     """Place of the peak of a parabola through three values, in steps from the middle one."""
     before, here, after = values
     bend = before - 2.0 * here + after

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from analysis.findings.finding_limits import LIMITS
-from analysis.weighing.force_rate import make_parabola_slope
+from analysis.weighing.force_rate import make_parabola_slope_weights
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from estimators.arrays import Floats, Ints
@@ -58,12 +58,12 @@ def build_whitened_force_rows(
         friction: viscous friction in N·s/m, for the effect of slip.
         includes_braking: whether braking counts as driving.
     """
-    taken = index_samples_of_whole_blocks(motion.group, LIMITS.force_mean_samples)
+    taken = list_indices_of_samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples)
     usual_kg = float(np.median(mass_kg[motion.is_fittable]))
     std = float(
         np.sqrt(
             (g := np.array([usual_kg, friction, -1.0]))
-            @ noise.covariance_of_means(LIMITS.force_mean_samples)
+            @ noise.noise_covariance_of_means(LIMITS.force_mean_samples)
             @ g
         )
     )
@@ -71,7 +71,7 @@ def build_whitened_force_rows(
     std = max(std, np.finfo(np.float64).eps * motion.force_95_percentile_newtons) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
-    slope = make_parabola_slope(LIMITS.force_rate_samples // 2, motion.rate_hz)
+    slope = make_parabola_slope_weights(LIMITS.force_rate_samples // 2, motion.rate_hz)
     rate = np.convolve(motion.force, slope, "same")[taken]
     columns = {
         "delay:force": -rate,
@@ -90,9 +90,13 @@ def build_whitened_force_rows(
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def block_means(x: Floats) -> Floats:
-        return sum_blocks_of_samples(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
+        return (
+            compute_sums_of_sample_blocks(x, LIMITS.force_mean_samples)
+            / LIMITS.force_mean_samples
+            / std
+        )
 
-    own = noise.covariance_of_means(LIMITS.force_mean_samples) / std**2
+    own = noise.noise_covariance_of_means(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
     along = float((np.sign(v) * f).sum()) / LIMITS.force_mean_samples
     return EquationRows(
@@ -116,10 +120,11 @@ def build_whitened_wheel_rows(
     step_s = 1.0 / motion.rate_hz
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     of_speed = max(
-        float(noise.covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]), rounding_m_s**2
+        float(noise.noise_covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]),
+        rounding_m_s**2,
     )
     of_acc = (
-        float(noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0])
+        float(noise.noise_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0])
         * LIMITS.accumulated_noise_samples
         * step_s**2
         * LIMITS.wheel_mean_samples
@@ -136,7 +141,7 @@ def build_whitened_wheel_rows(
         white, added = compute_whitening_matrix_and_imu_noise(count, of_speed, of_acc)
         of_gained += added
         means = (
-            sum_blocks_of_samples(
+            compute_sums_of_sample_blocks(
                 np.concatenate([v - gained, gained, np.abs(v) * f, a]), LIMITS.wheel_mean_samples
             )
             / LIMITS.wheel_mean_samples
@@ -173,7 +178,7 @@ def compute_whitening_matrix_and_imu_noise(
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
-def index_samples_of_whole_blocks(stretch_of_sample: Ints, block_size: int) -> Ints:
+def list_indices_of_samples_in_whole_blocks(stretch_of_sample: Ints, block_size: int) -> Ints:
     """Indices of the samples in whole blocks of the given size within each stretch."""
     own = [
         part[: part.size // block_size * block_size]
@@ -182,7 +187,7 @@ def index_samples_of_whole_blocks(stretch_of_sample: Ints, block_size: int) -> I
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
-def sum_blocks_of_samples(values: Floats, block_size: int) -> Floats:
+def compute_sums_of_sample_blocks(values: Floats, block_size: int) -> Floats:
     """Sums of blocks of so many samples, (blocks,)."""
     blocks = values.reshape(-1, block_size)
     total = blocks[:, 0].copy()
@@ -209,10 +214,10 @@ class ProjectedEquation:
 
     @classmethod
     def project_out(
-        cls, whitened_rows: EquationRows, picked_causes: Sequence[str]
+        cls, whitened_rows: EquationRows, selected_causes: Sequence[str]
     ) -> "ProjectedEquation":
-        """Remove what the base and the picked causes explain, corrected for column noise."""
-        own = [name for name in picked_causes if name in whitened_rows.columns]
+        """Remove what the base and the selected causes explain, corrected for column noise."""
+        own = [name for name in selected_causes if name in whitened_rows.columns]
         others = [name for name in whitened_rows.columns if name not in own]
         known = np.column_stack(
             [whitened_rows.base, *(whitened_rows.columns[name] for name in own)]
@@ -266,11 +271,11 @@ class ProjectedEquation:
             variance,
         )
 
-    def remaining_information(self, cause_name: str) -> float:
+    def remaining_information_about_cause(self, cause_name: str) -> float:
         """Remaining information about a candidate cause."""
         return self.information.get(cause_name, 0.0)
 
-    def remaining_score(self, cause_name: str) -> float:
+    def remaining_likelihood_score_of_cause(self, cause_name: str) -> float:
         """Remaining Xᵀy of a candidate cause."""
         return self.score.get(cause_name, 0.0)
 

@@ -13,7 +13,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.online.answer_progress import AnswerProgress, choose_target_uncertainty_kg
 from analysis.online.gate_state import GateRow, convert_cell_to_float
-from analysis.online.growing_log import GrowingLog, make_causal_machine
+from analysis.online.growing_log import GrowingLog, copy_machine_with_causal_filters
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
 from analysis.online.online_limits import LIMITS
 from analysis.online.online_report import (
@@ -100,7 +100,7 @@ class Follower:
             until_u_kg: target standard uncertainty of a load's mass; None for 2 % of the empty
                 mass, if known.
         """
-        self.log = GrowingLog(make_causal_machine(machine))
+        self.log = GrowingLog(copy_machine_with_causal_filters(machine))
         self.last_gate: GateRow | None = None
         self.last_mass: PooledEstimate | None = None
         #: of the last spin: inertia and friction of turning

@@ -65,7 +65,7 @@ class LogBasis:
         return self.origin.start_ns + self.origin.late_ns
 
 
-def make_causal_machine(machine: Machine) -> Machine:
+def copy_machine_with_causal_filters(machine: Machine) -> Machine:
     """The machine for following: with causal filters, without optional channels."""
     needed = {
         source for channel in machine.channels.values() for source in channel.direct_source_channels
@@ -84,7 +84,7 @@ class GrowingLog:
     """Newest samples of a log, and the state of its rows.
 
     Attributes:
-        machine: machine from `make_causal_machine`.
+        machine: machine from `copy_machine_with_causal_filters`.
         basis: basis; None until the first seconds are available.
         late_samples: number of samples that came after their rows were given.
     """
@@ -188,7 +188,10 @@ class GrowingLog:
         channels, _ = derive_channels_in_si(read, machine)
         self.basis = LogBasis(
             machine,
-            {topic: find_log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
+            {
+                topic: find_log_time_minus_header_stamp_ns(frame, labels[topic])
+                for topic, frame in head.items()
+            },
             labels,
             find_origin_of_causal_grid(channels, machine),
             held,
@@ -268,7 +271,7 @@ def cut_topics_to_first_seconds(
     return {t: f.filter(f["log_time_ns"] <= max(reached)) for t, f in topics.items()}
 
 
-def find_log_time_offset_ns(frame: pl.DataFrame, topic: str) -> int | None:
+def find_log_time_minus_header_stamp_ns(frame: pl.DataFrame, topic: str) -> int | None:
     """Offset subtracted from log times; None if header stamps are used.
 
     Header stamps that scatter are identified by their label: log time is used although they exist.

@@ -7,12 +7,12 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
-from analysis.calibration.campaign.method_errors import compute_start_errors
+from analysis.calibration.campaign.method_errors import add_calibrated_mass_error_columns
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign
-from analysis.paper.simulated_sources import CAMPAIGNS, START, Extract, Extracts
+from analysis.paper.simulated_sources import CAMPAIGNS, START, Extract, RepetitionResults
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ def tabulate_masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFra
         fitted to all loads) and `rms_left_out_kg` (line fitted without that load).
     """
     estimates = campaign.tabulate_masses_by_method_and_trial()
-    errors = compute_start_errors(estimates).group_by("method", "load_kg").agg(
+    errors = add_calibrated_mass_error_columns(estimates).group_by("method", "load_kg").agg(
         rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
         rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
     )  # fmt: skip
@@ -68,7 +68,7 @@ def tabulate_masses_by_method_and_load(campaign: ReplayedCampaign) -> pl.DataFra
 LOADS: Final = Extract(CAMPAIGNS, tabulate_masses_by_method_and_load)
 
 
-def _concatenate_load_tables(extracts: Extracts) -> pl.DataFrame:
+def _concatenate_load_tables(extracts: RepetitionResults) -> pl.DataFrame:
     return pl.concat(extracts.list_results_of_extract(LOADS), how="vertical_relaxed")
 
 
@@ -87,7 +87,7 @@ class Figure6:
     implied_kg: tuple[float, float]
 
 
-def make_figure_6_raw_mass_data(extracts: Extracts) -> Figure6:
+def make_figure_6_raw_mass_data(extracts: RepetitionResults) -> Figure6:
     """Average the raw masses over the campaigns."""
     means = compute_mean_intervals(
         _concatenate_load_tables(extracts),
@@ -120,7 +120,7 @@ class Figure7:
     scatter_kg: Mapping[str, float]
 
 
-def make_figure_7_calibrated_mass_data(extracts: Extracts) -> Figure7:
+def make_figure_7_calibrated_mass_data(extracts: RepetitionResults) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
     table = compute_mean_intervals(
@@ -144,7 +144,7 @@ class Figure8:
     middle_1: float
 
 
-def make_figure_8_error_data(extracts: Extracts) -> Figure8:
+def make_figure_8_error_data(extracts: RepetitionResults) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
     table = compute_mean_intervals(
         _concatenate_load_tables(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]

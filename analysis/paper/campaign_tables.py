@@ -17,7 +17,12 @@ from analysis.paper.replayed_campaign import (
     compute_cramer_rao_bound_of_trial_kg,
     rerun_gate_and_estimates,
 )
-from analysis.paper.simulated_sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
+from analysis.paper.simulated_sources import (
+    CAMPAIGNS,
+    CHAINED_CAMPAIGNS,
+    Extract,
+    RepetitionResults,
+)
 from analysis.paper.torque_chain import TorqueChain
 
 #: Methods whose smallest and largest error is compared: FGLS follows LS.
@@ -69,7 +74,7 @@ CHAINED_LINES: Final = Extract(
 )
 
 
-def make_table_2_calibration_lines(extracts: Extracts) -> Table2:
+def make_table_2_calibration_lines(extracts: RepetitionResults) -> Table2:
     """Mean slope and offset of the calibration line by chain and method, over the campaigns."""
     lines = pl.concat(
         [
@@ -169,14 +174,14 @@ OVER_WINDOWS: Final = Extract(
 )
 
 
-def make_table_3_errors_by_threshold(extracts: Extracts) -> SweptTable:
+def make_table_3_errors_by_threshold(extracts: RepetitionResults) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
     return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
     )
 
 
-def make_table_4_errors_by_window(extracts: Extracts) -> SweptTable:
+def make_table_4_errors_by_window(extracts: RepetitionResults) -> SweptTable:
     """Average the errors by window length over the campaigns."""
     return _make_error_table_by_setting(
         extracts.list_results_of_extract(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG

@@ -11,14 +11,14 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.method_errors import compute_start_errors
+from analysis.calibration.campaign.method_errors import add_calibrated_mass_error_columns
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
 from analysis.paper.confidence_intervals import bootstrap_rms_and_interval, compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
 from analysis.paper.replayed_campaign import ReplayedCampaign, rerun_estimates_with_gate
-from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
+from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, RepetitionResults
 from analysis.paper.table1 import AT_LENGTH
 from analysis.stages.gating.gate import gate_windows
 
@@ -98,7 +98,7 @@ def compute_errors_of_paper_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
         for how in without
     }
     return pl.concat(
-        compute_start_errors(masses)
+        add_calibrated_mass_error_columns(masses)
         .group_by("method", maintain_order=True)
         .agg(
             pl.lit(how).alias("fed"),
@@ -185,7 +185,7 @@ class BufferErrors:
     rls_kg: tuple[float, float]
 
 
-def check_claims_by_simulation(extracts: Extracts) -> Claims:
+def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
     means = compute_mean_intervals(
         pl.concat(extracts.list_results_of_extract(CAMPAIGN_ERRORS), how="vertical_relaxed"),

@@ -13,8 +13,8 @@ import polars as pl
 from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
 from analysis.calibration.campaign.method_errors import (
-    compute_rms_errors_by_method,
-    compute_start_errors,
+    add_calibrated_mass_error_columns,
+    compute_rms_mass_errors_by_method,
 )
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings
@@ -88,12 +88,13 @@ def compute_calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
         and `run_left_out_kg` of single trials, `mean_kg` and `mean_left_out_kg` of load means.
     """
     estimates = campaign.tabulate_masses_by_method_and_trial()
-    single = compute_start_errors(estimates).group_by("method", maintain_order=True).agg(
+    errors = add_calibrated_mass_error_columns(estimates)
+    single = errors.group_by("method", maintain_order=True).agg(
         pl.col("mass_kg").count().alias("runs"),
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
         (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),
     )  # fmt: skip
-    means = compute_rms_errors_by_method(fit_calibration_line_by_method(estimates)).select(
+    means = compute_rms_mass_errors_by_method(fit_calibration_line_by_method(estimates)).select(
         "method", mean_kg="rmse_kg", mean_left_out_kg="rmse_left_out_kg"
     )
     return single.join(means, "method", "left", maintain_order="left")

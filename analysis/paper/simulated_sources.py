@@ -79,13 +79,13 @@ class Extract(Generic[S, T]):
     make: Callable[[S], T]
 
 
-class Extracts:
+class RepetitionResults:
     """Results of the extracts so far, one per repetition of their sources."""
 
     def __init__(self) -> None:
         self._made: dict[Extract[Any, Any], list[Any]] = {}
 
-    def add_result_of_extract(self, extract: Extract[Any, T], result: T) -> None:
+    def add_result_of_repetition(self, extract: Extract[Any, T], result: T) -> None:
         """Add the result of an extract from another repetition."""
         self._made.setdefault(extract, []).append(result)
 
@@ -112,7 +112,7 @@ def copy_machine_with_paper_noise(machine: Machine) -> Machine:
 
 
 def plan_repetitions(
-    needed_extracts: Iterable[Extract[Any, Any]], study: StudySettings, extracts: Extracts
+    needed_extracts: Iterable[Extract[Any, Any]], study: StudySettings, extracts: RepetitionResults
 ) -> list[Repetition]:
     """Plan every repetition of every needed source.
 
@@ -140,11 +140,11 @@ def _add_repetition(
     repetition: int,
     wanted_extracts: Iterable[Extract[Any, Any]],
     study: StudySettings,
-    extracts: Extracts,
+    extracts: RepetitionResults,
 ) -> None:
     made = source.make(study, repetition)
     for extract in wanted_extracts:
-        extracts.add_result_of_extract(extract, extract.make(made))
+        extracts.add_result_of_repetition(extract, extract.make(made))
 
 
 class SteadyStudy(NamedTuple):

@@ -23,7 +23,7 @@ from analysis.paper.confidence_intervals import (
 )
 from analysis.paper.paper_excitation import MeasuredWindows, SteadyDrive
 from analysis.paper.paper_limits import LIMITS
-from analysis.paper.simulated_sources import OSCILLATION, Extract, Extracts, SteadyStudy
+from analysis.paper.simulated_sources import OSCILLATION, Extract, RepetitionResults, SteadyStudy
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from estimators.arrays import Floats
 from estimators.methods import fgls, ls, rls, tls
@@ -75,7 +75,7 @@ class Table1:
     scaled: Mapping[str, Any]
 
 
-def make_table_1_mass_errors(extracts: Extracts) -> Table1:
+def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
     table = pl.concat(
         [extracts.single_result_of_extract(extract) for extract in AT_LENGTH.values()]

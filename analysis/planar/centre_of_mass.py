@@ -20,7 +20,7 @@ from analysis.model.settings import Settings
 from analysis.model.uncertainty_sources import IMU_POSITION
 from analysis.model.verdict import Check, Verdict
 from analysis.planar.planar_budget import (
-    combine_standard_uncertainty,
+    compute_combined_uncertainty,
     compute_quantity_gradient,
     join_missing_setting_names,
     make_planar_budget_rows,
@@ -100,7 +100,7 @@ def make_planar_frames(
     joint = fit_all_motion(log, verdict)
     start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
     start = start if np.isfinite(start).all() else np.zeros(6)
-    rows = list(fit_each_arc_and_all_arcs(log, gated, verdict, start))
+    rows = list(iter_fit_rows_of_arcs_and_all_arcs(log, gated, verdict, start))
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
@@ -114,7 +114,7 @@ def make_planar_frames(
     return build_frame("planar", table.to_dict()), build_frame("planar_budget", budget.to_dict())
 
 
-def fit_each_arc_and_all_arcs(
+def iter_fit_rows_of_arcs_and_all_arcs(
     log: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial_parameters: Floats
 ) -> Iterator[dict[str, Any]]:
     """Each arc that lasts a window, and all of them as one fit."""
@@ -142,7 +142,7 @@ def fit_each_arc_and_all_arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = fit_planar_iteratively(
+        fitted = fit_planar_parameters_iteratively(
             log, of, initial_parameters, known, _BOTH if both else _FORCE
         )
         row = _make_fit_row(kind, log, of >= 0, fitted, known.names)
@@ -151,7 +151,7 @@ def fit_each_arc_and_all_arcs(
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _add_outcome_to_row(row, reason, withheld=not verdict.can_weigh)
+        yield _make_outcome_row(row, reason, withheld=not verdict.can_weigh)
 
 
 def make_arc_prior_from_axis(
@@ -170,7 +170,7 @@ def make_arc_prior_from_axis(
     used &= log.plane.known
     if not used.any():
         return nothing
-    fitted = fit_planar_iteratively(
+    fitted = fit_planar_parameters_iteratively(
         log, np.where(used, 0, -1), initial_parameters, nothing, axes, columns
     ).estimate
     if not np.isfinite(fitted.theta).all():
@@ -203,7 +203,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
     start = base_parameters.fit(
         plane.motion, plane.f, PARAMETERS, of, noise=compute_planar_column_noise(plane, used)
     ).coefficients
-    fitted = fit_planar_iteratively(log, of, start, Prior.make_zero_mean({}, 2), _BOTH)
+    fitted = fit_planar_parameters_iteratively(log, of, start, Prior.make_zero_mean({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
@@ -212,11 +212,11 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
         estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
     )
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
-    believed = is_fit_plausible(plane, estimate, row, settings) and not any(
+    believed = is_joint_planar_fit_plausible(plane, estimate, row, settings) and not any(
         does_check_concern_joint_motion(check, log.machine) for check in verdict.checks_beyond_limit
     )
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
-    return _add_outcome_to_row(row, reason, withheld=not believed), fitted
+    return _make_outcome_row(row, reason, withheld=not believed), fitted
 
 
 def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
@@ -233,7 +233,7 @@ def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
     return check.check != "accepted_stretches"
 
 
-def is_fit_plausible(
+def is_joint_planar_fit_plausible(
     samples: PlanarSamples, estimate: BaseEstimate, fit_row: Mapping[str, Any], settings: Settings
 ) -> bool:
     """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
@@ -258,7 +258,7 @@ def is_fit_plausible(
     )
 
 
-def fit_planar_iteratively(
+def fit_planar_parameters_iteratively(
     log: PlanarLog,
     segment_id: Ints,
     initial_parameters: Floats,
@@ -276,17 +276,17 @@ def fit_planar_iteratively(
         axes: fitted axes: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
     """
-    told = fit_planar_once(log, segment_id, initial_parameters, prior, axes, columns)
+    told = fit_planar_parameters_once(log, segment_id, initial_parameters, prior, axes, columns)
     for _ in range(LIMITS.motion_fit_rounds - 1):
         coefficients = initial_parameters.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found
-        told = fit_planar_once(log, segment_id, coefficients, prior, axes, columns)
+        told = fit_planar_parameters_once(log, segment_id, coefficients, prior, axes, columns)
     return told
 
 
-def fit_planar_once(
+def fit_planar_parameters_once(
     log: PlanarLog,
     segment_id: Ints,
     coefficients: Floats,
@@ -303,7 +303,7 @@ def fit_planar_once(
     terms = [
         (term, std)
         for term, std in select_terms_of_drive(drive, "xz"[axes])
-        if term.list_mixed_columns(drive, axes) <= set(columns)
+        if term.list_combined_columns(drive, axes) <= set(columns)
     ]
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known_prior.names}
@@ -322,7 +322,7 @@ def fit_planar_once(
         np.ascontiguousarray(segment_id[part]),
         prior,
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
-        regressor.column_noise_mixing,
+        regressor.column_noise_propagation,
     )
     names = prior.names
     for term, _ in terms:
@@ -361,7 +361,7 @@ def _make_fit_row(
     }
 
     def u_of(gradient: Floats) -> float:
-        return combine_standard_uncertainty(estimate, gradient, fitted.response_names, log.machine)
+        return compute_combined_uncertainty(estimate, gradient, fitted.response_names, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known_names:
@@ -391,7 +391,7 @@ def _make_fit_row(
     return row
 
 
-def _add_outcome_to_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+def _make_outcome_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
     fit_row = {**fit_row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":

@@ -40,7 +40,7 @@ def compute_quantity_gradient(estimate: BaseEstimate, quantity: str) -> Floats:
     return np.array([float(each == quantity) for each in estimate.parameters])
 
 
-def list_uncertainty_sources(
+def list_uncertainty_sources_of_quantity(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> list[UncertaintySource]:
     """Uncertainty sources of a quantity, the largest first, unknown ones last.
@@ -113,14 +113,14 @@ def iter_machine_uncertainty_sources(
         )
 
 
-def combine_standard_uncertainty(
+def compute_combined_uncertainty(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> float:
     """Combined standard uncertainty of a quantity; NaN if the motion does not determine it."""
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combine_u(list_uncertainty_sources(estimate, gradient, terms, machine))
+    return combine_u(list_uncertainty_sources_of_quantity(estimate, gradient, terms, machine))
 
 
 def make_planar_budget_rows(
@@ -131,7 +131,7 @@ def make_planar_budget_rows(
     Args:
         fit_row: the fit of all motion in `planar`.
         estimate: the fit.
-        terms: as `list_uncertainty_sources` takes them.
+        terms: as `list_uncertainty_sources_of_quantity` takes them.
         machine: machine file with its uncertainties.
     """
     parts: list[dict[str, Any]] = []
@@ -143,7 +143,7 @@ def make_planar_budget_rows(
         else:
             moment = MOMENTS["xy".index(quantity[4])]
             gradient = estimate.ratio_and_gradient(moment, "mass_kg")[1]
-        found = list_uncertainty_sources(estimate, gradient, terms, machine)
+        found = list_uncertainty_sources_of_quantity(estimate, gradient, terms, machine)
         total = combine_u(found)
         parts += [
             {
@@ -169,7 +169,7 @@ def join_missing_setting_names(
     Args:
         estimate: the fit.
         gradients: (p,) derivatives of each quantity by the parameters.
-        terms: as `list_uncertainty_sources` takes them.
+        terms: as `list_uncertainty_sources_of_quantity` takes them.
         machine: machine file with its uncertainties.
     """
     names = (
@@ -177,7 +177,7 @@ def join_missing_setting_names(
         for gradient in gradients
         if np.isfinite(gradient).all()
         for name in list_scale_sources_without_u(
-            list_uncertainty_sources(estimate, gradient, terms, machine)
+            list_uncertainty_sources_of_quantity(estimate, gradient, terms, machine)
         )
     )
     return ", ".join(dict.fromkeys(names))

@@ -123,7 +123,7 @@ class PlanarDrive:
             term_inputs=self.term_inputs[:, sample_slice],
         )
 
-    def compute_turning_samples(self, sample_slice: slice) -> TurningSamples:
+    def make_turning_samples(self, sample_slice: slice) -> TurningSamples:
         """Samples of a slice."""
         moved = self.plane.motion
         return TurningSamples(

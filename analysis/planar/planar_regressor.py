@@ -24,26 +24,26 @@ class Regressor:
         columns: selected columns among the six.
         terms: terms of the additional columns.
         axes: selected rows: force, yaw torque, or both.
-        mixtures: (2, 6, terms) part of each term in the six columns, by row.
+        combinations: (2, 6, terms) part of each term in the six columns, by row.
     """
 
     drive: PlanarDrive
     columns: Ints
     terms: Sequence[Term]
     axes: slice
-    mixtures: Floats
+    combinations: Floats
 
     @classmethod
     def from_drive(
         cls, drive: PlanarDrive, columns: Ints, terms: Sequence[Term], axes: slice
     ) -> "Regressor":
-        """Build the regressor, computing the mixtures once."""
-        mixtures = np.zeros((2, len(PARAMETERS), len(terms)))
+        """Build the regressor, computing the combinations once."""
+        combinations = np.zeros((2, len(PARAMETERS), len(terms)))
         for number, term in enumerate(terms):
-            for axis, parts in enumerate(term.mixture(drive)):
+            for axis, parts in enumerate(term.combination(drive)):
                 for column, factor in parts.items():
-                    mixtures[axis, column, number] = factor
-        return cls(drive, columns, terms, axes, mixtures)
+                    combinations[axis, column, number] = factor
+        return cls(drive, columns, terms, axes, combinations)
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -54,8 +54,8 @@ class Regressor:
     def __getitem__(self, part: slice) -> Floats:
         """Regressor of a slice of samples, (m, rows, columns)."""
         plain = self.drive.plane.motion[part]
-        motion = self.drive.compute_turning_samples(part)
-        more = np.einsum("nkc,kct->nkt", plain, self.mixtures)
+        motion = self.drive.make_turning_samples(part)
+        more = np.einsum("nkc,kct->nkt", plain, self.combinations)
         for number, term in enumerate(self.terms):
             for axis, column in enumerate(term.columns(motion)):
                 if column is not None:
@@ -63,15 +63,15 @@ class Regressor:
         return np.concatenate([plain[..., self.columns], more], axis=-1)[:, self.axes]
 
     @property
-    def column_noise_mixing(self) -> Floats:
+    def column_noise_propagation(self) -> Floats:
         """(rows, p, p) factor of each column's noise (last axis) in each column, 1 on the diagonal.
 
         It is the `noise_mixing` of `base_parameters.fit`.
         """
         size, own = self.shape[-1], self.columns.size
         found = np.tile(np.eye(size), (2, 1, 1))
-        found[:, :own, :own] = of_columns = self._mixing_of_selected_columns()
-        found[:, own:, :own] = self.mixtures[:, self.columns].transpose(0, 2, 1) @ of_columns
+        found[:, :own, :own] = of_columns = self._noise_propagation_of_selected_columns()
+        found[:, own:, :own] = self.combinations[:, self.columns].transpose(0, 2, 1) @ of_columns
         return found[self.axes]
 
     @property
@@ -84,7 +84,7 @@ class Regressor:
             return 0.0, 0.0
         return self.drive.machine.machine.imu.position_m[:2]
 
-    def _mixing_of_selected_columns(self) -> Floats:
+    def _noise_propagation_of_selected_columns(self) -> Floats:
         """Loading (2, c, c) of the selected columns on the noise of each other."""
         found = np.tile(np.eye(self.columns.size), (2, 1, 1))
         x_m, y_m = self.imu_position_m

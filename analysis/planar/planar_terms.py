@@ -22,13 +22,13 @@ from analysis.planar.planar_motion import (
     has_forward_accelerometer,
     has_lateral_accelerometer,
 )
-from analysis.weighing.nuisances import constant_force_prior_std, friction_force_prior_std
+from analysis.weighing.nuisances import constant_force_prior_std_newtons, friction_prior_std_newtons
 from estimators.arrays import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
 Columns = tuple[Floats | None, Floats | None]
 #: The same as a sum of the six columns, times the numbers by their places.
-Mixture = tuple[Mapping[int, float], Mapping[int, float]]
+ColumnCombination = tuple[Mapping[int, float], Mapping[int, float]]
 _MASS, _INERTIA, _MOMENT_X, _MOMENT_Y, _, _FRICTION_Z = range(6)
 _GAIN: Final = SCALES[0]
 
@@ -40,7 +40,7 @@ class Term:
     Attributes:
         name: name in frames and budgets.
         columns: computes its columns.
-        mixture: computes its part proportional to the six columns, whose noise it shares.
+        combination: computes its part proportional to the six columns, whose noise it shares.
         width: prior standard deviation, with mean 0; 0 if exact.
         meaning: what it models, in a sentence.
         shrinks: what would reduce its uncertainty.
@@ -60,11 +60,11 @@ class Term:
     applies: Callable[[Machine], bool] = lambda _: True
     stated: Scale | None = None
     least_u: float = 0.0
-    mixture: Callable[[PlanarDrive], Mixture] = lambda _: ({}, {})
+    combination: Callable[[PlanarDrive], ColumnCombination] = lambda _: ({}, {})
 
-    def list_mixed_columns(self, drive: PlanarDrive, rows: slice) -> set[int]:
+    def list_combined_columns(self, drive: PlanarDrive, rows: slice) -> set[int]:
         """Columns among the six that it is a share of, in these rows."""
-        return {n for row in self.mixture(drive)[rows] for n, share in row.items() if share}
+        return {n for row in self.combination(drive)[rows] for n, share in row.items() if share}
 
 
 def has_unmeasured_slope(machine: Machine) -> bool:
@@ -87,7 +87,7 @@ def make_unmeasured_gravity_columns(turn: TurningSamples, along: Floats, across:
     return (turn.drive.mass_kg * x, turn.drive.moment_x_kg_m * y - turn.drive.moment_y_kg_m * x)
 
 
-def _make_slip_columns(turn: TurningSamples) -> Columns:
+def _make_longitudinal_slip_columns(turn: TurningSamples) -> Columns:
     """Columns of longitudinal slip in both equations."""
     slip = np.abs(turn.speed) * np.abs(turn.force)
     drive, sideways = turn.drive, None
@@ -105,8 +105,8 @@ def _make_gyro_bias_columns(turn: TurningSamples) -> Columns:
     )
 
 
-def _mix_columns_by_gyro_gain_error(drive: PlanarDrive) -> Mixture:
-    """How an error of the gyroscope's gain mixes the parameters."""
+def _combine_columns_by_gyro_gain_error(drive: PlanarDrive) -> ColumnCombination:
+    """Factors of the six columns in the column of an error of the gyroscope's gain."""
     sideways = 0.0 if has_lateral_accelerometer(drive.machine) else drive.moment_x_kg_m
     turned = {
         _INERTIA: drive.inertia_z_kg_m2,
@@ -116,13 +116,13 @@ def _mix_columns_by_gyro_gain_error(drive: PlanarDrive) -> Mixture:
     return {_MOMENT_X: 2.0 * drive.moment_x_kg_m, _MOMENT_Y: drive.moment_y_kg_m}, turned
 
 
-def _mix_columns_by_accelerometer_gain_error(drive: PlanarDrive) -> Mixture:
+def _combine_columns_by_accelerometer_gain_error(drive: PlanarDrive) -> ColumnCombination:
     sideways = drive.moment_x_kg_m if has_lateral_accelerometer(drive.machine) else 0.0
     return {_MASS: drive.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: drive.moment_y_kg_m}
 
 
-def _mix_columns_by_lateral_force_arm(drive: PlanarDrive) -> Mixture:
-    """How an unknown arm of the sideways force mixes the parameters."""
+def _combine_columns_by_lateral_force_arm(drive: PlanarDrive) -> ColumnCombination:
+    """Factors of the six columns in the column of an unknown arm of the sideways force."""
     # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
     return {}, {_MOMENT_X: drive.mass_kg, _INERTIA: drive.moment_x_kg_m}
 
@@ -132,19 +132,19 @@ def _make_imu_y_error_columns(turn: TurningSamples) -> Columns:
     return None, turn.drive.moment_x_kg_m * sees_sideways * turn.yaw_rate**2
 
 
-def _mix_columns_by_imu_x_error(drive: PlanarDrive) -> Mixture:
-    """How an error of the IMU's position ahead mixes the parameters."""
+def _combine_columns_by_imu_x_error(drive: PlanarDrive) -> ColumnCombination:
+    """Factors of the six columns in the column of an error of the IMU's position ahead."""
     sideways = drive.moment_x_kg_m if has_lateral_accelerometer(drive.machine) else 0.0
     return {_MOMENT_X: -drive.mass_kg}, {_INERTIA: -sideways}
 
 
-def _mix_columns_by_imu_y_error(drive: PlanarDrive) -> Mixture:
-    """How an error of the IMU's position to the left mixes the parameters."""
+def _combine_columns_by_imu_y_error(drive: PlanarDrive) -> ColumnCombination:
+    """Factors of the six columns in the column of an error of the IMU's position to the left."""
     return {_MOMENT_Y: -drive.mass_kg}, {_INERTIA: -drive.moment_y_kg_m}
 
 
 def _planar_coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
-    return friction_force_prior_std(drive.peak_force_N, drive.weight_newtons, priors)
+    return friction_prior_std_newtons(drive.peak_force_N, drive.weight_newtons, priors)
 
 
 def _imu_position_prior_std(drive: PlanarDrive, _priors: PriorSettings) -> float:
@@ -156,7 +156,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_prior_std(d.peak_force_N, d.weight_newtons, s),
+        lambda d, s: constant_force_prior_std_newtons(d.peak_force_N, d.weight_newtons, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",
@@ -268,7 +268,7 @@ TERMS: Final = (
         "where the ground's sideways force acts, ahead of the origin",
         "an accelerometer whose position is known: then the force alone tells the moments",
         "z",
-        mixture=_mix_columns_by_lateral_force_arm,
+        combination=_combine_columns_by_lateral_force_arm,
     ),
     Term(
         "spin_centre",
@@ -278,7 +278,7 @@ TERMS: Final = (
         "an accelerometer, whose sideways force shows it",
         "z",
         lambda machine: has_torque_of_sides(machine) and not has_lateral_accelerometer(machine),
-        mixture=lambda drive: ({}, {_INERTIA: drive.mass_kg}),
+        combination=lambda drive: ({}, {_INERTIA: drive.mass_kg}),
     ),
     Term(
         "turning_drift",
@@ -322,7 +322,7 @@ TERMS: Final = (
     ),
     Term(
         "slip_acceleration",
-        _make_slip_columns,
+        _make_longitudinal_slip_columns,
         lambda d, s: d.mass_kg * s.wheel_slip / d.peak_force_N,
         "longitudinal slip: wheels gain speed that the machine does not",
         "an accelerometer on the body",
@@ -355,7 +355,7 @@ TERMS: Final = (
         "an accelerometer that is calibrated",
         "xz",
         has_forward_accelerometer,
-        mixture=_mix_columns_by_accelerometer_gain_error,
+        combination=_combine_columns_by_accelerometer_gain_error,
     ),
     Term(
         "yaw_rate_bias",
@@ -372,7 +372,7 @@ TERMS: Final = (
         "gain of the gyroscope",
         "turning a known angle",
         "xz",
-        mixture=_mix_columns_by_gyro_gain_error,
+        combination=_combine_columns_by_gyro_gain_error,
     ),
     Term(
         f"{IMU_POSITION.name}_x",
@@ -384,7 +384,7 @@ TERMS: Final = (
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        mixture=_mix_columns_by_imu_x_error,
+        combination=_combine_columns_by_imu_x_error,
     ),
     Term(
         f"{IMU_POSITION.name}_y",
@@ -395,6 +395,6 @@ TERMS: Final = (
         "xz",
         IMU_POSITION.applies,
         IMU_POSITION,
-        mixture=_mix_columns_by_imu_y_error,
+        combination=_combine_columns_by_imu_y_error,
     ),
 )

@@ -26,7 +26,7 @@ from analysis.weighing.motion_samples import (
     compute_ground_to_wheel_speed_ratio,
 )
 from analysis.weighing.pitch_squat import (
-    fit_instrumental_variables,
+    estimate_by_instrumental_variables_with_covariance,
     sum_products_of_pitch_gravity_and_speed,
 )
 from analysis.weighing.uneven_ground import relative_random_walk_std
@@ -58,7 +58,7 @@ class LoadSquat:
         """(masses,) factor by which each mass is overestimated."""
         return 1.0 + self.gain * self.relative_load
 
-    def sum_u_kg(self, coefficients: Floats, masses_kg: Floats) -> float:
+    def mass_sum_u_kg(self, coefficients: Floats, masses_kg: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg.
 
         Args:
@@ -90,17 +90,17 @@ def estimate_load_squat(
         None if the change is undetermined.
     """
     if wheels.pitch_shows_squat:
-        gain, variance = estimate_gain_change_and_variance(
-            wheels.squat[0], estimate_gain_change_by_pitch(motion, loads)
+        gain, variance = estimate_gain_change_by_squat_and_variance(
+            wheels.squat[0], estimate_gain_change_by_pitch_and_variance(motion, loads)
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     widths = np.empty(0) if route is None else compute_grade_prior_stds_m_s2(route)
     found = estimate_gain_change_by_wheels(
-        centre_rows_of_stretches(motion, wheels, loads, route), widths
+        make_centred_stretches(motion, wheels, loads, route), widths
     )
     if wheels.squat[0] > 0.0:
         seen = None if found is None else (found.gain, found.variance)
-        gain, variance = estimate_gain_change_and_variance(wheels.squat[0], seen)
+        gain, variance = estimate_gain_change_by_squat_and_variance(wheels.squat[0], seen)
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
@@ -128,7 +128,7 @@ def estimate_load_squat(
     return LoadSquat(value if squats else 0.0, std, relative_load)
 
 
-def estimate_gain_change_and_variance(
+def estimate_gain_change_by_squat_and_variance(
     load_transfer_fraction: float, pitch_change: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Change of gain with the load, and its variance, from the squat of the loaded body.
@@ -153,7 +153,7 @@ def estimate_gain_change_and_variance(
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-def centre_rows_of_stretches(
+def make_centred_stretches(
     motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads, route: Route | None
 ) -> list[_Stretch]:
     """Centred columns (means, 4 and those of the grade), response, time and load of each stretch.
@@ -188,7 +188,9 @@ def centre_rows_of_stretches(
         )
         if along:
             place, heading = (each[part] for each in along)
-            columns = np.hstack([columns, integrate_grade_columns(place, heading) / motion.rate_hz])
+            columns = np.hstack(
+                [columns, make_cumulative_grade_columns(place, heading) / motion.rate_hz]
+            )
         y = ground[part] - gained
         both = (
             np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)
@@ -199,7 +201,7 @@ def centre_rows_of_stretches(
     return found
 
 
-def integrate_grade_columns(position_1: Floats, heading: Floats) -> Floats:
+def make_cumulative_grade_columns(position_1: Floats, heading: Floats) -> Floats:
     """Sums over the samples of the grade's level and of its change over each part of the route.
 
     Args:
@@ -218,7 +220,7 @@ def integrate_grade_columns(position_1: Floats, heading: Floats) -> Floats:
     return np.cumsum(grade, axis=0) - grade / 2.0
 
 
-def estimate_gain_change_by_pitch(
+def estimate_gain_change_by_pitch_and_variance(
     motion: MotionSamples, loads: RelativeLoads
 ) -> tuple[float, float] | None:
     """Change of the acceleration's gain for the reference load, by the pitch, and its variance.
@@ -237,7 +239,9 @@ def estimate_gain_change_by_pitch(
     times = np.column_stack([relative, np.ones((relative.size, 2))])
     columns = squats.columns[:, [0, 0, 1], :][:, :, [0, 0, 1]]
     columns = times[:, :, None] * columns * times[:, None, :]
-    solved = fit_instrumental_variables(columns, times * squats.response[:, [0, 0, 1]])
+    solved = estimate_by_instrumental_variables_with_covariance(
+        columns, times * squats.response[:, [0, 0, 1]]
+    )
     if solved is None:
         return None
     theta, covariance = solved
@@ -297,7 +301,10 @@ def estimate_gain_change_by_wheels(
     """
     if len(stretches) < LIMITS.squat_min_stretches or len({load for *_, load in stretches}) < 2:
         return None
-    free = [whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in stretches]
+    free = [
+        whiten_rows_with_random_slope_over_time(columns, y, time, np.inf)
+        for columns, y, time, _ in stretches
+    ]
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
     own = X[:, :_OWN_COLUMNS]
@@ -319,7 +326,10 @@ def estimate_gain_change_by_wheels(
     count = slopes.size
     scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
     scatter *= compute_student_to_normal_ratio(count - 1) ** 2
-    part = [whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in stretches]
+    part = [
+        whiten_rows_with_random_slope_over_time(X, y, time, scatter / variance)
+        for X, y, time, _ in stretches
+    ]
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])
@@ -343,7 +353,7 @@ def estimate_gain_change_by_wheels(
     return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 
-def whiten_random_slope(
+def whiten_rows_with_random_slope_over_time(
     columns: Floats, y: Floats, time_s: Floats, variance_ratio: float
 ) -> tuple[Floats, Floats, Floats]:
     """Whiten a stretch whose random slope has `variance_ratio` times the variance of a row.

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
-from analysis.weighing.motion_samples import Floats, Ints, select_rows_of_fields
+from analysis.weighing.motion_samples import Floats, Ints, select_rows_of_array_fields
 
 
 @dataclass(frozen=True)
@@ -69,9 +69,9 @@ class ColumnInputs:
 
     def select_rows(self, row_indices: Ints) -> Self:
         """Select some of the samples."""
-        return replace(self, **select_rows_of_fields(self, row_indices))
+        return replace(self, **select_rows_of_array_fields(self, row_indices))
 
     @cached_property
-    def loaded_direction(self) -> Floats:
+    def direction_times_relative_weight(self) -> Floats:
         """Driving direction in proportion to the weight with its load, (n,)."""
         return self.direction * (1.0 + self.relative_load)

@@ -123,7 +123,7 @@ class EmptyMachine:
         return None if u_kg is None else float(np.hypot(u_kg, self.fuel_kg[1]))
 
     @property
-    def contradiction_text(self) -> str:
+    def empty_mass_contradiction_text(self) -> str:
         """Why the weighed and the stated empty mass cannot be of one machine; "" if they can."""
         stated_kg = self._stated_empty_mass_kg
         if stated_kg is None:
@@ -156,15 +156,15 @@ class EmptyMachine:
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
         return self.mass_with_rotating_parts_kg / stated_kg, u_1
 
-    def make_payload_datum(self, payload_coefficients: Floats) -> "EmptyDatum | None":
+    def make_payload_datum(self, mass_coefficients_of_payload: Floats) -> "EmptyDatum | None":
         """Relate payloads to the empty mass; None if that does not reduce their uncertainty.
 
         Args:
-            payload_coefficients: (masses,) weights of the sum of payloads whose variance is
+            mass_coefficients_of_payload: (masses,) weights of the sum of payloads whose variance is
                 minimised.
         """
         stated_kg, stated_u_kg = self._stated_empty_mass_kg, self._stated_empty_mass_u_kg
-        sum_kg = float(payload_coefficients @ self.weighing.fit.masses_kg)
+        sum_kg = float(mass_coefficients_of_payload @ self.weighing.fit.masses_kg)
         if (
             stated_kg is None
             or stated_u_kg is None
@@ -186,10 +186,10 @@ class EmptyMachine:
             found = make_datum(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
-        own_kg2 = self._variance_of_weighted_sum(payload_coefficients)
+        own_kg2 = self._variance_of_weighted_sum(mass_coefficients_of_payload)
         empty_kg2 = combine_u(self.uncertainty_sources) ** 2
         ratio_kg2 = self._variance_of_weighted_sum(
-            payload_coefficients - in_ratio * sum_kg * self.weights
+            mass_coefficients_of_payload - in_ratio * sum_kg * self.weights
         )
         together_kg2 = (
             own_kg2
@@ -201,7 +201,7 @@ class EmptyMachine:
         found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
         if (
             found.scale_1 <= 0.0
-            or combine_u(found.list_payload_sources(payload_coefficients)) ** 2 >= own_kg2
+            or combine_u(found.list_payload_sources(mass_coefficients_of_payload)) ** 2 >= own_kg2
         ):
             return None
         return found

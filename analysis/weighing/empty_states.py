@@ -38,7 +38,7 @@ def find_empty_states(
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combine_u(make_mass_budget(weighing, machine, fit.coefficients_of_state(lightest)))
+    u_kg = combine_u(make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -58,7 +58,7 @@ def _find_equally_light_states(
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
         if state == lightest_state:
             continue
-        weights = payload_coefficients(weighing, state, found)
+        weights = mass_coefficients_of_payload(weighing, state, found)
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
@@ -75,25 +75,27 @@ def estimate_std_of_empty_masses_kg(
     """
     if len(empty) < 2 or weighing.significant_empty_mass_drift is not None:
         return 0.0
-    mean = mean_mass_coefficients(weighing.fit, empty)
+    mean = mass_coefficients_of_mean_over_states(weighing.fit, empty)
     found, expected = 0.0, 0.0
     for state in empty:
-        weights = weighing.fit.coefficients_of_state(state) - mean
+        weights = weighing.fit.mass_coefficients_of_state(state) - mean
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         found += mean[state] * float(weights @ weighing.fit.masses_kg) ** 2
         expected += mean[state] * random_kg**2
     return float(np.sqrt(max(found - expected, 0.0) / (1.0 - float(mean @ mean))))
 
 
-def payload_coefficients(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def mass_coefficients_of_payload(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass minus the mean of the empty states.
 
     Where the empty mass drifts, the mean is of those before and after the state.
     """
-    weights = weighing.fit.coefficients_of_state(state)
+    weights = weighing.fit.mass_coefficients_of_state(state)
     if weighing.significant_empty_mass_drift is not None:
         empty = _find_nearest_empty_states(state, empty)
-    return weights - mean_mass_coefficients(weighing.fit, empty) if empty else weights
+    return (
+        weights - mass_coefficients_of_mean_over_states(weighing.fit, empty) if empty else weights
+    )
 
 
 def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
@@ -101,7 +103,7 @@ def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
     return before[-1:] + after[:1]
 
 
-def mean_mass_coefficients(fit: JointFit, states: list[int]) -> Floats:
+def mass_coefficients_of_mean_over_states(fit: JointFit, states: list[int]) -> Floats:
     """(masses,) weights of the mean mass of states, by number of manoeuvres."""
     assert fit.states is not None
     count = np.bincount(fit.states.membership).astype(np.float64)

@@ -9,8 +9,8 @@ import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.column_inputs import ColumnInputs
-from analysis.weighing.fitted_stretches import count_samples_since_start, mark_stretch_ends
-from analysis.weighing.force_hysteresis import Play, trace_direction_of_force_change
+from analysis.weighing.fitted_stretches import compute_index_in_stretch, mark_stretch_ends
+from analysis.weighing.force_hysteresis import Play, compute_sign_of_force_change
 from analysis.weighing.force_rate import (
     compute_force_rate_variances,
     differentiate_force,
@@ -75,7 +75,7 @@ class RelativeLoads:
         return cls(manoeuvre_numbers, value, weight_shares)
 
     @property
-    def rms(self) -> float:
+    def rms_relative_load(self) -> float:
         """Root mean square of the relative loads, above 0."""
         return max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
@@ -264,7 +264,7 @@ def average_columns_of_pieces(
         uneven_1_s: see `PreviousEstimates`.
         rate_hz: rate of the grid.
     """
-    stride = choose_stride_of_fitted_means(samples)
+    stride = compute_samples_between_fitted_means(samples)
     kept = [np.flatnonzero(select_every_nth_sample(group, stride)) for group in groups]
     ends = np.cumsum([each.size for each in kept]).tolist()
     places = [slice(end - each.size, end) for each, end in zip(kept, ends, strict=True)]
@@ -281,8 +281,8 @@ def average_columns_of_pieces(
     # lengths are few and short: counting them is quicker than sorting all rows
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
-    covariances = np.stack([noise.covariance_of_means(int(length)) for length in lengths])
-    weight = compute_row_weight_roots(A[:, :2], f, covariances, which)
+    covariances = np.stack([noise.noise_covariance_of_means(int(length)) for length in lengths])
+    weight = compute_square_roots_of_row_weights(A[:, :2], f, covariances, which)
 
     def weigh_rows(number: int) -> tuple[Floats, Floats]:
         (group, raw), rows = pieces[number], places[number]
@@ -300,7 +300,7 @@ def average_columns_of_pieces(
     f *= weight
     group = np.concatenate([group for group, _ in pieces])
     if uneven_1_s:
-        whiten_random_intercepts(A, f, group, uneven_1_s / rate_hz * stride)
+        whiten_random_intercepts_in_place(A, f, group, uneven_1_s / rate_hz * stride)
     return FitRows(
         A,
         f,
@@ -312,16 +312,18 @@ def average_columns_of_pieces(
     )
 
 
-def whiten_random_intercepts(A: Floats, f: Floats, group: Ints, variance_ratio: float) -> None:
+def whiten_random_intercepts_in_place(
+    A: Floats, f: Floats, stretch_of_row: Ints, variance_ratio: float
+) -> None:
     """Subtract from each stretch the part of its mean that a random intercept explains.
 
     Args:
         A: (rows, p) columns, changed in place.
         f: (rows,) force, changed in place.
-        group: (rows,) number of the stretch.
+        stretch_of_row: (rows,) number of the stretch.
         variance_ratio: variance of the intercepts over that of a row.
     """
-    for part in list_rows_by_group(group):
+    for part in list_rows_by_group(stretch_of_row):
         off, rows = (
             1.0 - 1.0 / np.sqrt(1.0 + variance_ratio * part.size),
             convert_consecutive_rows_to_slice(part),
@@ -363,13 +365,13 @@ def make_columns_of_piece(
     relative_load = zeros if loads is None else loads.look_up_relative_loads(motion.unit)
     if previous_estimates.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
-        swing_m_s2 = previous_estimates.swing.filter_swing_acceleration_m_s2(
+        swing_m_s2 = previous_estimates.swing.compute_swing_acceleration_m_s2(
             motion.specific_force, motion.rate_hz
         )
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
     wheels = motion.wheel_acceleration
     if wheels is None:
-        force_std = float(np.sqrt(noise.covariance_of_means(1)[2, 2]))
+        force_std = float(np.sqrt(noise.noise_covariance_of_means(1)[2, 2]))
         force_rate, parabola = differentiate_force(force, motion.rate_hz, force_std), None
     else:
         force_rate, parabola = differentiate_force_by_widest_parabolas(force, motion.rate_hz, noise)
@@ -383,12 +385,12 @@ def make_columns_of_piece(
         np.gradient(force_rate) * motion.rate_hz,
         zeros
         if previous_estimates.play is None
-        else trace_direction_of_force_change(force, previous_estimates.play),
+        else compute_sign_of_force_change(force, previous_estimates.play),
         motion.direction,
         motion.progress,
-        motion.samples_since_start / motion.rate_hz,
+        motion.index_in_stretch / motion.rate_hz,
         relative_load,
-        relative_load if loads is None else relative_load / loads.rms,
+        relative_load if loads is None else relative_load / loads.rms_relative_load,
         motion.place_1,
         motion.travelled_m,
         *route_positions_and_length_m(motion, previous_estimates),
@@ -406,7 +408,7 @@ def make_columns_of_piece(
     return _PieceColumns(A, force[fitted_samples], motion.group[fitted_samples], raw)
 
 
-def choose_stride_of_fitted_means(mean_samples: int) -> int:
+def compute_samples_between_fitted_means(mean_samples: int) -> int:
     """Stride in samples between the means that are fitted."""
     return max(1, mean_samples // LIMITS.rows_per_mean)
 
@@ -428,18 +430,18 @@ def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
     """Samples in stretches, but for the first ones of each, whose force is from before it."""
     fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
     if lag:
-        fitted = fitted & ((motion.samples_since_start >= lag) | mark_stretch_ends(motion.group))
+        fitted = fitted & ((motion.index_in_stretch >= lag) | mark_stretch_ends(motion.group))
     return np.flatnonzero(fitted)
 
 
-def select_every_nth_sample(group: Ints, stride: int) -> Bools:
+def select_every_nth_sample(stretch_of_sample: Ints, stride: int) -> Bools:
     """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
-    since = count_samples_since_start(group)
-    short = mark_stretch_ends(group) & (since < stride - 1)
-    return (group >= 0) & ((since % stride == stride - 1) | short)
+    since = compute_index_in_stretch(stretch_of_sample)
+    short = mark_stretch_ends(stretch_of_sample) & (since < stride - 1)
+    return (stretch_of_sample >= 0) & ((since % stride == stride - 1) | short)
 
 
-def compute_row_weight_roots(
+def compute_square_roots_of_row_weights(
     A: Floats, force: Floats, covariances: Floats, row_indices: Ints
 ) -> Floats:
     """Square root of each row's weight, (rows,); a start's first means hold few samples."""

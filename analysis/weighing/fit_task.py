@@ -25,7 +25,7 @@ from analysis.weighing.load_states import LoadStates
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
     Nuisance,
-    const_term_prior_std_newtons,
+    constant_force_prior_std_of_motion_newtons,
     estimate_load_proportional_share_of_constant,
     estimate_load_proportional_share_of_coulomb,
     split_constant_prior_into_error_and_force,
@@ -40,7 +40,7 @@ from estimators.joint.prior_fit import Grouping, Solution
 
 
 @dataclass(frozen=True, slots=True)
-class _SlipCost:
+class _MassFrictionAndSlip:
     """Cost of wheel slip, from an earlier round.
 
     Attributes:
@@ -70,7 +70,9 @@ class FitTask:
     def cut_to_first_stretches(self, stretch_count: int) -> "FitTask":
         """Cut the task to its first stretches."""
         motion = self.motion.cut_to_first_stretches(stretch_count)
-        states = None if self.states is None else self.states.renumber_for_motion(motion)
+        states = (
+            None if self.states is None else self.states.reassign_to_manoeuvres_of_motion(motion)
+        )
         return replace(self, motion=motion, states=states)
 
     @cached_property
@@ -79,7 +81,7 @@ class FitTask:
         return PreviousEstimates(
             slip_1_N=(self._estimate_slip_and_std_by_wheels() or (0.0, 0.0))[0],
             motion_gain=self._estimate_squat_gain_correction(),
-            swing=self._estimate_body_swing(),
+            swing=self._get_body_swing_in_accelerometer(),
             speed_late_s=self._estimate_speed_delay_s(),
             relative_loads=(loads := self._compute_relative_loads()),
             route=self._find_route(loads),
@@ -109,16 +111,20 @@ class FitTask:
         """
         lag = find_term_index("lag", self.terms)
         std = np.zeros(len(self.terms))
-        levels = None if self.states is None else self.states.make_random_intercepts(self.motion)
+        levels = (
+            None
+            if self.states is None
+            else self.states.assign_random_intercepts_to_stretches(self.motion)
+        )
         known = initial_fit.found if initial_fit else self.initial_estimates
         known = known if advance_force else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        cost = initial_fit and self._compute_slip_cost(
+        cost = initial_fit and self._compute_mass_friction_and_slip(
             initial_fit.theta, initial_fit.solution, initial_fit.terms
         )
         for number in range(rounds):
-            mean, std = self._make_priors_of_round(cost)
-            self._exclude_gain_drift_if_loads_return(std)
+            mean, std = self._make_priors_of_fit_iteration(cost)
+            self._exclude_gain_drift_in_place_if_loads_recur(std)
             known_s = known.lag_s
             mean[lag] -= known_s
             if number or fit_rows is None:
@@ -138,10 +144,10 @@ class FitTask:
             )
             if not np.isfinite(solution.theta).all():
                 break
-            cost = self._compute_slip_cost(solution.theta, solution, self.terms)
+            cost = self._compute_mass_friction_and_slip(solution.theta, solution, self.terms)
             if cost.slip_1_N is not None and self._estimate_slip_and_std_by_wheels() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
-            known, moved = self._update_estimates(
+            known, moved = self._update_estimates_and_get_lag_change_s(
                 known, solution.theta, advance_force=advance_force
             )
             if number and moved < LIMITS.lag_tolerance_s:
@@ -194,7 +200,7 @@ class FitTask:
             self.motion, loads.unit, loads.mark_loaded_manoeuvres_by_number(loads.unit)
         )
 
-    def _update_estimates(
+    def _update_estimates_and_get_lag_change_s(
         self, previous_estimates: PreviousEstimates, theta: Floats, *, advance_force: bool
     ) -> tuple[PreviousEstimates, float]:
         """Update the estimates by a round, and return the change of the lag in s."""
@@ -206,7 +212,7 @@ class FitTask:
             np.clip(previous_estimates.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s)
         )
         share, _ = split_constant_prior_into_error_and_force(self.motion, self.priors)
-        width = const_term_prior_std_newtons(self.motion, self.priors)
+        width = constant_force_prior_std_of_motion_newtons(self.motion, self.priors)
         after = replace(
             previous_estimates,
             lag_s=lag_s if advance_force else 0.0,
@@ -226,8 +232,8 @@ class FitTask:
 
     def estimate_manoeuvre_masses(self, fit: JointFit, fit_rows: FitRows) -> GroupEffects:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
-        mean, std = self._make_priors_of_round(
-            self._compute_slip_cost(fit.theta, fit.solution, fit.terms)
+        mean, std = self._make_priors_of_fit_iteration(
+            self._compute_mass_friction_and_slip(fit.theta, fit.solution, fit.terms)
         )
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
             std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
@@ -258,45 +264,51 @@ class FitTask:
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
-    def _estimate_body_swing(self) -> BodySwing:
+    def _get_body_swing_in_accelerometer(self) -> BodySwing:
         """Effect of a swinging body on the accelerometer, if the wheels show it."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
-    def _make_priors_of_round(self, slip_cost: _SlipCost | None) -> tuple[Floats, Floats]:
+    def _make_priors_of_fit_iteration(
+        self, mass_friction_slip: _MassFrictionAndSlip | None
+    ) -> tuple[Floats, Floats]:
         """Prior means and standard deviations of a round, (terms,); slip's if its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if slip_cost is not None:
-            self._set_slip_prior_by_wheels(slip_cost, mean, std)
+        if mass_friction_slip is not None:
+            self._set_slip_prior_by_wheels_in_place(mass_friction_slip, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = find_term_index("slip_acceleration", self.terms)
-                self._set_prior_proportional_to_slip(
-                    at, slip_cost.mass_kg, self._estimate_slip_and_std_by_wheels(), mean, std
+                self._set_prior_proportional_to_slip_in_place(
+                    at,
+                    mass_friction_slip.mass_kg,
+                    self._estimate_slip_and_std_by_wheels(),
+                    mean,
+                    std,
                 )
-                self._set_prior_of_slip_by_load(slip_cost, mean, std)
+                self._set_prior_of_slip_by_load_in_place(mass_friction_slip, mean, std)
         for place, term in self._indices_of_learnt_terms():
             mean[place], std[place] = term.mean, term.std
         return mean, std
 
-    def _compute_slip_cost(
+    def _compute_mass_friction_and_slip(
         self, theta: Floats, estimates: Solution, terms: tuple[Nuisance, ...]
-    ) -> _SlipCost:
+    ) -> _MassFrictionAndSlip:
         """Cost of slip, computed from the estimates of a round."""
         count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))
         friction = max(compute_resistance_slope_at_mean_speed(theta, terms, self.motion), 0.0)
         if self.motion.wheel_acceleration is None or not mass_kg > 0.0:
-            return _SlipCost(mass_kg, friction, None)
+            return _MassFrictionAndSlip(mass_kg, friction, None)
         place = find_term_index("slip_acceleration", terms)
         std = float(estimates.fit.parameter_stds[count + 1 + place])
         if not std < LIMITS.slip_posterior_fraction * terms[place].width(self.motion, self.priors):
-            return _SlipCost(mass_kg, friction, None)
-        return _SlipCost(
+            return _MassFrictionAndSlip(mass_kg, friction, None)
+        return _MassFrictionAndSlip(
             mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
         )
 
-    def _exclude_gain_drift_if_loads_return(self, prior_std: Floats) -> None:
+    def _exclude_gain_drift_in_place_if_loads_recur(self, prior_std: Floats) -> None:
         """Set the prior of a gain drift to 0 if loads return.
 
         Payloads are then differences of neighbours, in which a drift cancels; free masses would
@@ -323,12 +335,12 @@ class FitTask:
             mean_u[place] = term.mean_u
         return PriorMeans(prior_mean, mean_u)
 
-    def _set_slip_prior_by_wheels(
-        self, slip_cost: _SlipCost, prior_mean: Floats, prior_std: Floats
+    def _set_slip_prior_by_wheels_in_place(
+        self, mass_friction_slip: _MassFrictionAndSlip, prior_mean: Floats, prior_std: Floats
     ) -> None:
         """Set the prior of the slip terms to friction times slip, if the wheels determine slip."""
         at = find_term_index("slip", self.terms)
-        friction = slip_cost.friction_N_s_m
+        friction = mass_friction_slip.friction_N_s_m
         prior_std[at] = min(
             prior_std[at],
             friction * self.priors.wheel_slip / self.motion.force_95_percentile_newtons,
@@ -339,23 +351,23 @@ class FitTask:
             * self.priors.wheel_slip
             / self.motion.speed_95_percentile_m_s,
         )
-        self._set_prior_proportional_to_slip(
+        self._set_prior_proportional_to_slip_in_place(
             at,
             -friction,
-            self._estimate_slip_and_std_by_wheels() or slip_cost.slip_1_N,
+            self._estimate_slip_and_std_by_wheels() or mass_friction_slip.slip_1_N,
             prior_mean,
             prior_std,
         )
 
-    def _set_prior_of_slip_by_load(
-        self, slip_cost: _SlipCost, prior_mean: Floats, prior_std: Floats
+    def _set_prior_of_slip_by_load_in_place(
+        self, mass_friction_slip: _MassFrictionAndSlip, prior_mean: Floats, prior_std: Floats
     ) -> None:
         """Set the prior of the slip that a load takes away to a share of the slip, if known."""
-        slip = self._estimate_slip_and_std_by_wheels() or slip_cost.slip_1_N
+        slip = self._estimate_slip_and_std_by_wheels() or mass_friction_slip.slip_1_N
         if slip is None or SLIP_BY_LOAD not in self.terms:
             return
         at = self.terms.index(SLIP_BY_LOAD)
-        share_kg = LIMITS.slip_stiffness_by_load_1 * slip_cost.mass_kg
+        share_kg = LIMITS.slip_stiffness_by_load_1 * mass_friction_slip.mass_kg
         # wheels that turn less than the ground moves do not slip the less for it
         prior_mean[at] = share_kg * max(slip[0], 0.0)
         prior_std[at] = max(
@@ -367,7 +379,7 @@ class FitTask:
         wheels = self.wheels
         return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None
 
-    def _set_prior_proportional_to_slip(
+    def _set_prior_proportional_to_slip_in_place(
         self,
         term_index: int,
         force_per_slip: float,

@@ -21,7 +21,7 @@ from estimators.arrays import Bools, Floats, Ints
 T = TypeVar("T")
 
 
-def integrate_path_and_length_m(
+def integrate_path_positions_and_length_m(
     speed: Floats, is_used: Bools, silences: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
     """Position of the machine on its path, (n,), and the length of the path in m.
@@ -53,7 +53,7 @@ def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:
     return np.cumsum(begun)
 
 
-def number_drive_manoeuvres(stop_count: Ints, max_samples: int) -> Ints:
+def assign_drive_manoeuvre_numbers(stop_count: Ints, max_samples: int) -> Ints:
     """Number the manoeuvres, (n,), and split drives of twice `max_samples` samples or more."""
     cuts = np.append(True, stop_count[1:] != stop_count[:-1])
     drive_begins = np.flatnonzero(cuts)
@@ -62,7 +62,7 @@ def number_drive_manoeuvres(stop_count: Ints, max_samples: int) -> Ints:
     return (np.cumsum(cuts) - 1 + stop_count[0]).astype(np.int64)
 
 
-def number_fitted_manoeuvres(
+def assign_fitted_manoeuvre_numbers(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
@@ -92,12 +92,12 @@ def number_fitted_manoeuvres(
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 
-def find_direction_of_manoeuvres(group: Ints, speed: Floats) -> Floats:
+def find_manoeuvre_direction_of_samples(manoeuvre_of_sample: Ints, speed: Floats) -> Floats:
     """Sign of the mean speed of each manoeuvre, (n,); 1 elsewhere."""
-    used = group >= 0
-    ids, index = np.unique(group[used], return_inverse=True)
+    used = manoeuvre_of_sample >= 0
+    ids, index = np.unique(manoeuvre_of_sample[used], return_inverse=True)
     total = np.bincount(index, weights=speed[used], minlength=ids.size)
-    out = np.ones(group.size)
+    out = np.ones(manoeuvre_of_sample.size)
     out[used] = np.where(total >= 0, 1.0, -1.0)[index]
     return out
 
@@ -115,78 +115,93 @@ def memoise(compute: Callable[[T], Ints]) -> Callable[[T], Ints]:
     return look_up
 
 
-def mark_stretch_starts(group: Ints) -> Bools:
+def mark_stretch_starts(stretch_of_sample: Ints) -> Bools:
     """Whether each sample is the first of its stretch, (n,)."""
-    return (group >= 0) & (np.append(-1, group[:-1]) != group)
+    return (stretch_of_sample >= 0) & (np.append(-1, stretch_of_sample[:-1]) != stretch_of_sample)
 
 
-def mark_stretch_ends(group: Ints) -> Bools:
+def mark_stretch_ends(stretch_of_sample: Ints) -> Bools:
     """Whether each sample is the last of its stretch, (n,)."""
-    return (group >= 0) & (np.append(group[1:], -1) != group)
+    return (stretch_of_sample >= 0) & (np.append(stretch_of_sample[1:], -1) != stretch_of_sample)
 
 
-def count_samples_since_start(group: Ints) -> Ints:
+def compute_index_in_stretch(stretch_of_sample: Ints) -> Ints:
     """Number of earlier samples in the same stretch, (n,)."""
-    row = np.arange(group.size)
-    return row - np.maximum.accumulate(np.where(mark_stretch_starts(group), row, 0))
+    row = np.arange(stretch_of_sample.size)
+    return row - np.maximum.accumulate(np.where(mark_stretch_starts(stretch_of_sample), row, 0))
 
 
-def find_stretch_spans(group: Ints) -> Ints:
+def find_stretch_spans(stretch_of_sample: Ints) -> Ints:
     """First sample of each stretch, and the one behind its last, (stretches, 2)."""
-    first, last = (np.flatnonzero(of(group)) for of in (mark_stretch_starts, mark_stretch_ends))
+    first, last = (
+        np.flatnonzero(of(stretch_of_sample)) for of in (mark_stretch_starts, mark_stretch_ends)
+    )
     return np.column_stack([first, last + 1])
 
 
-def split_stretches_at_manoeuvres(group: Ints, manoeuvre_of_sample: Ints) -> Ints:
+def split_stretches_at_manoeuvres(stretch_of_sample: Ints, manoeuvre_of_sample: Ints) -> Ints:
     """Split stretches at manoeuvre borders and number them again, (n,)."""
-    used = group >= 0
+    used = stretch_of_sample >= 0
     cut = used & (
-        mark_stretch_starts(group)
+        mark_stretch_starts(stretch_of_sample)
         | np.append(False, manoeuvre_of_sample[1:] != manoeuvre_of_sample[:-1])
     )
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
 def extend_manoeuvres_to_break_away(
-    group: Ints, speed: Floats, moving_threshold_m_s: float, max_rows: int, phase_start: int
+    manoeuvre_of_sample: Ints,
+    speed: Floats,
+    moving_threshold_m_s: float,
+    max_rows: int,
+    phase_start: int,
 ) -> Ints:
     """Extend manoeuvres, (n,), back to where their speed leaves the noise, before their phase."""
     smooth = np.abs(average_three_speed_samples(speed)) > moving_threshold_m_s
-    grown = group.copy()
-    for begin in np.flatnonzero(mark_stretch_starts(group)):
+    grown = manoeuvre_of_sample.copy()
+    for begin in np.flatnonzero(mark_stretch_starts(manoeuvre_of_sample)):
         first = int(begin)
-        while first > 0 and begin - first < max_rows and smooth[first - 1] and group[first - 1] < 0:
+        while (
+            first > 0
+            and begin - first < max_rows
+            and smooth[first - 1]
+            and manoeuvre_of_sample[first - 1] < 0
+        ):
             first -= 1
         if first < begin:
-            grown[first:begin] = group[begin]
+            grown[first:begin] = manoeuvre_of_sample[begin]
             grown[first : first + phase_start] = -1
     return grown
 
 
-def number_one_way_runs(group: Ints, speed: Floats, has_reversal: int) -> Ints:
+def assign_one_way_run_numbers(manoeuvre_of_sample: Ints, speed: Floats, has_reversal: int) -> Ints:
     """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
-    used = group >= 0
+    used = manoeuvre_of_sample >= 0
     forwards = average_three_speed_samples(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = flag_rows_near_flagged_rows(turns, has_reversal, has_reversal + 1)
-    group = np.where(used & ~near, 2 * group + forwards, -1)
-    return np.where(group >= 0, np.cumsum(mark_stretch_starts(group)) - 1, -1).astype(np.int64)
+    manoeuvre_of_sample = np.where(used & ~near, 2 * manoeuvre_of_sample + forwards, -1)
+    return np.where(
+        manoeuvre_of_sample >= 0, np.cumsum(mark_stretch_starts(manoeuvre_of_sample)) - 1, -1
+    ).astype(np.int64)
 
 
-def exclude_stretches_at_noise_speed(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
+def clear_stretch_numbers_at_noise_speed(
+    stretch_of_sample: Ints, speed: Floats, noise_m_s: float
+) -> Ints:
     """Stretch of each sample, (n,); -1 where its speed never exceeds the noise: no starts.
 
     If the noise is below the motion threshold, slow samples count as motion.
     """
-    used = group >= 0
+    used = stretch_of_sample >= 0
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
-        return group
-    first = np.flatnonzero(mark_stretch_starts(group))
+        return stretch_of_sample
+    first = np.flatnonzero(mark_stretch_starts(stretch_of_sample))
     fastest = np.maximum.reduceat(
         np.where(used, np.abs(average_three_speed_samples(speed)), 0.0), first
     )
     moves = fastest > noise_m_s
-    return np.where(used & moves[group], group, -1)
+    return np.where(used & moves[stretch_of_sample], stretch_of_sample, -1)
 
 
 def average_three_speed_samples(speed: Floats) -> Floats:
@@ -232,12 +247,12 @@ def make_centred_ramp(sample_count: int) -> Floats:
     return np.arange(sample_count) / max(sample_count, 1) - 0.5
 
 
-def advance_signal_by_delay(signal: Floats, group: Ints, delay_rows: float) -> Floats:
+def advance_signal_by_delay(signal: Floats, stretch_of_sample: Ints, delay_rows: float) -> Floats:
     """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid.
 
     Args:
         signal: (n,) the signal.
-        group: (n,) stretch of each sample, negative for none.
+        stretch_of_sample: (n,) stretch of each sample, negative for none.
         delay_rows: delay in samples.
     """
     if not delay_rows and np.isfinite(signal).all():
@@ -258,10 +273,10 @@ def advance_signal_by_delay(signal: Floats, group: Ints, delay_rows: float) -> F
             weight * signal[from_row + k : from_row + k + end - first]
             for k, weight in enumerate(weights)
         )
-        own = group[first:end]
+        own = stretch_of_sample[first:end]
         inside = own >= 0
         for row in (from_row, from_row + 3):
-            inside &= group[row : row + end - first] == own
+            inside &= stretch_of_sample[row : row + end - first] == own
         by_cubic[first:end] = inside
     by_line = np.flatnonzero(~by_cubic)
     moved[by_line] = np.interp(

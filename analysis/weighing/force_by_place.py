@@ -20,7 +20,7 @@ from analysis.weighing.weighing_limits import LIMITS
 BY_PLACE: Final = "place"
 
 
-def make_spring_force_column(relative_position: Floats) -> Floats:
+def make_position_proportional_force_column(relative_position: Floats) -> Floats:
     """Column (n,) of a force proportional to the position; 1 at the end of the path."""
     return 2.0 * relative_position
 
@@ -63,7 +63,7 @@ _OF_EVERY_LOAD: Final = (
     Nuisance(
         "spring",
         "N",
-        lambda m: make_spring_force_column(m.place_1),
+        lambda m: make_position_proportional_force_column(m.place_1),
         lambda e, s: s.place_share * e.force_95_percentile_newtons,
         "a force in proportion to the place on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",
@@ -82,7 +82,7 @@ def make_position_force_columns(relative_position: Floats) -> Floats:
         evaluate_half_wave_cosine(relative_position, half_waves)
         for half_waves in range(1, LIMITS.path_half_waves + 1)
     )
-    return np.column_stack([make_spring_force_column(relative_position), *waves])
+    return np.column_stack([make_position_proportional_force_column(relative_position), *waves])
 
 
 def make_position_force_slopes(relative_position: Floats) -> Floats:
@@ -90,5 +90,8 @@ def make_position_force_slopes(relative_position: Floats) -> Floats:
     numbers = np.pi * np.arange(1, LIMITS.path_half_waves + 1)
     waves = -numbers * np.sin(numbers * (relative_position[:, None] + 0.5))
     return np.column_stack(
-        [np.full(relative_position.size, make_spring_force_column(np.ones(1))), waves]
+        [
+            np.full(relative_position.size, make_position_proportional_force_column(np.ones(1))),
+            waves,
+        ]
     )

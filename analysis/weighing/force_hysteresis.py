@@ -19,7 +19,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.play import apply_play_hysteresis
 
 
-def hysteresis_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+def hysteresis_half_loop_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of half the loop, in N."""
     return (
         priors.hysteresis_share or LIMITS.hysteresis_prior_share
@@ -31,7 +31,7 @@ HYSTERESIS: Final = Nuisance(
     "hysteresis",
     "N",
     lambda m: -m.force_rises_1,
-    hysteresis_prior_std,
+    hysteresis_half_loop_prior_std_newtons,
     "a force that reads less while it rises and more while it falls: friction in its sensor or "
     "behind it",
     "a force without hysteresis: a torque at the wheels instead of a pressure or a current",
@@ -54,7 +54,7 @@ class Play(NamedTuple):
     by_force_1_N: float
 
 
-def choose_hysteresis_play(
+def choose_hysteresis_width_and_mean_length(
     motion: MotionSamples, noise: ColumnNoiseModel, mean_samples: int
 ) -> Play:
     """Choose a share of the largest force, and the shortest mean whose noise is well below it.
@@ -68,14 +68,16 @@ def choose_hysteresis_play(
     half_N = LIMITS.hysteresis_turn_share * motion.force_95_percentile_newtons
     noise_N, mean = 0.0, longest
     for mean in (*(1 << k for k in range(longest.bit_length() - 1)), longest):
-        noise_N = LIMITS.hysteresis_turn_std * float(np.sqrt(noise.covariance_of_means(mean)[2, 2]))
+        noise_N = LIMITS.hysteresis_turn_std * float(
+            np.sqrt(noise.noise_covariance_of_means(mean)[2, 2])
+        )
         if noise_N <= half_N:
             break
     half_N = max(half_N, noise_N)
     return Play(half_N, mean, min(mean_samples / mean, 1.0) / half_N)
 
 
-def trace_direction_of_force_change(force: Floats, play: Play) -> Floats:
+def compute_sign_of_force_change(force: Floats, play: Play) -> Floats:
     """Whether the force (n,) rises (1), falls (-1) or has just turned (between), (n,)."""
     before = play.mean // 2
     padded = np.pad(force, (before, play.mean - 1 - before), mode="edge")

@@ -18,7 +18,7 @@ def differentiate_force(force: Floats, rate_hz: float, noise_N: float) -> Floats
         noise_N: standard deviation of a sample.
     """
     half_rows = count_rows_in_duration(LIMITS.force_rate_half_widths_s[0], rate_hz)
-    slope = make_parabola_slope(half_rows, rate_hz)
+    slope = make_parabola_slope_weights(half_rows, rate_hz)
     rate, std = _convolve_force(force, slope), noise_N * float(np.sqrt(slope @ slope))
     return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 
@@ -42,7 +42,7 @@ def differentiate_force_by_widest_parabolas(
         The derivative, (n,) in N/s, and the index of each sample's parabola, (n,), which is that of
         `compute_force_rate_variances`.
     """
-    rates = [_convolve_force(force, slope) for slope in _list_parabola_slopes(rate_hz)]
+    rates = [_convolve_force(force, slope) for slope in _list_parabola_slope_weights(rate_hz)]
     stds = np.sqrt(compute_force_rate_variances(noise, rate_hz, [1])[0])
     found, parabola = rates[0], np.zeros(force.size, np.int64)
     agrees = np.ones(force.size, np.bool_)
@@ -57,7 +57,7 @@ def compute_force_rate_variances(
     noise: ColumnNoiseModel, rate_hz: float, mean_samples: Sequence[int]
 ) -> Floats:
     """Noise variance of trailing means of each parabola's slope, (lengths, parabolas) in N²/s²."""
-    slopes = _list_parabola_slopes(rate_hz)
+    slopes = _list_parabola_slope_weights(rate_hz)
     autocovariance = _list_force_autocovariances_newtons2(
         noise, max(mean_samples) + slopes[-1].size
     )
@@ -79,17 +79,20 @@ def _list_force_autocovariances_newtons2(noise: ColumnNoiseModel, lag_count: int
     The variance of a sum of n has n - |k| pairs at lag k, so its second difference is twice the
     autocovariance at lag n.
     """
-    of_sums = [0.0, *(n**2 * noise.covariance_of_means(n)[2, 2] for n in range(1, lag_count + 1))]
+    of_sums = [
+        0.0,
+        *(n**2 * noise.noise_covariance_of_means(n)[2, 2] for n in range(1, lag_count + 1)),
+    ]
     return np.concatenate([[of_sums[1]], np.diff(of_sums, 2) / 2.0])
 
 
-def _list_parabola_slopes(rate_hz: float) -> list[Floats]:
+def _list_parabola_slope_weights(rate_hz: float) -> list[Floats]:
     """Weights of the slopes of the parabolas, from one row to either side on."""
     wide = {count_rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s}
-    return [make_parabola_slope(half_rows, rate_hz) for half_rows in sorted({1, *wide})]
+    return [make_parabola_slope_weights(half_rows, rate_hz) for half_rows in sorted({1, *wide})]
 
 
-def make_parabola_slope(half_rows: int, rate_hz: float) -> Floats:
+def make_parabola_slope_weights(half_rows: int, rate_hz: float) -> Floats:
     """Weights of the slope of a parabola through so many rows to either side, (rows,) in 1/s."""
     row = np.arange(half_rows, -half_rows - 1, -1)
     return np.asarray(row * rate_hz / (2.0 * (np.arange(1, half_rows + 1) ** 2).sum()), np.float64)

@@ -28,7 +28,7 @@ from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_search import fit_with_searched_load_states
 from analysis.weighing.load_states import (
     LoadStates,
-    weighted_means_by_state,
+    compute_weighted_mean_mass_by_state_kg,
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
@@ -119,7 +119,9 @@ def estimate_force_gain_by_driving_direction(
     one = FitTask(
         motion,
         noise,
-        priors if fit.effects is None else fit.effects.with_unlikely_effects_excluded(priors),
+        priors
+        if fit.effects is None
+        else fit.effects.copy_priors_excluding_unlikely_effects(priors),
         (*select_terms_of_motion(motion, has_several_loads=False), GAIN_BY_DIRECTION),
         fit.kinematics,
         None,
@@ -136,7 +138,7 @@ def estimate_force_gain_by_driving_direction(
     if left.mass_count > 1 or left.states is None:
         return None
     heavy = mark_manoeuvres_of_heavier_direction(fit.states, mark_forward_manoeuvres(motion))
-    return None if do_heavy_masses_scatter_more(left.states, heavy) else found
+    return None if do_heavy_masses_scatter_more_than_light(left.states, heavy) else found
 
 
 def compute_reverse_to_forward_gain(
@@ -148,7 +150,7 @@ def compute_reverse_to_forward_gain(
     """
     share, std = (
         float(fit_with_one_load.theta[-1]),
-        float(fit_with_one_load.map_fit.parameter_stds[-1]),
+        float(fit_with_one_load.posterior_fit.parameter_stds[-1]),
     )
     if fit_with_load_states.mass_count == 1:
         std = max(
@@ -196,16 +198,22 @@ def mark_forward_manoeuvres(motion: MotionSamples) -> Bools:
     return motion.direction[first] > 0.0
 
 
-def average_mass_by_direction_kg(states: LoadStates, is_forward: Bools) -> tuple[float, float]:
+def compute_mean_mass_in_reverse_and_forwards_kg(
+    states: LoadStates, is_forward: Bools
+) -> tuple[float, float]:
     """Mean mass of the manoeuvres in reverse and forwards, in kg."""
     each = is_forward.astype(np.int64)
-    reverse_kg, forwards_kg = weighted_means_by_state(states.level_kg, states.std_kg**-2.0, each)
+    reverse_kg, forwards_kg = compute_weighted_mean_mass_by_state_kg(
+        states.level_kg, states.std_kg**-2.0, each
+    )
     return float(reverse_kg), float(forwards_kg)
 
 
 def mark_manoeuvres_of_heavier_direction(states: LoadStates, is_forward: Bools) -> Bools:
     """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
-    return states.level_kg > float(np.mean(average_mass_by_direction_kg(states, is_forward)))
+    return states.level_kg > float(
+        np.mean(compute_mean_mass_in_reverse_and_forwards_kg(states, is_forward))
+    )
 
 
 def does_empty_mass_confirm_two_loads(fit: JointFit, body: Body) -> bool:
@@ -214,7 +222,7 @@ def does_empty_mass_confirm_two_loads(fit: JointFit, body: Body) -> bool:
         return False
     assert fit.states is not None
     forwards = mark_forward_manoeuvres(fit.motion)
-    light_kg, heavy_kg = sorted(average_mass_by_direction_kg(fit.states, forwards))
+    light_kg, heavy_kg = sorted(compute_mean_mass_in_reverse_and_forwards_kg(fit.states, forwards))
     empty_kg = body.empty_mass_kg + body.rotating_mass_kg
     gain_u_kg = (body.force_gain_u or 0.0) * empty_kg
     u_kg = float(np.linalg.norm([fit.u_kg, body.empty_mass_u_kg or 0.0, gain_u_kg]))
@@ -224,7 +232,7 @@ def does_empty_mass_confirm_two_loads(fit: JointFit, body: Body) -> bool:
     )
 
 
-def do_heavy_masses_scatter_more(states: LoadStates, is_heavy: Bools) -> bool:
+def do_heavy_masses_scatter_more_than_light(states: LoadStates, is_heavy: Bools) -> bool:
     """Whether the heavier manoeuvres scatter more than the lighter ones, as payloads do.
 
     Args:

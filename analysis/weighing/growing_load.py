@@ -24,7 +24,7 @@ from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import (
     FitRows,
     average_fit_columns,
-    choose_stride_of_fitted_means,
+    compute_samples_between_fitted_means,
 )
 from analysis.weighing.joint_fit import refit_with_extra_terms
 from analysis.weighing.joint_result import JointFit, find_term_index
@@ -87,7 +87,7 @@ class LoadFilling:
     is_possible: bool = True
 
     @property
-    def significance_in_stds(self) -> float:
+    def load_growth_over_std(self) -> float:
         """The deviations; 0 if the growth changes no mass and no payload by its uncertainty.
 
         Long logs make a misfit significant even if it changes no mass. 0 also if nothing fills the
@@ -124,7 +124,7 @@ def refit_with_load_growing_at_starts(
     names = [term.name for term in fit.terms]
     resistances = [find_term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.mass_count + 1 + place for place in resistances)]
-    found, covariance = grown.theta[at], grown.map_fit.covariance[np.ix_(at, at)]
+    found, covariance = grown.theta[at], grown.posterior_fit.covariance[np.ix_(at, at)]
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
     if not (
@@ -135,19 +135,17 @@ def refit_with_load_growing_at_starts(
     whitened = np.linalg.inv(np.linalg.cholesky(correlation))
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
-    better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.map_fit.misfit_ratio, 1.0)
+    better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.posterior_fit.misfit_ratio, 1.0)
     # what the masses are beside that growth and those resistances
-    follows = np.linalg.lstsq(covariance, grown.map_fit.covariance[at, : fit.mass_count])[0]
+    follows = np.linalg.lstsq(covariance, grown.posterior_fit.covariance[at, : fit.mass_count])[0]
     moved = (
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
     )
     of_sums = chain(
-        map(fit.coefficients_of_state, range(fit.mass_count)),
+        map(fit.mass_coefficients_of_state, range(fit.mass_count)),
         list_coefficients_of_mean_payloads(fit),
     )
-    moves_u = [
-        abs(float(each @ moved)) / max(fit.weighted_sum_u_kg(each), 1e-9) for each in of_sums
-    ]
+    moves_u = [abs(float(each @ moved)) / max(fit.mass_sum_u_kg(each), 1e-9) for each in of_sums]
     return LoadFilling(
         float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u))), moved
     )
@@ -189,7 +187,7 @@ def find_manoeuvres_with_growing_load(
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = compute_residual_force(fit, rows, unit)
+    left = compute_residual_force_of_rows_newtons(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
@@ -200,7 +198,9 @@ def find_manoeuvres_with_growing_load(
         )
         left[part] = left[part].clip(-most, most)
     variance = _row_noise_variance_newtons2(fit, noise)
-    friction = float(np.hypot(fit.viscous_friction, fit.map_fit.parameter_stds[fit.mass_count]))
+    friction = float(
+        np.hypot(fit.viscous_friction, fit.posterior_fit.parameter_stds[fit.mass_count])
+    )
     own = (
         LIMITS.own_friction_fraction * friction,
         LIMITS.own_constant_fraction * fit.motion.force_95_percentile_newtons,
@@ -210,7 +210,7 @@ def find_manoeuvres_with_growing_load(
         return ()  # of a fit that determines nothing
     slopes = np.array(
         [
-            regress_residual_on_mass_growth(rows.A[part], left[part], tied)
+            fit_mass_growth_and_information_to_residual(rows.A[part], left[part], tied)
             for part in compress(parts, told)
         ]
     )
@@ -218,7 +218,7 @@ def find_manoeuvres_with_growing_load(
     if number.size < LIMITS.growth_min_manoeuvres:
         return ()
     kg, square = slopes.T
-    kg = kg - estimate_common_growth_by_mass_kg(
+    kg = kg - estimate_load_growth_common_to_mass_kg(
         fit.masses_kg[look_up_load_states(fit.states, number)], kg
     )
     apart = STD_OF_MAD * float(np.median(np.abs(kg)))
@@ -251,7 +251,7 @@ def look_up_load_states(states: LoadStates, manoeuvre_numbers: Ints) -> Ints:
     ]
 
 
-def estimate_common_growth_by_mass_kg(mass_kg: Floats, growth_kg: Floats) -> Floats:
+def estimate_load_growth_common_to_mass_kg(mass_kg: Floats, growth_kg: Floats) -> Floats:
     """Growth that manoeuvres of such a mass have in common, (n,) in kg: what the model misses.
 
     What it misses (a dead band, rolling resistance) grows with the load, so that starts with the
@@ -298,9 +298,9 @@ def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) 
         int(np.searchsorted(states.unit, manoeuvre_number, side)) for side in ("left", "right")
     )
     places = np.array([first] if end > first else [first - 1, first]).clip(0, states.unit.size - 1)
-    lightest = fit.coefficients_of_state(int(np.argmin(fit.masses_kg)))
-    loads = [fit.coefficients_of_state(int(k)) - lightest for k in states.membership[places]]
-    return max(float(each @ fit.masses_kg) + fit.weighted_sum_u_kg(each) for each in loads)
+    lightest = fit.mass_coefficients_of_state(int(np.argmin(fit.masses_kg)))
+    loads = [fit.mass_coefficients_of_state(int(k)) - lightest for k in states.membership[places]]
+    return max(float(each @ fit.masses_kg) + fit.mass_sum_u_kg(each) for each in loads)
 
 
 def find_creeping_load_changes(fit: JointFit) -> Ints:
@@ -327,14 +327,18 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
     return states.unit[between & changes]
 
 
-def compute_residual_force(fit: JointFit, fit_rows: FitRows, manoeuvre_of_row: Ints) -> Floats:
+def compute_residual_force_of_rows_newtons(
+    fit: JointFit, fit_rows: FitRows, manoeuvre_of_row: Ints
+) -> Floats:
     """Residual force of the rows, (n,) in N; undefined for rows outside manoeuvres."""
     assert fit.states is not None
     masses = fit.theta[: fit.mass_count][look_up_load_states(fit.states, manoeuvre_of_row)]
-    return fit_rows.f - fit_rows.A[:, 0] * masses - fit_rows.A[:, 1:] @ fit.shared_parameters
+    return (
+        fit_rows.f - fit_rows.A[:, 0] * masses - fit_rows.A[:, 1:] @ fit.friction_and_term_estimates
+    )
 
 
-def regress_residual_on_mass_growth(
+def fit_mass_growth_and_information_to_residual(
     A: Floats, residual: Floats, std_ratios: Floats
 ) -> tuple[float, float]:
     """Regress a residual on a linearly growing mass; returns the slope and its information.
@@ -357,5 +361,5 @@ def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> floa
     """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
-    overlap = samples / choose_stride_of_fitted_means(samples)
-    return overlap * float(gradient @ noise.covariance_of_means(samples) @ gradient)
+    overlap = samples / compute_samples_between_fitted_means(samples)
+    return overlap * float(gradient @ noise.noise_covariance_of_means(samples) @ gradient)

@@ -65,15 +65,17 @@ class Route:
 
     def compute_relative_distances_to_dump(self, motion: MotionSamples) -> Floats:
         """Distance of samples from the nearest dump over the route's length, (n,), at most 1."""
-        ahead, behind = self._compute_distances_to_dumps_m(motion)
+        ahead, behind = self._compute_distances_to_next_and_last_dump_m(motion)
         return np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
 
     def compute_headings_from_dump(self, motion: MotionSamples) -> Floats:
         """Heading of samples, (n,): 1 with the front away from the nearest dump, -1 towards it."""
-        ahead, behind = self._compute_distances_to_dumps_m(motion)
+        ahead, behind = self._compute_distances_to_next_and_last_dump_m(motion)
         return np.where(behind < ahead, motion.direction, -motion.direction)
 
-    def _compute_distances_to_dumps_m(self, motion: MotionSamples) -> tuple[Floats, Floats]:
+    def _compute_distances_to_next_and_last_dump_m(
+        self, motion: MotionSamples
+    ) -> tuple[Floats, Floats]:
         """Distances to the next dump and from the one before, (n,) each; infinite without one."""
         here = motion.driven_m
 

@@ -17,7 +17,7 @@ from analysis.weighing.fit_columns import (
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
-from analysis.weighing.force_hysteresis import HYSTERESIS, choose_hysteresis_play
+from analysis.weighing.force_hysteresis import HYSTERESIS, choose_hysteresis_width_and_mean_length
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import MostProbableEffects
@@ -109,7 +109,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
-    whole = compare_wheels_after_pilot_fit(inputs, whole, best)
+    whole = copy_task_with_wheels_compared_again(inputs, whole, best)
     chosen = fit_delayed_or_low_passed_force(whole, best.mean_samples)
     share = _relative_mass_change_by_mean_length(
         first, next(k for k, found in enumerate(first) if found is best)
@@ -136,7 +136,7 @@ def select_terms_of_motion(
     )
 
 
-def compare_wheels_after_pilot_fit(
+def copy_task_with_wheels_compared_again(
     inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
@@ -157,7 +157,7 @@ def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFi
     filtered = task.fit_over_sample_means(mean_samples, 2, advance_force=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
-    if not chosen.map_fit.misfit.any():
+    if not chosen.posterior_fit.misfit.any():
         return chosen
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
@@ -174,7 +174,7 @@ def estimate_wheel_kinematics(
     """
     springs = None if earlier_kinematics is None else earlier_kinematics.springs
     found = compare_wheels_with_accelerometer(motion, noise, priors, springs=springs)
-    return None if found is None else found.with_learnt_priors(priors)
+    return None if found is None else found.copy_with_learnt_slip_gain_and_delay(priors)
 
 
 def _relative_mass_change_by_mean_length(
@@ -185,20 +185,27 @@ def _relative_mass_change_by_mean_length(
     if best.mass_kg == 0.0:
         return 0.0
     rows = fits_by_length[0].mean_samples == 1
-    if any(do_masses_differ(best, other, are_means_single_rows=rows) for other in longer):
+    if any(
+        do_fit_masses_differ_significantly(best, other, are_means_single_rows=rows)
+        for other in longer
+    ):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
     if (
         not longer
         and length_index
-        and do_masses_differ(best, fits_by_length[length_index - 1], are_means_single_rows=rows)
+        and do_fit_masses_differ_significantly(
+            best, fits_by_length[length_index - 1], are_means_single_rows=rows
+        )
     ):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - fits_by_length[length_index - 1].mass_kg / best.mass_kg
     return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
 
-def do_masses_differ(fit_a: JointFit, fit_b: JointFit, *, are_means_single_rows: bool) -> bool:
+def do_fit_masses_differ_significantly(
+    fit_a: JointFit, fit_b: JointFit, *, are_means_single_rows: bool
+) -> bool:
     """Whether means of two lengths give significantly different masses.
 
     For single rows every relevant difference counts, even if noise explains it.
@@ -235,7 +242,7 @@ def refit_with_extra_terms(
             computed.
     """
     if earlier_fit.effects is not None:
-        priors = earlier_fit.effects.with_unlikely_effects_excluded(priors)
+        priors = earlier_fit.effects.copy_priors_excluding_unlikely_effects(priors)
     terms = (*earlier_fit.terms, *extra_terms)
     task = FitTask(
         earlier_fit.motion, noise, priors, terms, earlier_fit.kinematics, earlier_fit.states
@@ -271,11 +278,13 @@ def make_refit_rows(
     )
 
 
-def drop_unlikely_effects(
+def refit_without_unlikely_effects(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> JointFit:
     """Refit without the effects that the log is unlikely to have."""
-    likely = MostProbableEffects.from_fit(fit.map_fit, fit.mass_count, fit.terms, fit.prior_std)
+    likely = MostProbableEffects.from_fit(
+        fit.posterior_fit, fit.mass_count, fit.terms, fit.prior_std
+    )
     fit = replace(fit, effects=likely)
     return (
         refit_with_extra_terms(fit, noise, priors, rounds=2) if likely and likely.left_out else fit
@@ -299,8 +308,10 @@ def refit_with_hysteresis_if_significant(
     Returns:
         The fit, and its `make_refit_rows` with the terms of the checks.
     """
-    fit.solution.drop_samples()
-    found = replace(fit.found, play=choose_hysteresis_play(fit.motion, noise, fit.mean_samples))
+    fit.solution.compute_uncertainty_and_release_samples()
+    found = replace(
+        fit.found, play=choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.mean_samples)
+    )
     played = replace(fit, found=found)
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
     tested = refit_with_extra_terms(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
@@ -308,7 +319,10 @@ def refit_with_hysteresis_if_significant(
     # the standard deviation takes longer than the estimate
     shown = (
         half_width_N > LIMITS.hysteresis_min_share * fit.motion.force_95_percentile_newtons
-        and (half_width_N > LIMITS.hysteresis_min_std * float(tested.map_fit.parameter_stds[-1]))
+        and (
+            half_width_N
+            > LIMITS.hysteresis_min_std * float(tested.posterior_fit.parameter_stds[-1])
+        )
     )
     if not (shown or priors.hysteresis_share):
         return fit, rows

@@ -17,7 +17,7 @@ from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
-from estimators.joint.map_fit import MapFit
+from estimators.joint.posterior_fit import PosteriorFit
 from estimators.joint.prior_fit import Solution
 from estimators.numerics.small_systems import factor_covariance
 
@@ -99,7 +99,7 @@ class JointFit:
     hysteresis_kg: Floats | None = None
 
     @cached_property
-    def map_fit(self) -> MapFit:
+    def posterior_fit(self) -> PosteriorFit:
         """Estimates with the parts of their uncertainty."""
         return replace(self.solution.fit, theta=self.theta)
 
@@ -133,7 +133,7 @@ class JointFit:
         return force + loads.look_up_relative_loads(self.motion.unit) * (columns @ by_load_N)
 
     @property
-    def shared_parameters(self) -> Floats:
+    def friction_and_term_estimates(self) -> Floats:
         """(1 + terms,) friction and terms, for columns whose force is advanced by its lag."""
         shared = self.theta[self.mass_count :].copy()
         if self.shifted:
@@ -143,23 +143,23 @@ class JointFit:
     @property
     def viscous_friction_and_std(self) -> tuple[float, float]:
         """Viscous friction and its standard deviation, in N·s/m."""
-        return self.viscous_friction, float(self.map_fit.parameter_stds[self.mass_count])
+        return self.viscous_friction, float(self.posterior_fit.parameter_stds[self.mass_count])
 
     @cached_property
     def term_posteriors(self) -> tuple[Floats, Floats]:
         """Posterior means of the terms, (terms,), and their standard deviations, (terms,)."""
-        own = self.map_fit.parameter_stds[self.mass_count + 1 :]
-        by_means = self._mean_sensitivities[:, self.mass_count + 1 :]
+        own = self.posterior_fit.parameter_stds[self.mass_count + 1 :]
+        by_means = self._estimate_changes_per_learnt_mean_u[:, self.mass_count + 1 :]
         return self._estimates_of_terms, np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
-    def _mean_sensitivities(self) -> Floats:
+    def _estimate_changes_per_learnt_mean_u(self) -> Floats:
         """(terms, p) response of the estimates to one standard uncertainty of each learnt mean."""
-        responses = self.map_fit.responses[self.mass_count + 1 :]
+        responses = self.posterior_fit.responses[self.mass_count + 1 :]
         return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
 
     @cached_property
-    def learnt_mean_sensitivities(self) -> tuple[tuple[str, ...], Floats]:
+    def learnt_terms_and_mass_changes_per_mean_u(self) -> tuple[tuple[str, ...], Floats]:
         """Responses of the masses to one standard uncertainty of each learnt mean.
 
         Returns:
@@ -167,12 +167,12 @@ class JointFit:
         """
         uncertain = np.flatnonzero(self.prior_means.mean_u > 0.0)
         names = [self.terms[k].name for k in uncertain]
-        moved_kg = self._mean_sensitivities[uncertain, : self.mass_count]
+        moved_kg = self._estimate_changes_per_learnt_mean_u[uncertain, : self.mass_count]
         wheels = self.kinematics
         if wheels is not None and wheels.mean_u.any():
             each = np.eye(self.theta.size)[: self.mass_count]
             by_wheels = (
-                np.array([self._wheel_sensitivities_of_sum_kg(weights) for weights in each])
+                np.array([self._mass_sum_changes_per_wheel_term_kg(weights) for weights in each])
                 * wheels.mean_u
             )
             names += TERMS
@@ -219,7 +219,7 @@ class JointFit:
         """Index of the state with the most manoeuvres."""
         return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
 
-    def coefficients_of_state(self, state: int) -> Floats:
+    def mass_coefficients_of_state(self, state: int) -> Floats:
         """(masses,) weights that select one mass."""
         out = np.zeros(self.mass_count)
         out[state] = 1.0
@@ -228,7 +228,7 @@ class JointFit:
     def u_by_cause_kg(self, coefficients: Floats) -> dict[str, float]:
         """Parts of the standard uncertainty of the sum `coefficients` @ masses, by cause, in kg."""
         wide = np.concatenate([coefficients, np.zeros(self.theta.size - self.mass_count)])
-        fit, by_motion = self.map_fit, self.by_motion
+        fit, by_motion = self.posterior_fit, self.by_motion
         summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
@@ -248,13 +248,13 @@ class JointFit:
             "scatter": weighted_std(fit.scatter),
             "other_reading": 0.0
             if self.states is None
-            else self.states.alternative_partition_std_kg(coefficients),
+            else self.states.mass_sum_std_by_alternative_partition_kg(coefficients),
             "other_effects": 0.0
             if self.effects is None
-            else self.effects.model_choice_u_kg(coefficients),
+            else self.effects.mass_sum_u_by_effect_choice_kg(coefficients),
             "squat": math.hypot(
-                self._pitch_part_of_sum_u_kg(coefficients),
-                self._squat_part_of_sum_u_kg(coefficients),
+                self._pitch_mass_sum_u_kg(coefficients),
+                self._squat_mass_sum_u_kg(coefficients),
                 0.0 if by_motion is None else float(coefficients @ by_motion.swing_kg),
             ),
             "misfit": weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
@@ -264,8 +264,8 @@ class JointFit:
         if self.hysteresis_kg is not None:
             shape_kg = LIMITS.hysteresis_shape_u_1 * float(self.hysteresis_kg @ coefficients)
             parts[HYSTERESIS.name] = math.hypot(parts[HYSTERESIS.name], shape_kg)
-        parts |= self._wheel_parts_of_sum_u_kg(wide, parts["slip"])
-        learnt_kg = self.learnt_mean_sensitivities[1] @ coefficients
+        parts |= self._wheel_mass_sum_u_parts_kg(wide, parts["slip"])
+        learnt_kg = self.learnt_terms_and_mass_changes_per_mean_u[1] @ coefficients
         if learnt_kg.any():
             parts["learnt"] = float(np.linalg.norm(learnt_kg))
         wheels = self.kinematics
@@ -276,11 +276,11 @@ class JointFit:
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
-    def _squat_part_of_sum_u_kg(self, coefficients: Floats) -> float:
+    def _squat_mass_sum_u_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to a gain that changes with the load, in kg."""
-        return 0.0 if self.squat is None else self.squat.sum_u_kg(coefficients, self.masses_kg)
+        return 0.0 if self.squat is None else self.squat.mass_sum_u_kg(coefficients, self.masses_kg)
 
-    def _pitch_part_of_sum_u_kg(self, coefficients: Floats) -> float:
+    def _pitch_mass_sum_u_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to the squat that the pitch shows, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
@@ -289,21 +289,21 @@ class JointFit:
         return self.kinematics.squat[1] * abs(float(coefficients @ (self.masses_kg * by_load)))
 
     @cached_property
-    def term_responses(self) -> Floats:
+    def mass_changes_per_term_std_kg(self) -> Floats:
         """(terms, masses) response to one standard deviation of each nuisance, in kg.
 
         Slip measured by the wheels narrows its prior.
         """
-        found = self.map_fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
+        found = self.posterior_fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
         slip = find_term_index("slip", self.terms)
-        coefficients = self.coefficients_of_state(self.most_frequent_state)
+        coefficients = self.mass_coefficients_of_state(self.most_frequent_state)
         alone_kg = abs(float(found[slip] @ coefficients))
         if alone_kg > 0.0:
             known_kg = self.u_by_cause_kg(coefficients)["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
-    def _wheel_parts_of_sum_u_kg(self, coefficients: Floats, slip_kg: float) -> dict[str, float]:
+    def _wheel_mass_sum_u_parts_kg(self, coefficients: Floats, slip_kg: float) -> dict[str, float]:
         """Uncertainty of a sum of masses due to slip, gain and delay, in kg.
 
         The three are correlated; each part is what remains once those before are known.
@@ -311,7 +311,7 @@ class JointFit:
         wheels, friction = self.kinematics, self.resistance_speed_slope
         if wheels is None or not wheels.is_consistent:
             return {}
-        moves = self._wheel_sensitivities_of_sum_kg(coefficients)
+        moves = self._mass_sum_changes_per_wheel_term_kg(coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
         found = moves @ factor_covariance(wheels.covariance)
         of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
@@ -321,12 +321,12 @@ class JointFit:
             parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
         return parts
 
-    def _wheel_sensitivities_of_sum_kg(self, coefficients: Floats) -> Floats:
+    def _mass_sum_changes_per_wheel_term_kg(self, coefficients: Floats) -> Floats:
         """(3,) response of a sum of masses to one unit of slip, gain and delay of the wheels."""
         friction = self.resistance_speed_slope
         slip = self.mass_count + 1 + find_term_index("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
-        response = float(self.map_fit.responses[slip] @ coefficients)
+        response = float(self.posterior_fit.responses[slip] @ coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
         of_masses = coefficients[: self.mass_count]
         masses_kg = float(of_masses @ self.masses_kg)
@@ -369,9 +369,9 @@ class JointFit:
     @property
     def u_kg(self) -> float:
         """Standard uncertainty of that mass from this log alone, without the scale."""
-        return self.weighted_sum_u_kg(self.coefficients_of_state(self.most_frequent_state))
+        return self.mass_sum_u_kg(self.mass_coefficients_of_state(self.most_frequent_state))
 
-    def weighted_sum_u_kg(self, coefficients: Floats) -> float:
+    def mass_sum_u_kg(self, coefficients: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg."""
         return root_sum_of_squares(self.u_by_cause_kg(coefficients).values())
 

@@ -14,7 +14,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build_frame
 from analysis.model.uncertainty_sources import combine_u
-from analysis.weighing.empty_states import payload_coefficients
+from analysis.weighing.empty_states import mass_coefficients_of_payload
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
@@ -46,7 +46,11 @@ class LearntErrors:
         """
         fit, learnt = weighing.informed, weighing.learnt
         assert fit is not None
-        by_wheels = [term for term in weighing.fit.learnt_mean_sensitivities[0] if term in TERMS]
+        by_wheels = [
+            term
+            for term in weighing.fit.learnt_terms_and_mass_changes_per_mean_u[0]
+            if term in TERMS
+        ]
         known = [(k, term.name) for k, term in enumerate(fit.terms) if term.name in learnt]
         # slip of which the wheels tell more has no learnt prior in the fit
         own = [(k, n) for k, n in known if fit.prior_means.mean[k] == learnt[n].mean or n == "lag"]
@@ -56,10 +60,10 @@ class LearntErrors:
         at = np.array([k for k, _ in own], np.int64)
         place = at + fit.mass_count + 1
         apart = fit.theta[place] - [learnt[name].mean for _, name in own]
-        found = fit.map_fit.covariance[np.ix_(place, place)] * np.outer(share, share)
+        found = fit.posterior_fit.covariance[np.ix_(place, place)] * np.outer(share, share)
         covariance = np.eye(len(own) + len(by_wheels))
         covariance[: len(own), : len(own)] = found + np.diag(std**2 / (mean_u**2 + std**2))
-        together = -fit.map_fit.covariance[: fit.mass_count, place] * share
+        together = -fit.posterior_fit.covariance[: fit.mass_count, place] * share
         return cls(
             (*(name for _, name in own), *by_wheels),
             np.append(-share * apart, np.zeros(len(by_wheels))),
@@ -71,7 +75,7 @@ class LearntErrors:
 
     def mass_shifts_kg(self, weighing: Weighing) -> Floats:
         """(terms, masses) shift of the masses by the errors of the learnt means, in kg."""
-        names, moved_kg = weighing.fit.learnt_mean_sensitivities
+        names, moved_kg = weighing.fit.learnt_terms_and_mass_changes_per_mean_u
         own = dict(zip(names, moved_kg, strict=True))
         by_fit = (
             dict(zip(self.terms, self.by_fit_kg, strict=False))
@@ -104,9 +108,11 @@ def make_learnt_mean_frames(
     def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
         return _make_mass_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
-    rows = make_rows_of_kind(of_mass, {k: fit.coefficients_of_state(k) for k in states})
+    rows = make_rows_of_kind(of_mass, {k: fit.mass_coefficients_of_state(k) for k in states})
     if empty:
-        against = {k: payload_coefficients(weighing, k, empty) for k in states if k not in empty}
+        against = {
+            k: mass_coefficients_of_payload(weighing, k, empty) for k in states if k not in empty
+        }
         rows += make_rows_of_kind(of_payload, against)
     rows += make_rows_of_kind(of_cycle, payloads)
     known = [

@@ -26,8 +26,8 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.pitch_squat import fit_instrumental_variables
-from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping_blocks
+from analysis.weighing.pitch_squat import estimate_by_instrumental_variables_with_covariance
+from analysis.weighing.stretch_means import EVERY, MEAN, compute_overlapping_means
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.in_order import sum_in_order
@@ -49,7 +49,7 @@ class BodySwing:
     frequency_hz: float = 1.0
     damping_1: float = 1.0
 
-    def with_swing_of_gravity_squat(self, squat_1: float) -> "BodySwing":
+    def copy_adding_swing_of_squat(self, squat_1: float) -> "BodySwing":
         """Add the swing of a squat by g s whose gravity was removed by the pitch."""
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 
@@ -63,7 +63,7 @@ class BodySwing:
         """Whether a reading with this swing still determines the acceleration."""
         return self.lever_s2 * self.omega_1_s**2 > -LIMITS.lever_max_below_1
 
-    def filter_swing_acceleration_m_s2(
+    def compute_swing_acceleration_m_s2(
         self, measured_acceleration: Floats, rate_hz: float
     ) -> Floats:
         """κ · y'' computed from a reading on the body, (n,) in m/s²."""
@@ -71,7 +71,7 @@ class BodySwing:
             measured_acceleration, rate_hz, (self.lever_s2, 0.0, 0.0)
         )
 
-    def filter_rate_of_pitch_variable_m_s3(
+    def compute_rate_of_body_filtered_acceleration_m_s3(
         self, measured_acceleration: Floats, rate_hz: float
     ) -> Floats:
         """Rate y' of the pitch variable from a reading on the body, (n,) in m/s³."""
@@ -193,22 +193,30 @@ class _WheelComparison:
             gained[first:end] = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         slipping = np.abs(motion.speed) * motion.force
         columns = (gained, slipping, -measured_acceleration, motion.speed - gained)
-        return cls(motion, spans, lag, difference_stretch_means(columns, spans, lag))
+        return cls(
+            motion, spans, lag, compute_lagged_differences_of_stretch_means(columns, spans, lag)
+        )
 
     def estimate_swing_with_springs(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
         """Lever arm with these springs, and the mean square residual."""
         motion = self.motion
         assert motion.specific_force is not None
-        swings = springs.filter_rate_of_pitch_variable_m_s3(motion.specific_force, motion.rate_hz)
-        by_force = springs.filter_rate_of_pitch_variable_m_s3(motion.force, motion.rate_hz)
-        own = difference_stretch_means((-swings, -by_force), self.spans, self.lag)
+        swings = springs.compute_rate_of_body_filtered_acceleration_m_s3(
+            motion.specific_force, motion.rate_hz
+        )
+        by_force = springs.compute_rate_of_body_filtered_acceleration_m_s3(
+            motion.force, motion.rate_hz
+        )
+        own = compute_lagged_differences_of_stretch_means(
+            (-swings, -by_force), self.spans, self.lag
+        )
         parts = [np.column_stack(both) for both in zip(self.shared, own, strict=True)]
         scale = np.sqrt(np.mean([(rows**2).mean(axis=0) for rows in parts], axis=0))
         if not (scale > 0.0).all():
             return None
         parts = [rows / scale for rows in parts]
         columns, instruments, response = [0, 1, 2, 4], [0, 1, 2, 5], 3
-        solved = fit_instrumental_variables(
+        solved = estimate_by_instrumental_variables_with_covariance(
             np.array([rows[:, instruments].T @ rows[:, columns] for rows in parts]),
             np.array([rows[:, instruments].T @ rows[:, response] for rows in parts]),
         )
@@ -223,22 +231,24 @@ class _WheelComparison:
         return found, left * float(scale[response]) ** 2
 
 
-def difference_stretch_means(
+def compute_lagged_differences_of_stretch_means(
     columns: tuple[Floats, ...], spans: Ints, lag_means: int
 ) -> list[Floats]:
     """Centred differences over `lag_means` means of each column, (means - lag, columns) each."""
     ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means)[:-1]
-    rows = np.column_stack([_difference_means_of_column(x, spans, lag_means) for x in columns])
+    rows = np.column_stack(
+        [_compute_lagged_differences_of_column(x, spans, lag_means) for x in columns]
+    )
     return np.split(rows, ends)
 
 
 @compiled_unless_short_log
-def _difference_means_of_column(x: Floats, spans: Ints, lag_means: int) -> Floats:
+def _compute_lagged_differences_of_column(column: Floats, spans: Ints, lag_means: int) -> Floats:
     """Centred differences of a column, the stretches one after another."""
     counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means
     out, row = np.empty(counts.sum()), 0
     for number in range(len(spans)):
-        means = average_overlapping_blocks(x[spans[number, 0] : spans[number, 1]])
+        means = compute_overlapping_means(column[spans[number, 0] : spans[number, 1]])
         differences = means[lag_means:] - means[:-lag_means]
         out[row : row + counts[number]] = differences - sum_in_order(differences) / counts[number]
         row += counts[number]
@@ -248,7 +258,7 @@ def _difference_means_of_column(x: Floats, spans: Ints, lag_means: int) -> Float
 def subtract_swing_from_accelerometer(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
     """The motion without the swing in its accelerometer."""
     assert motion.specific_force is not None
-    swing_m_s2 = swing.filter_swing_acceleration_m_s2(motion.specific_force, motion.rate_hz)
+    swing_m_s2 = swing.compute_swing_acceleration_m_s2(motion.specific_force, motion.rate_hz)
     level = motion.without_gravity
     return replace(
         motion,

@@ -17,8 +17,8 @@ from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.empty_states import (
     estimate_std_of_empty_masses_kg,
     find_empty_states,
-    mean_mass_coefficients,
-    payload_coefficients,
+    mass_coefficients_of_mean_over_states,
+    mass_coefficients_of_payload,
 )
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
@@ -130,12 +130,17 @@ def _choose_empty_datum_or_refusal(
     fit = weighing.fit
     if not empty or len(empty) == fit.mass_count:
         return None, ""
-    weights = mean_mass_coefficients(fit, empty)
+    weights = mass_coefficients_of_mean_over_states(fit, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
-    if found.contradiction_text:
-        return None, f"{found.contradiction_text}: payloads are on the log's own scale"
+    if found.empty_mass_contradiction_text:
+        return (
+            None,
+            f"{found.empty_mass_contradiction_text}: payloads are on the log's own scale",
+        )
     others = [state for state in range(fit.mass_count) if state not in empty]
-    payloads = np.sum([payload_coefficients(weighing, state, empty) for state in others], axis=0)
+    payloads = np.sum(
+        [mass_coefficients_of_payload(weighing, state, empty) for state in others], axis=0
+    )
     return found.make_payload_datum(payloads), ""
 
 
@@ -150,7 +155,7 @@ def _make_load_row(
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
-    sources = make_mass_budget(weighing, machine, fit.coefficients_of_state(state))
+    sources = make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combine_u(sources)
     withheld = [check.check for check in verdict.withholding_checks("mass")]
@@ -160,7 +165,9 @@ def _make_load_row(
     )
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")
-    payload, unknown = payload_with_uncertainty(weighing, state, empty, machine, datum)
+    payload, unknown = make_payload_columns_and_unknown_u_factors(
+        weighing, state, empty, machine, datum
+    )
     friction = fit.viscous_friction_and_std
     numbers = {
         "mass_kg": mass_kg,
@@ -192,7 +199,7 @@ def _make_load_row(
     }
 
 
-def payload_with_uncertainty(
+def make_payload_columns_and_unknown_u_factors(
     weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: EmptyDatum | None
 ) -> tuple[dict[str, float | None], list[str]]:
     """Payload of a state with its uncertainty, and its factors of unknown uncertainty.
@@ -204,7 +211,7 @@ def payload_with_uncertainty(
     names = ("kg", "u_kg", "u_random_kg")
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
-    weights = payload_coefficients(weighing, state, empty)
+    weights = mass_coefficients_of_payload(weighing, state, empty)
     sources = make_mass_budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
     other_u_kg = estimate_std_of_empty_masses_kg(weighing, empty, machine) * float(

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fit_columns import choose_stride_of_fitted_means
+from analysis.weighing.fit_columns import compute_samples_between_fitted_means
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.haul_route import propose_hauling_partitions
 from analysis.weighing.joint_fit import (
@@ -47,7 +47,7 @@ def fit_with_searched_load_states(
     returned.
     """
     kind = classify_load_change_evidence(first_fit.motion)
-    settled = alternate_state_search_and_fit(first_fit, inputs, repeatability_kg, kind)
+    settled = search_states_and_refit_until_stable(first_fit, inputs, repeatability_kg, kind)
     misfits = settled.solution.misfit_ratio > LIMITS.max_misfit_ratio
     few = first_fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres
     if first_fit.motion.has_single_load or not misfits or few:
@@ -61,13 +61,15 @@ def fit_with_searched_load_states(
     hints = np.append(0, np.cumsum(kind > 1))
     if hints[-1] and not _is_partition_of_fit(settled, hints):
         held = _refit_with_fixed_load_states(alike.make_load_states(hints), inputs)
-        fits.append(alternate_state_search_and_fit(held, inputs, repeatability_kg, kind, settled))
+        fits.append(
+            search_states_and_refit_until_stable(held, inputs, repeatability_kg, kind, settled)
+        )
     hauls = propose_hauling_partitions(first_fit.motion)
     if hauls:
         haul = min(hauls, key=alike.akaike_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
         held = _refit_with_fixed_load_states(alike.make_load_states(haul), inputs)
-        hidden = alternate_state_search_and_fit(held, inputs, repeatability_kg, kind, settled)
+        hidden = search_states_and_refit_until_stable(held, inputs, repeatability_kg, kind, settled)
         fits += [hidden, _refit_with_scatter_of_own_states(held, inputs, repeatability_kg, kind)]
     likely = [settled, *(each for each in fits if _is_single_load_excluded(each))]
     if len(likely) == 1:
@@ -187,7 +189,7 @@ def _rebuild_task_of_fit(fit: JointFit, inputs: JointFitInputs) -> FitTask:
     return FitTask(fit.motion, inputs.noise, inputs.priors, fit.terms, fit.kinematics, fit.states)
 
 
-def alternate_state_search_and_fit(
+def search_states_and_refit_until_stable(
     first_fit: JointFit,
     inputs: JointFitInputs,
     repeatability_kg: float | None,
@@ -292,7 +294,7 @@ def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFit
     # by the fit's own groups: rows of a refit are as many as the lag that the fit ended with allows
     fitted = fit.solution
     correlation, white = estimate_pooled_autocorrelation(fitted.residual, fitted.group, None)
-    a_second = fit.motion.rate_hz / choose_stride_of_fitted_means(fit.mean_samples)
+    a_second = fit.motion.rate_hz / compute_samples_between_fitted_means(fit.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     if not noise > 0.0:  # a fit that leaves nothing has no unevenness to tell
         return inputs

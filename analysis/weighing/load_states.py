@@ -77,7 +77,7 @@ class LoadStates:
     def means_kg(self) -> Floats:
         """(states,) mean mass of each state's manoeuvres, in kg."""
         weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
-        return weighted_means_by_state(self.level_kg, weight, self.membership)
+        return compute_weighted_mean_mass_by_state_kg(self.level_kg, weight, self.membership)
 
     @property
     def bayesian_information_criterion(self) -> float:
@@ -101,7 +101,7 @@ class LoadStates:
         """Whether the scatter is estimated rather than assumed."""
         return self.freedom >= LIMITS.scatter_min_freedom and not self.assumes_scatter
 
-    def renumber_for_motion(self, motion: MotionSamples) -> "LoadStates":
+    def reassign_to_manoeuvres_of_motion(self, motion: MotionSamples) -> "LoadStates":
         """These states for a motion with other manoeuvres, numbered again."""
         unit = np.unique(find_manoeuvre_of_stretches(motion))
         place = np.searchsorted(self.unit, unit, "right") - 1
@@ -120,7 +120,7 @@ class LoadStates:
             ),
         )
 
-    def alternative_partition_std_kg(self, coefficients: Floats) -> float:
+    def mass_sum_std_by_alternative_partition_kg(self, coefficients: Floats) -> float:
         """Standard deviation of a sum of masses due to the alternative partition, in kg.
 
         A manoeuvre drawn from each state has the variance between the two partitions.
@@ -138,7 +138,7 @@ class LoadStates:
         variance = float(coefficients @ mean_kg) ** 2 + float(coefficients**2 @ (within / count))
         return float(np.sqrt(self.other.probability * variance))
 
-    def make_random_intercepts(self, motion: MotionSamples) -> RandomIntercepts:
+    def assign_random_intercepts_to_stretches(self, motion: MotionSamples) -> RandomIntercepts:
         """States of the motion's stretches, as random intercepts."""
         number = np.searchsorted(self.unit, find_manoeuvre_of_stretches(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
@@ -164,7 +164,9 @@ def find_load_states(
         LIMITS.repeatability_fraction * typical_kg,
         repeatability_kg,
     )
-    best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
+    best = (
+        found.best if _is_load_state_partition_credible(found, repeatability_kg) else found.single
+    )
     other = found.several if best.level_stretch_count == 1 else found.single
     states = _make_load_states(masses, manoeuvre_ids, best)
     if repeatability_kg is not None:
@@ -193,7 +195,9 @@ def make_states_of_partition(
     """
     typical_kg = median_manoeuvre_mass_kg(masses)
     posterior = PartitionPosterior(masses, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
-    partition = posterior.score_partition(Stretches.from_boundaries(membership, masses.kind))
+    partition = posterior.evaluate_partition_posterior(
+        Stretches.from_boundaries(membership, masses.kind)
+    )
     states = _make_load_states(masses, manoeuvre_ids, partition)
     if not usual_scatter:
         return states
@@ -202,7 +206,9 @@ def make_states_of_partition(
 
 def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
     level_kg = masses.y - masses.x @ best.effects
-    scatter = estimate_or_assume_scatter(level_kg, masses.variance, best, masses.kind)
+    scatter = estimate_or_assume_mass_scatter_about_states(
+        level_kg, masses.variance, best, masses.kind
+    )
     return LoadStates(
         manoeuvre_ids,
         best.state,
@@ -236,7 +242,9 @@ def find_alternative_partition(
     if other is None or other_probability < doubted:
         return None
     level_kg = masses.y - masses.x @ other.effects
-    scatter_kg, *_ = estimate_or_assume_scatter(level_kg, masses.variance, other, masses.kind)
+    scatter_kg, *_ = estimate_or_assume_mass_scatter_about_states(
+        level_kg, masses.variance, other, masses.kind
+    )
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return AlternativePartition(other.state, differs_kg, scatter_kg, other_probability)
 
@@ -247,25 +255,31 @@ def make_single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
     return LoadStates(manoeuvre_ids, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
 
-def _is_partition_credible(posterior: Partitions, repeatability_kg: float | None) -> bool:
+def _is_load_state_partition_credible(
+    posterior: Partitions, repeatability_kg: float | None
+) -> bool:
     """Whether to accept the most probable partition rather than a single state."""
     few = posterior.best.degrees_of_freedom < LIMITS.scatter_min_freedom
     doubted = posterior.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
 
 
-def weighted_means_by_state(mass_kg: Floats, weight: Floats, state: Ints) -> Floats:
+def compute_weighted_mean_mass_by_state_kg(
+    mass_kg: Floats, statistical_weight: Floats, state_of_manoeuvre: Ints
+) -> Floats:
     """Weighted means by state, (states,).
 
     Args:
         mass_kg: (units,) mass of each manoeuvre.
-        weight: (units,) weight of each manoeuvre.
-        state: (units,) state of each manoeuvre, from 0.
+        statistical_weight: (units,) weight of each manoeuvre.
+        state_of_manoeuvre: (units,) state of each manoeuvre, from 0.
     """
-    return np.bincount(state, weights=weight * mass_kg) / np.bincount(state, weights=weight)
+    return np.bincount(state_of_manoeuvre, weights=statistical_weight * mass_kg) / np.bincount(
+        state_of_manoeuvre, weights=statistical_weight
+    )
 
 
-def estimate_or_assume_scatter(
+def estimate_or_assume_mass_scatter_about_states(
     mass_kg: Floats, variance: Floats, partition: Partition, change_kinds: Ints
 ) -> tuple[float, float, float, bool]:
     """Scatter about the states, its degrees of freedom, Birge ratio, and whether it is assumed.
@@ -299,7 +313,7 @@ def estimate_scatter_and_birge_ratio(
 
     def reduced_chi_square(tau: float) -> float:
         weight = 1.0 / (variance + tau**2)
-        mean = weighted_means_by_state(mass_kg, weight, state)
+        mean = compute_weighted_mean_mass_by_state_kg(mass_kg, weight, state)
         return float(weight @ (mass_kg - mean[state]) ** 2) / freedom
 
     if (ratio := float(np.sqrt(reduced_chi_square(0.0)))) <= 1.0:

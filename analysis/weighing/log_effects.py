@@ -21,7 +21,7 @@ from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.joint.map_fit import MapFit
+from estimators.joint.posterior_fit import PosteriorFit
 
 #: The settings that are the widths of an effect's priors.
 _WIDTHS: Final = {
@@ -66,7 +66,7 @@ class MostProbableEffects:
 
     @classmethod
     def from_fit(
-        cls, fit: MapFit, mass_count: int, terms: tuple[Nuisance, ...], prior_std: Floats
+        cls, fit: PosteriorFit, mass_count: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
         """Compute the probabilities of all choices of effects; None without effects.
 
@@ -118,14 +118,14 @@ class MostProbableEffects:
             removed_kg,
         )
 
-    def with_unlikely_effects_excluded(self, priors: PriorSettings) -> PriorSettings:
+    def copy_priors_excluding_unlikely_effects(self, priors: PriorSettings) -> PriorSettings:
         """Priors that exclude the effects that are left out."""
         keys = [key for name in self.left_out for key in _WIDTHS[name]]
         return priors.model_copy(
             update={key: LIMITS.left_out_prior_ratio * getattr(priors, key) for key in keys}
         )
 
-    def model_choice_u_kg(self, coefficients: Floats) -> float:
+    def mass_sum_u_by_effect_choice_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to the choice, in kg (law of total variance).
 
         Args:

@@ -25,14 +25,23 @@ from analysis.weighing.weighing_limits import LIMITS
 BY_GEAR: Final = "gears"
 
 
-def compute_low_gear_mass_fraction(speed: Floats, quarter_speed_m_s: float) -> Floats:
+def compute_fraction_of_first_gear_rotating_mass(
+    speed: Floats, speed_of_quarter_fraction_m_s: float
+) -> Floats:
     """Fraction of the first gear's rotating mass at each speed, (n,)."""
-    return (1.0 + (speed / quarter_speed_m_s) ** 2) ** -2
+    return (1.0 + (speed / speed_of_quarter_fraction_m_s) ** 2) ** -2
 
 
-def differentiate_low_gear_mass_fraction_s_m(speed: Floats, quarter_speed_m_s: float) -> Floats:
+def differentiate_rotating_mass_fraction_s_m(
+    speed: Floats, speed_of_quarter_fraction_m_s: float
+) -> Floats:
     """Derivative of the remaining gear inertia by the speed, (n,) in s/m."""
-    return -4.0 * speed / quarter_speed_m_s**2 * (1.0 + (speed / quarter_speed_m_s) ** 2) ** -3
+    return (
+        -4.0
+        * speed
+        / speed_of_quarter_fraction_m_s**2
+        * (1.0 + (speed / speed_of_quarter_fraction_m_s) ** 2) ** -3
+    )
 
 
 def do_speeds_span_several_gears(motion: MotionSamples) -> bool:
@@ -55,19 +64,20 @@ def _low_gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     return priors.low_gear_share * motion.approximate_mass_kg
 
 
-def _make_low_gear_term(quarter_speed_m_s: float) -> Nuisance:
+def _make_low_gear_term(speed_of_quarter_fraction_m_s: float) -> Nuisance:
     def fraction_in_low_gear(m: ColumnInputs) -> Floats:
-        return compute_low_gear_mass_fraction(m.speed, quarter_speed_m_s)
+        return compute_fraction_of_first_gear_rotating_mass(m.speed, speed_of_quarter_fraction_m_s)
 
     return Nuisance(
-        f"low_gears_{quarter_speed_m_s:.0f}_m_s",
+        f"low_gears_{speed_of_quarter_fraction_m_s:.0f}_m_s",
         "kg",
         lambda m: m.acceleration * fraction_in_low_gear(m),
         _low_gear_prior_std,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
         by_speed=lambda m: (
-            m.acceleration * differentiate_low_gear_mass_fraction_s_m(m.speed, quarter_speed_m_s)
+            m.acceleration
+            * differentiate_rotating_mass_fraction_s_m(m.speed, speed_of_quarter_fraction_m_s)
         ),
         by_acceleration=fraction_in_low_gear,
         applies=do_speeds_span_several_gears,

@@ -215,7 +215,7 @@ def relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> fl
     It decides whether the load has a mass: NaN if the fit has no number, infinite if the mass is
     not positive.
     """
-    sources = make_mass_budget(weighing, machine, weighing.fit.coefficients_of_state(state))
+    sources = make_mass_budget(weighing, machine, weighing.fit.mass_coefficients_of_state(state))
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
     if not np.isfinite([mass_kg, combine_u(sources)]).all():
         return float("nan")
@@ -225,8 +225,10 @@ def relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> fl
 def estimate_mass_change_without_friction_kg(fit: JointFit, coefficients: Floats) -> float:
     """Change of a sum of masses if viscous friction were known to be zero, in kg."""
     at = fit.mass_count
-    responses = fit.map_fit.responses
-    by_friction = (fit.map_fit.noise + fit.map_fit.scatter)[at] + responses.T @ responses[:, at]
+    responses = fit.posterior_fit.responses
+    by_friction = (fit.posterior_fit.noise + fit.posterior_fit.scatter)[
+        at
+    ] + responses.T @ responses[:, at]
     return -fit.viscous_friction * float(coefficients @ by_friction[:at]) / float(by_friction[at])
 
 
@@ -257,7 +259,7 @@ def list_uncertainty_by_failed_checks_kg(
     drift = weighing.significant_empty_mass_drift
     if drift is not None:
         drift_kg = float(
-            np.linalg.norm(drift.mass_responses_to_gain_kg(fit.masses_kg) @ coefficients)
+            np.linalg.norm(drift.mass_changes_by_gain_kg(fit.masses_kg) @ coefficients)
         )
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
     curved_kg = (

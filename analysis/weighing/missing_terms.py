@@ -96,7 +96,7 @@ class MissingTerm:
         return determined and abs(self.t) > LIMITS.missing_term_min_std
 
 
-def list_candidate_missing_terms(fit: JointFit) -> tuple[Nuisance, ...]:
+def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
     """Terms that the model does not have, scaled by the log's largest force and speed.
 
     Over one short path, where a force depends on the place, only an elasticity.
@@ -127,8 +127,8 @@ def list_candidate_missing_terms(fit: JointFit) -> tuple[Nuisance, ...]:
         *(
             _make_gain_term(
                 f"gain_below_{share:.0%}",
-                _make_bell_of_speed(share * speed_m_s),
-                _make_bell_slope_of_speed(share * speed_m_s),
+                _make_bell_function_of_speed(share * speed_m_s),
+                _make_bell_derivative_function_of_speed(share * speed_m_s),
                 "a gain of the force, or a scale of the speed, that changes at low speed",
             )
             for share in LIMITS.low_speed_fractions
@@ -136,7 +136,7 @@ def list_candidate_missing_terms(fit: JointFit) -> tuple[Nuisance, ...]:
         *(
             _make_gain_term(
                 f"gain_step_at_{share:.0%}",
-                _make_low_speed_indicator(share * speed_m_s),
+                _make_low_speed_indicator_function(share * speed_m_s),
                 np.zeros_like,
                 "a gain of the force, or a scale of the speed, that steps where a gear is changed",
             )
@@ -176,15 +176,15 @@ def _make_gain_term(
     )
 
 
-def _make_bell_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
+def _make_bell_function_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: np.exp(-((speed / width_m_s) ** 2))
 
 
-def _make_bell_slope_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
+def _make_bell_derivative_function_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: -2.0 * speed / width_m_s**2 * np.exp(-((speed / width_m_s) ** 2))
 
 
-def _make_low_speed_indicator(limit_m_s: float) -> Callable[[Floats], Floats]:
+def _make_low_speed_indicator_function(limit_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: (np.abs(speed) < limit_m_s).astype(float)
 
 
@@ -199,7 +199,9 @@ def estimate_force_curvature(
         priors: of the nuisances.
         fit_rows: rows of the fit and of `CURVATURE`, if already computed.
     """
-    curved = refit_with_extra_terms(fit, noise, priors, (CURVATURE,), fit_rows=fit_rows).map_fit
+    curved = refit_with_extra_terms(
+        fit, noise, priors, (CURVATURE,), fit_rows=fit_rows
+    ).posterior_fit
     moved = float(curved.theta[fit.most_frequent_state] - fit.theta[fit.most_frequent_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
         # with accelerations of one size the term is collinear with the mass
@@ -218,7 +220,7 @@ def find_missing_terms(
 
     Args:
         fit: the fit without them.
-        terms: `list_candidate_missing_terms`.
+        terms: `list_scaled_terms_absent_from_model`.
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
         fit_rows: `make_refit_rows` of the fit and of these terms.
@@ -240,7 +242,7 @@ def find_missing_terms(
             continue
         value = float(other.theta[-1])
         lacking = MissingTerm(
-            term, value, value / float(other.map_fit.parameter_stds[-1]), effect_kg
+            term, value, value / float(other.posterior_fit.parameter_stds[-1]), effect_kg
         )
         if lacking.is_significant(fit):
             found.append(lacking)
@@ -251,4 +253,6 @@ def find_missing_terms(
 
 def _largest_mass_change_over_uncertainty(mass_changes_kg: Floats, fit: JointFit) -> float:
     """Largest change of a mass over its uncertainty."""
-    return float(np.max(np.abs(mass_changes_kg) / fit.map_fit.parameter_stds[: fit.mass_count]))
+    return float(
+        np.max(np.abs(mass_changes_kg) / fit.posterior_fit.parameter_stds[: fit.mass_count])
+    )

@@ -20,20 +20,20 @@ from analysis.stages.motion.forces import compute_longitudinal_force, compute_re
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import (
     advance_signal_by_delay,
+    assign_drive_manoeuvre_numbers,
+    assign_fitted_manoeuvre_numbers,
+    assign_one_way_run_numbers,
+    clear_stretch_numbers_at_noise_speed,
+    compute_index_in_stretch,
     count_gaps_so_far,
-    count_samples_since_start,
     count_standstills_so_far,
-    exclude_stretches_at_noise_speed,
     extend_manoeuvres_to_break_away,
-    find_direction_of_manoeuvres,
+    find_manoeuvre_direction_of_samples,
     find_stretch_spans,
-    integrate_path_and_length_m,
+    integrate_path_positions_and_length_m,
     make_centred_ramp,
     mark_gear_changes,
     mark_rows_without_data,
-    number_drive_manoeuvres,
-    number_fitted_manoeuvres,
-    number_one_way_runs,
     read_gear_ratio,
     split_stretches_at_manoeuvres,
 )
@@ -48,7 +48,7 @@ _ARMS: Final = ("boom_rad", "bucket_rad")
 _PIECE: Final = 32_768
 
 
-def select_rows_of_fields(record: Any, rows: slice | Ints) -> dict[str, Any]:
+def select_rows_of_array_fields(record: Any, rows: slice | Ints) -> dict[str, Any]:
     """Rows of each array of a dataclass, by the name of its field."""
     values = {each.name: getattr(record, each.name) for each in fields(record)}
     return {name: x[rows] for name, x in values.items() if isinstance(x, np.ndarray)}
@@ -57,7 +57,7 @@ def select_rows_of_fields(record: Any, rows: slice | Ints) -> dict[str, Any]:
 class ColumnNoiseModel(Protocol):
     """Noise model of acceleration, speed and force."""
 
-    def covariance_of_means(self, mean_samples: int) -> Floats:
+    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
         ...
 
@@ -73,10 +73,10 @@ class CachedNoise:
     columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
 
-    def covariance_of_means(self, mean_samples: int) -> Floats:
+    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
         if mean_samples not in self._known:
-            self._known[mean_samples] = self.columns.covariance_of_means(mean_samples)
+            self._known[mean_samples] = self.columns.noise_covariance_of_means(mean_samples)
         return self._known[mean_samples]
 
 
@@ -157,7 +157,7 @@ class MotionSamples:
 
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
-        own = select_rows_of_fields(self, selection)
+        own = select_rows_of_array_fields(self, selection)
         return replace(self, arms=tuple(each[selection] for each in self.arms), **own)
 
     @cached_property
@@ -194,15 +194,15 @@ class MotionSamples:
         )
 
     @cached_property
-    def samples_since_start(self) -> Ints:
+    def index_in_stretch(self) -> Ints:
         """Number of earlier samples in the same stretch, (n,)."""
-        return count_samples_since_start(self.group)
+        return compute_index_in_stretch(self.group)
 
     @cached_property
     def travelled_m(self) -> Floats:
         """Distance of each sample from the begin of its stretch, (n,) in m."""
         way = np.cumsum(np.abs(self.speed)) / self.rate_hz
-        return way - way[np.arange(way.size) - self.samples_since_start]
+        return way - way[np.arange(way.size) - self.index_in_stretch]
 
     @cached_property
     def is_fittable(self) -> Bools:
@@ -292,10 +292,10 @@ def collect_motion_samples(
     acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
-    noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance_of_means(3)[1, 1]))
+    noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.noise_covariance_of_means(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
-    smoothed_m_s = float(np.sqrt(noise.covariance_of_means(settings.smooth.samples)[1, 1]))
-    group = number_fitted_manoeuvres(
+    smoothed_m_s = float(np.sqrt(noise.noise_covariance_of_means(settings.smooth.samples)[1, 1]))
+    group = assign_fitted_manoeuvre_numbers(
         excitation, gated, machine, moves_m_s, smoothed_m_s, braking=braking
     )
     filtered = any(channel.is_derivative for channel in machine.channels.values())
@@ -314,15 +314,17 @@ def collect_motion_samples(
     silent = ~known | mark_rows_without_data(aligned)
     silent |= mark_gear_changes(aligned, ratio, settings.align.rate_hz)
     near_gap = flag_rows_near_flagged_rows(silent, clear)
-    group = number_one_way_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
-    group = exclude_stretches_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
+    group = assign_one_way_run_numbers(
+        np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed
+    )
+    group = clear_stretch_numbers_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _read_known_grid_column(aligned, "specific_force_x_m_s2", known)
     pitch = _read_known_grid_column(aligned, "pitch_rad", known)
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = count_standstills_so_far(excitation)
-    unit = number_drive_manoeuvres(
+    unit = assign_drive_manoeuvre_numbers(
         stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
     )
     longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
@@ -333,7 +335,7 @@ def collect_motion_samples(
         np.where(known, speed, 0.0),
         np.where(known, force, 0.0),
         group,
-        find_direction_of_manoeuvres(group, np.where(known, speed, 0.0)),
+        find_manoeuvre_direction_of_samples(group, np.where(known, speed, 0.0)),
         unit,
         settings.align.rate_hz,
         measured,
@@ -343,7 +345,7 @@ def collect_motion_samples(
         else None,
         make_centred_ramp(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *integrate_path_and_length_m(
+        *integrate_path_positions_and_length_m(
             np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz
         ),
         settings.forces.acceleration == "specific_force",

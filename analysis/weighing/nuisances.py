@@ -52,7 +52,7 @@ class Nuisance:
     source: str = ""
 
 
-def constant_force_prior_std(
+def constant_force_prior_std_newtons(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of a constant force in N, from driving force and weight."""
@@ -60,7 +60,7 @@ def constant_force_prior_std(
     return float(np.hypot(priors.const_share * largest_force_N, by_weight_N))
 
 
-def friction_force_prior_std(
+def friction_prior_std_newtons(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
@@ -68,14 +68,18 @@ def friction_force_prior_std(
     return float(np.hypot(priors.direction_share * largest_force_N, by_weight_N))
 
 
-def const_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
+def constant_force_prior_std_of_motion_newtons(
+    motion: MotionSamples, priors: PriorSettings
+) -> float:
     """Prior standard deviation of the term `const`, in N."""
-    return constant_force_prior_std(motion.force_95_percentile_newtons, motion.weight, priors)
+    return constant_force_prior_std_newtons(
+        motion.force_95_percentile_newtons, motion.weight, priors
+    )
 
 
-def coulomb_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
+def friction_prior_std_of_motion_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the Coulomb term, in N."""
-    return friction_force_prior_std(motion.force_95_percentile_newtons, motion.weight, priors)
+    return friction_prior_std_newtons(motion.force_95_percentile_newtons, motion.weight, priors)
 
 
 def split_constant_prior_into_error_and_force(
@@ -89,7 +93,9 @@ def split_constant_prior_into_error_and_force(
         Expected fraction of measurement error, and the standard deviation in N.
     """
     wrong = priors.const_share * motion.force_95_percentile_newtons
-    coulomb = 0.0 if motion.drives_both_ways else coulomb_term_prior_std_newtons(motion, priors)
+    coulomb = (
+        0.0 if motion.drives_both_ways else friction_prior_std_of_motion_newtons(motion, priors)
+    )
     acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
     both = float(np.hypot(wrong, acts))
     return ((wrong / both) ** 2, wrong * acts / both) if both else (0.0, 0.0)
@@ -141,7 +147,9 @@ def estimate_load_proportional_share_of_coulomb(
     )
 
 
-def weight_const_term_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
+def weight_proportional_force_prior_std_newtons(
+    motion: MotionSamples, priors: PriorSettings
+) -> float:
     """Prior standard deviation of `weight_const` in N: its split, and a sagging body."""
     sags = priors.sag_weight_share * motion.weight
     return float(np.hypot(estimate_load_proportional_share_of_constant(motion, priors).std_N, sags))
@@ -172,7 +180,7 @@ NUISANCES: Final = (
         "const",
         "N",
         lambda m: 1.0 + m.weight_shares[0] * m.relative_load,
-        const_term_prior_std_newtons,
+        constant_force_prior_std_of_motion_newtons,
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
         "starts in both directions, or at different throttles",
@@ -241,7 +249,7 @@ NUISANCES: Final = (
         "direction",
         "N",
         lambda m: m.direction * (1.0 + m.weight_shares[1] * m.relative_load),
-        coulomb_term_prior_std_newtons,
+        friction_prior_std_of_motion_newtons,
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.drives_both_ways,
@@ -285,7 +293,7 @@ NUISANCES: Final = (
         "weight_const",
         "N",
         lambda m: m.relative_load,
-        weight_const_term_prior_std_newtons,
+        weight_proportional_force_prior_std_newtons,
         "what of the constant force is in proportion to the weight with its load (tilt or bias of "
         "the accelerometer, slope), beside what is expected of it",
         "starts at different throttles with each load; an accelerometer that is zeroed",

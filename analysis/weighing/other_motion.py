@@ -33,7 +33,7 @@ class AlternativeMotion:
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
 
-def measure_wheel_imu_disagreement(fit: JointFit) -> float:
+def compute_wheel_imu_disagreement_over_speed(fit: JointFit) -> float:
     """Disagreement of wheels and accelerometer relative to the speed; NaN if unknown.
 
     The part that the speed's noise explains does not count.
@@ -91,12 +91,12 @@ class _OtherMotionNoise:
     rate_hz: float
     by_wheels: bool
 
-    def covariance_of_means(self, mean_samples: int) -> Floats:
+    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.covariance_of_means(mean_samples).copy()
+        found = self.columns.noise_covariance_of_means(mean_samples).copy()
         found[0, :] = found[:, 0] = 0.0
         if self.by_wheels:
-            speed = self.columns.covariance_of_means(1)[1, 1]
+            speed = self.columns.noise_covariance_of_means(1)[1, 1]
             times = (
                 LIMITS.mean_difference_variance / mean_samples**2
                 if mean_samples > 1

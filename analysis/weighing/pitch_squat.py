@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.stretch_means import EVERY, MEAN, average_overlapping_blocks
+from analysis.weighing.stretch_means import EVERY, MEAN, compute_overlapping_means
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.fit_loss import list_rows_by_group
 
@@ -50,9 +50,9 @@ def sum_products_of_pitch_gravity_and_speed(
         near = part[travelled_m < LIMITS.grade_reach_m]
         if near.size < MEAN + EVERY * (LIMITS.pitch_min_rows + 2 * LIMITS.pitch_rate_means):
             continue
-        a, force, pitch = (average_overlapping_blocks(channel[near]) for channel in channels)
+        a, force, pitch = (compute_overlapping_means(channel[near]) for channel in channels)
         grade = np.vander(
-            drop_end_means_without_rate(average_overlapping_blocks(travelled_m[: near.size]))
+            drop_end_means_without_rate(compute_overlapping_means(travelled_m[: near.size]))
             / LIMITS.grade_reach_m,
             LIMITS.grade_degree + 1,
         )
@@ -82,7 +82,9 @@ def _differentiate_means(means: Floats) -> Floats:
     return means[2 * LIMITS.pitch_rate_means :] - means[: -2 * LIMITS.pitch_rate_means]
 
 
-def fit_instrumental_variables(columns: Floats, response: Floats) -> tuple[Floats, Floats] | None:
+def estimate_by_instrumental_variables_with_covariance(
+    columns: Floats, response: Floats
+) -> tuple[Floats, Floats] | None:
     """Instrumental-variables estimate with cluster-robust covariance.
 
     Args:
@@ -114,7 +116,7 @@ def estimate_pitch_gravity_per_acceleration_and_std(
     found = sum_products_of_pitch_gravity_and_speed(gravity, motion)
     if found.first.size < LIMITS.pitch_min_stretches:
         return None
-    solved = fit_instrumental_variables(found.columns, found.response)
+    solved = estimate_by_instrumental_variables_with_covariance(found.columns, found.response)
     if solved is None:
         return None
     share, std = float(solved[0][0]), float(np.sqrt(solved[1][0, 0]))

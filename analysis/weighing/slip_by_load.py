@@ -21,7 +21,7 @@ from analysis.weighing.weighing_limits import LIMITS
 (_SLIP,) = (term for term in NUISANCES if term.name == "slip_acceleration")
 
 
-def _compute_less_slip_column(inputs: ColumnInputs) -> Floats:
+def _compute_loaded_minus_unloaded_slip_column(inputs: ColumnInputs) -> Floats:
     """Column of a slip of F / (C m / m₀) less that of F / C, (n,)."""
     return -inputs.relative_load / (1.0 + inputs.relative_load) * _SLIP.column(inputs)
 
@@ -30,7 +30,7 @@ def _compute_less_slip_column(inputs: ColumnInputs) -> Floats:
 SLIP_BY_LOAD: Final = Nuisance(
     "slip_by_load",
     "kg/N",
-    _compute_less_slip_column,
+    _compute_loaded_minus_unloaded_slip_column,
     lambda e, s: LIMITS.slip_stiffness_by_load_1 * _SLIP.width(e, s),
     "how much less the wheels slip under a load, which presses them on the ground",
     "an accelerometer on the body",

@@ -17,21 +17,21 @@ EVERY: Final = 3
 
 
 @compiled_unless_short_log
-def average_overlapping_blocks(x: Floats) -> Floats:
+def compute_overlapping_means(samples: Floats) -> Floats:
     """Overlapping means (means,) of `MEAN` samples, one every `EVERY`."""
-    out = np.empty((x.size - MEAN) // EVERY + 1)
+    out = np.empty((samples.size - MEAN) // EVERY + 1)
     for i in range(out.size):
-        out[i] = sum_in_order(x[i * EVERY : i * EVERY + MEAN]) / MEAN
+        out[i] = sum_in_order(samples[i * EVERY : i * EVERY + MEAN]) / MEAN
     return out
 
 
 @compiled_unless_short_log
-def subtract_fitted_line(x: Floats) -> Floats:
+def subtract_fitted_line(values: Floats) -> Floats:
     """Residual (n,) of a linear fit."""
-    middle = (x.size - 1) / 2.0
-    ramp = np.arange(x.size) - middle
-    slope = sum_in_order(ramp * x) / sum_in_order(ramp * ramp)
-    return x - sum_in_order(x) / x.size - slope * ramp
+    middle = (values.size - 1) / 2.0
+    ramp = np.arange(values.size) - middle
+    slope = sum_in_order(ramp * values) / sum_in_order(ramp * ramp)
+    return values - sum_in_order(values) / values.size - slope * ramp
 
 
 def make_constant_and_slope_of_each_stretch(stretch_of_row: Ints) -> Floats:

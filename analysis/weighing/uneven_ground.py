@@ -52,8 +52,11 @@ class _DrivingDirection:
             )
         ]
         for begin_m, end_m in places:
-            name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _make_ramp_between(begin_m, end_m)
-            width = make_random_walk_prior_std(end_m - begin_m)
+            name, column = (
+                f"_{begin_m:.0f}_{end_m:.0f}m",
+                _make_ramp_function_between(begin_m, end_m),
+            )
+            width = make_random_walk_prior_std_function(end_m - begin_m)
             found.append(
                 self._make_uneven_ground_term(
                     name, column, width, "how the ground's force changes along it"
@@ -108,7 +111,7 @@ class _DrivingDirection:
         )
 
 
-def _make_ramp_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
+def _make_ramp_function_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
     return lambda m: _evaluate_linear_ramp_at_positions(m.travelled_m, begin_m, end_m)
 
@@ -149,7 +152,9 @@ def restrict_column_to_direction(column: Floats, direction: Floats, sign: float)
     return out
 
 
-def make_random_walk_prior_std(length_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
+def make_random_walk_prior_std_function(
+    length_m: float,
+) -> Callable[[MotionSamples, PriorSettings], float]:
     """Make the function that gives the prior std of the change over a way: a random walk."""
     share = relative_random_walk_std(length_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
@@ -166,7 +171,7 @@ def _make_route_term(route_part: int) -> Nuisance:
 
     def route_column(m: ColumnInputs) -> Floats:
         ratio = relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
-        return evaluate_scaled_ramp(m.loaded_direction, m.route_1, begin, end, ratio)
+        return evaluate_scaled_ramp(m.direction_times_relative_weight, m.route_1, begin, end, ratio)
 
     return Nuisance(
         f"ground_route_{route_part + 1}_of_{LIMITS.route_parts}",

@@ -29,11 +29,11 @@ from analysis.weighing.growing_load import (
 from analysis.weighing.joint_fit import (
     JointFitInputs,
     add_mass_responses_to_motion_errors,
-    drop_unlikely_effects,
     fit_jointly,
     refit_with_extra_terms,
     refit_with_gain_change_by_load,
     refit_with_hysteresis_if_significant,
+    refit_without_unlikely_effects,
 )
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_search import fit_with_searched_load_states
@@ -42,7 +42,7 @@ from analysis.weighing.missing_terms import (
     MissingTerm,
     estimate_force_curvature,
     find_missing_terms,
-    list_candidate_missing_terms,
+    list_scaled_terms_absent_from_model,
 )
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
@@ -53,7 +53,7 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
     AlternativeMotion,
-    measure_wheel_imu_disagreement,
+    compute_wheel_imu_disagreement_over_speed,
     refit_with_wheel_or_imu_motion,
 )
 from analysis.weighing.record_places import align_paths_of_bench_records
@@ -134,13 +134,13 @@ class _DerivativeNoise:
     columns: ColumnNoise
     rate_hz: float
 
-    def covariance_of_means(self, mean_samples: int) -> Floats:
+    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.covariance_of_means(mean_samples)
+        found = self.columns.noise_covariance_of_means(mean_samples)
         if mean_samples < LIMITS.derivative_mean_samples:
             return found
         found = found.copy()
-        speed = self.columns.covariance_of_means(1)[1, 1]
+        speed = self.columns.noise_covariance_of_means(1)[1, 1]
         found[0, :] = found[:, 0] = 0.0
         found[0, 0] = 2.0 * speed * (self.rate_hz / mean_samples) ** 2
         return found
@@ -200,7 +200,7 @@ def _weigh_with_priors(
         states = (
             None
             if begin is None or begin.states is None
-            else begin.states.renumber_for_motion(motion)
+            else begin.states.reassign_to_manoeuvres_of_motion(motion)
         )
         return fit_with_searched_load_states(
             fit_jointly(fitted, states), fitted, machine.machine.repeatability_kg
@@ -229,13 +229,15 @@ def _weigh_with_priors(
         driving = _exclude_manoeuvres(select_motion(braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.prepare_from_motion(driving, columns, priors, fit)
-            alone = fit_jointly(fitted, fit.states and fit.states.renumber_for_motion(driving))
+            alone = fit_jointly(
+                fitted, fit.states and fit.states.reassign_to_manoeuvres_of_motion(driving)
+            )
             # driving that its own model does not fit is no witness against braking
             beyond = (
                 max(alone.prior_deviations_by_term.values()) > settings.verdict.beyond_prior_max
             )
             if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
-                braking_kg = average_mass_difference_kg(fit, alone)
+                braking_kg = compute_mean_mass_a_minus_b_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(
                     allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
@@ -246,8 +248,8 @@ def _weigh_with_priors(
                     )
     doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
-    fit = drop_unlikely_effects(fit, columns, priors)
-    candidates = list_candidate_missing_terms(fit)
+    fit = refit_without_unlikely_effects(fit, columns, priors)
+    candidates = list_scaled_terms_absent_from_model(fit)
     fit, rows = refit_with_hysteresis_if_significant(
         fit, columns, priors, (CURVATURE, FILLING, *candidates)
     )
@@ -281,7 +283,7 @@ def _weigh_with_priors(
         find_missing_terms(fit, candidates, columns, priors, rows),
         estimate_force_gain_by_driving_direction(fit, columns, priors, machine.machine),
         refit_with_wheel_or_imu_motion(fit, columns, priors)
-        if measure_wheel_imu_disagreement(fit) > settings.verdict.wheels_max
+        if compute_wheel_imu_disagreement_over_speed(fit) > settings.verdict.wheels_max
         else None,
         alone,
         None
@@ -332,7 +334,7 @@ def widen_learnt_priors_by_mean_u(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": learnt})
 
 
-def average_mass_difference_kg(fit_a: JointFit, fit_b: JointFit) -> float:
+def compute_mean_mass_a_minus_b_kg(fit_a: JointFit, fit_b: JointFit) -> float:
     """Mean difference of two fits' masses over the same manoeuvres, in kg."""
     mine, theirs = fit_a.states, fit_b.states
     if mine is None or theirs is None:

@@ -26,12 +26,12 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     compute_ground_to_wheel_speed_ratio,
 )
-from analysis.weighing.nuisances import const_term_prior_std_newtons
+from analysis.weighing.nuisances import constant_force_prior_std_of_motion_newtons
 from analysis.weighing.pitch_squat import estimate_pitch_gravity_per_acceleration_and_std
 from analysis.weighing.stretch_means import (
     EVERY,
     MEAN,
-    average_overlapping_blocks,
+    compute_overlapping_means,
     make_constant_and_slope_of_each_stretch,
     subtract_fitted_line,
 )
@@ -45,7 +45,7 @@ from analysis.weighing.wheel_kinematics import (
 )
 from estimators.interpreted import compiled_unless_short_log
 from estimators.joint import prior_fit
-from estimators.joint.map_fit import MapFit
+from estimators.joint.posterior_fit import PosteriorFit
 from estimators.joint.prior_fit import Grouping
 from estimators.numerics.autocorrelation import compute_autocovariance_loss
 from estimators.numerics.group_sums import NoiseMoments
@@ -85,7 +85,7 @@ def compare_wheels_with_accelerometer(
     )
     if still is None:
         return None
-    swing = swing if level is None else swing.with_swing_of_gravity_squat(still.squat[0])
+    swing = swing if level is None else swing.copy_adding_swing_of_squat(still.squat[0])
     return replace(still, swing=swing, springs=springs)
 
 
@@ -190,7 +190,7 @@ def _fit_wheel_comparison(
     slip_std = priors.wheel_slip / motion.force_95_percentile_newtons
 
     def prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
-        offset = slip_1_N * const_term_prior_std_newtons(motion, priors)
+        offset = slip_1_N * constant_force_prior_std_of_motion_newtons(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solve_rows(
@@ -242,7 +242,7 @@ def _fit_wheel_comparison(
         wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
-    noise_m_s = max(float(np.sqrt(noise.covariance_of_means(MEAN)[1, 1])), rounding_m_s)
+    noise_m_s = max(float(np.sqrt(noise.noise_covariance_of_means(MEAN)[1, 1])), rounding_m_s)
     free = wide.fit
     least_1 = LIMITS.gain_min_std * estimate_gain_that_noise_mimics(
         rows,
@@ -283,7 +283,7 @@ def _fit_wheel_comparison(
     )
 
 
-def is_accelerometer_gain_significant(fit: MapFit, noise_m_s: float, least_1: float) -> bool:
+def is_accelerometer_gain_significant(fit: PosteriorFit, noise_m_s: float, least_1: float) -> bool:
     """Whether a gain exceeds what its prior and the noise allow.
 
     Args:
@@ -308,7 +308,7 @@ def _make_comparison_rows(
     X, y, group, ground = average_and_detrend_wheel_columns(
         measured_acceleration, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
-    covariance = noise.covariance_of_means(MEAN)
+    covariance = noise.noise_covariance_of_means(MEAN)
     grams = np.zeros((len(spans), 4, 4))
     grams[:, 1, 1] = ground * covariance[2, 2]
     grams[:, 2, 2] = np.bincount(group) * covariance[0, 0]
@@ -350,11 +350,11 @@ def average_and_detrend_wheel_columns(
         slipping = v * compute_ground_to_wheel_speed_ratio(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - subtract_fitted_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = subtract_fitted_line(average_overlapping_blocks(v - gained))
-        X[rows, 0] = subtract_fitted_line(average_overlapping_blocks(gained))
-        X[rows, 1] = subtract_fitted_line(average_overlapping_blocks(ground * f))
-        X[rows, 2] = subtract_fitted_line(average_overlapping_blocks(-a))
-        of_ground = average_overlapping_blocks(ground)
+        y[rows] = subtract_fitted_line(compute_overlapping_means(v - gained))
+        X[rows, 0] = subtract_fitted_line(compute_overlapping_means(gained))
+        X[rows, 1] = subtract_fitted_line(compute_overlapping_means(ground * f))
+        X[rows, 2] = subtract_fitted_line(compute_overlapping_means(-a))
+        of_ground = compute_overlapping_means(ground)
         X[rows, 3] = subtract_fitted_line(-of_ground)
         group[rows] = number
         squares[number] = sum_in_order(of_ground * of_ground)

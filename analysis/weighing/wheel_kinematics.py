@@ -72,7 +72,7 @@ class WheelKinematics:
         """Whether the comparison is good enough to start another one from."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
-    def with_learnt_priors(self, priors: PriorSettings) -> "WheelKinematics":
+    def copy_with_learnt_slip_gain_and_delay(self, priors: PriorSettings) -> "WheelKinematics":
         """Replace slip, gain and delay by those learnt by a calibration.
 
         The three are correlated, so they are replaced together. This log's own values stay if its
@@ -115,7 +115,7 @@ def estimate_gain_that_noise_mimics(
     """
     X, _, group, _ = rows
     of_step = (
-        noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
+        noise.noise_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
         * LIMITS.accumulated_noise_samples
         * step_s**2
     )
@@ -139,12 +139,12 @@ def compute_parameter_std_bounds_by_noise(
     """
     X, _, group, _ = rows
     of_mean = (
-        noise.covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
+        noise.noise_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
         * LIMITS.accumulated_noise_samples
         * step_s**2
         * EVERY
     )
-    of_speed = noise.covariance_of_means(MEAN)[1, 1] * MEAN / EVERY
+    of_speed = noise.noise_covariance_of_means(MEAN)[1, 1] * MEAN / EVERY
     squares = (X**2).sum(axis=0)
     # of a column of nothing its prior is all that is known
     scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)

@@ -97,7 +97,7 @@ def find_best_partitions(
                 stretches[key] = Stretches.from_boundaries(
                     np.frombuffer(key, np.int64), unit_values.kind
                 )
-            each = posterior.score_partition(stretches[key])
+            each = posterior.evaluate_partition_posterior(stretches[key])
             if key not in found or each.log_posterior > found[key][0].log_posterior:
                 found[key] = each, posterior
     single, _ = found[one.tobytes()]
@@ -132,7 +132,9 @@ def move_changes_to_nearest_record_ends(
             if low < end < high:
                 moved = np.sort(np.append(changes[changes != change], end))
                 state = np.searchsorted(moved, np.arange(kind.size + 1), "right")
-                tried = posterior.score_partition(Stretches.from_boundaries(state, kind))
+                tried = posterior.evaluate_partition_posterior(
+                    Stretches.from_boundaries(state, kind)
+                )
                 partition = max((partition, tried), key=lambda each: each.log_posterior)
     return partition
 
@@ -147,7 +149,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
-            posterior.score_partition(
+            posterior.evaluate_partition_posterior(
                 Stretches.from_boundaries(
                     _merge_states_at_boundaries(partition.state, joint), posterior.units.kind
                 )

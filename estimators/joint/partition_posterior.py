@@ -79,7 +79,7 @@ class Stretches:
         return cls(
             state_of_unit,
             list_level_assignments_and_log_priors(int(state_of_unit[-1]) + 1),
-            log_prior_of_changes(change_kinds, np.diff(state_of_unit) > 0),
+            compute_log_prior_of_changes(change_kinds, np.diff(state_of_unit) > 0),
         )
 
 
@@ -117,7 +117,7 @@ class PartitionPosterior:
         whole, right, _ = self._eliminate_levels(self._sum_equations_by_state(state_of_unit))
         return solve_with_log_determinant(whole, right)[0]
 
-    def score_partition(self, stretches: Stretches) -> Partition:
+    def evaluate_partition_posterior(self, stretches: Stretches) -> Partition:
         """Levels, effects and log posterior of a partition."""
         by_state = self._sum_equations_by_state(stretches.state)
         best, logs = None, []
@@ -156,7 +156,7 @@ class PartitionPosterior:
         # β's own misfit is that of its normal equations, up to a constant
         logs = log_determinant - float(np.log(2.0 * np.pi * own).sum())
         log = -0.5 * (squares - float(effects @ right) + logs)
-        return log + log_level_likelihood(levels, own, self.spread), levels, effects
+        return log + compute_log_likelihood_of_levels(levels, own, self.spread), levels, effects
 
 
 @compiled_unless_short_log
@@ -200,7 +200,9 @@ def list_level_assignments_and_log_priors(state_count: int) -> list[tuple[float,
     return [(_THIRD, own), (_THIRD, own % 2), *back]
 
 
-def log_level_likelihood(level_values: Floats, variance: Floats, level_spread: float) -> float:
+def compute_log_likelihood_of_levels(
+    level_values: Floats, variance: Floats, level_spread: float
+) -> float:
     """Log likelihood of levels with the given variances, with their spread integrated out."""
     if level_values.size == 1:
         return -float(np.log(level_spread))
@@ -214,7 +216,7 @@ def log_level_likelihood(level_values: Floats, variance: Floats, level_spread: f
     )
 
 
-def log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float:
+def compute_log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior probability of the changes.
 
     Where something is filled, one emptying between two fillings is equally likely.
@@ -226,23 +228,25 @@ def log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float:
             np.log1p(-LIMITS.misnamed_probability),
             np.log(LIMITS.misnamed_probability),
         )
-        return float(said.sum()) + log_prior_of_changes(change_kinds[~named], has_change[~named])
+        return float(said.sum()) + compute_log_prior_of_changes(
+            change_kinds[~named], has_change[~named]
+        )
     if not filling.any():
-        return log_prior_of_unknown_rate(change_kinds, has_change)
+        return compute_log_prior_of_unknown_change_rate(change_kinds, has_change)
     # or what is taken for a filling has nothing to do with it in this series
-    apart = log_prior_of_unknown_rate(np.where(filling, 1, change_kinds), has_change) + float(
-        np.log(LIMITS.unrelated_filling_probability)
-    )
+    apart = compute_log_prior_of_unknown_change_rate(
+        np.where(filling, 1, change_kinds), has_change
+    ) + float(np.log(LIMITS.unrelated_filling_probability))
     return float(
         np.logaddexp(
             apart,
-            log_prior_of_work_cycles(change_kinds, has_change)
+            compute_log_prior_of_work_cycles(change_kinds, has_change)
             + np.log1p(-LIMITS.unrelated_filling_probability),
         )
     )
 
 
-def log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> float:
+def compute_log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior probability of changes of the load as work cycles, without its constant.
 
     A cycle has one change at its filling and one, the dump, before the next filling: preferably
@@ -284,7 +288,7 @@ def log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> float:
     return float(fillings.sum()) + float(each.sum()) + where
 
 
-def log_prior_of_unknown_rate(change_kinds: Ints, has_change: Bools) -> float:
+def compute_log_prior_of_unknown_change_rate(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior under which no change is as likely as any, and all rates are equally likely.
 
     If other evidence indicates changes, either their rate is as likely as it is high, or the

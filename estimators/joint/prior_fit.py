@@ -17,7 +17,7 @@ from scipy.linalg import toeplitz
 from estimators.arrays import Floats, Ints
 from estimators.joint.gain_matrix import Gain, raise_meats_to_white_noise_floor
 from estimators.joint.joint_limits import LIMITS
-from estimators.joint.map_fit import CommonResidual, MapFit
+from estimators.joint.posterior_fit import CommonResidual, PosteriorFit
 from estimators.joint.prior_solution import (
     ProjectedColumns,
     SolutionParts,
@@ -102,7 +102,7 @@ class _SolvedSamples:
         rows = [self.sums.rows[i] for i in self.compared_group_numbers]
         return CommonResidual.average_groups(rows, self.solved.residual, self.residual_signs)
 
-    def to_map_fit(self) -> MapFit:
+    def to_posterior_fit(self) -> PosteriorFit:
         """The estimates with all parts of their uncertainty."""
         A, group, sums, shape, grouping = (self.A, self.group, self.sums, self.shape, self.grouping)
         theta, gain, residual, correlation, white, share, kept, turned = self.solved
@@ -148,7 +148,7 @@ class _SolvedSamples:
         doubt = gain.apply_to_vector(turned.taken, compute_uncertain_fraction_of_noise(kept))
         scale = shape.expand_to_levels(self.scale)
         units = np.outer(scale, scale)
-        return MapFit(
+        return PosteriorFit(
             self.theta,
             covariance / units,
             (gain.bread * np.sqrt(shape.expand_to_levels(self.precision))).T / scale,
@@ -172,7 +172,7 @@ class PriorSolution:
         residual: (n,) f - A θ; 0 for samples without a group.
         group: (n,) group of each sample, negative for none.
         residual_rms: r.m.s. of the residuals.
-        noise_share: `MapFit.noise_share`.
+        noise_share: `PosteriorFit.noise_share`.
     """
 
     def __init__(self, samples: _SolvedSamples) -> None:
@@ -180,25 +180,25 @@ class PriorSolution:
         self.residual, self.group = samples.solved.residual, samples.group
         self.residual_rms, self.noise_share = samples.residual_rms(), samples.solved.share
         self._samples: _SolvedSamples | None = samples
-        self._fit: MapFit | None = None
+        self._fit: PosteriorFit | None = None
 
     @property
-    def fit(self) -> MapFit:
+    def fit(self) -> PosteriorFit:
         """The estimates with all parts of their uncertainty."""
         if self._fit is None:
             assert self._samples is not None
             # samples of a shift are hundreds of megabytes, and are not needed again
-            self._fit, self._samples = self._samples.to_map_fit(), None
+            self._fit, self._samples = self._samples.to_posterior_fit(), None
         return self._fit
 
-    def drop_samples(self) -> None:
+    def compute_uncertainty_and_release_samples(self) -> None:
         """Compute the uncertainty now: of a shift the samples are hundreds of megabytes."""
         _ = self.fit
         return_freed_memory_to_os()  # no larger block fits where they were
 
     @cached_property
     def misfit_ratio(self) -> float:
-        """`MapFit.misfit_ratio`, which needs no other part of the uncertainty."""
+        """`PosteriorFit.misfit_ratio`, which needs no other part of the uncertainty."""
         if self._samples is None:
             return self.fit.misfit_ratio
         common = self._samples.common_residual()
@@ -229,16 +229,16 @@ class UndeterminedFit:
 
     noise_share = misfit_ratio = residual_rms
 
-    def drop_samples(self) -> None:
+    def compute_uncertainty_and_release_samples(self) -> None:
         """Nothing is kept."""
 
     @property
-    def fit(self) -> MapFit:
+    def fit(self) -> PosteriorFit:
         """A fit with NaN throughout."""
         p, no = self.theta.size, float("nan")
         square = np.full((p, p), np.nan)
         residual = self.residual
-        return MapFit(
+        return PosteriorFit(
             self.theta, square, square, square, square, self.theta, no, no, no, 0, residual, no
         )
 
@@ -299,7 +299,7 @@ def fit(
     prior_mean: Floats,
     prior_std: Floats,
     grouping: Grouping | None = None,
-) -> MapFit:
+) -> PosteriorFit:
     """Fit θ in A θ = f.
 
     Args:

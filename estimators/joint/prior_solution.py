@@ -53,7 +53,7 @@ class WeightedNormalEquations:
     taken: Floats
 
 
-def weight_equations_of_units(
+def compute_weighted_normal_equations_of_units(
     units: GroupSums,
     intercept_shape: InterceptShape,
     level_of_unit: Ints,
@@ -64,7 +64,7 @@ def weight_equations_of_units(
     """Normal equations of all units, each weighted by the scatter about its level, (units,)."""
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = intercept_shape.levels.scatter * intercept_shape.scale
-    turns, clean, gram, scatter, bare, taken = compute_weighted_equations(
+    turns, clean, gram, scatter, bare, taken = compute_weighted_normal_equation_parts(
         sums,
         level_of_unit,
         intercept_shape.levels.level_count,
@@ -79,7 +79,7 @@ def weight_equations_of_units(
 
 
 @compiled_unless_short_log
-def compute_weighted_equations(
+def compute_weighted_normal_equation_parts(
     group_sums: tuple[Floats, Floats, Floats, Floats],
     level_of_unit: Ints,
     level_count: int,
@@ -282,10 +282,12 @@ def solve_with_priors_iteratively(
             raise np.linalg.LinAlgError("no residuals")
         share = compute_largest_noise_fraction(added, gram + variance * np.diag(precision))
         kept = min(1.0, LIMITS.max_noise_fraction / share) if share > 0 else 1.0
-        turned = weight_equations_of_units(units, intercept_shape, of_units, kept, theta, variance)
+        turned = compute_weighted_normal_equations_of_units(
+            units, intercept_shape, of_units, kept, theta, variance
+        )
         if solved is None:
             theta = solve_given_white_noise(turned, (wide_precision, wide_believed), variance)
-            turned = weight_equations_of_units(
+            turned = compute_weighted_normal_equations_of_units(
                 units, intercept_shape, of_units, kept, theta, variance
             )
         doubted = compute_uncertain_fraction_of_noise(kept) * turned.taken

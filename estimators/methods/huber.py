@@ -242,7 +242,7 @@ def estimate_along_log(
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)
-    solved = ls.Windows.empty(index.size, p)
+    solved = ls.Windows.allocate_rows(index.size, p)
     statistics = ResidualStatistics(*(np.empty(index.size) for _ in ResidualStatistics._fields))
 
     def solve_rows(rows: slice) -> None:

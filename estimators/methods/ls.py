@@ -84,7 +84,7 @@ class Windows(NamedTuple):
     condition: Floats
 
     @classmethod
-    def empty(cls, rows: int, parameter_count: int) -> "Windows":
+    def allocate_rows(cls, rows: int, parameter_count: int) -> "Windows":
         """Allocate the rows."""
         return cls(
             np.empty((rows, parameter_count)),
@@ -106,7 +106,7 @@ class Windows(NamedTuple):
 
 def solve_windows(A: Floats, f: Floats, window: int, window_ends: Ints) -> Windows:
     """Solve the windows that end at `window_ends`."""
-    out = Windows.empty(window_ends.size, A.shape[1])
+    out = Windows.allocate_rows(window_ends.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
         products = sum_window_products(A, f, window, window_ends[rows])
@@ -216,7 +216,7 @@ def compute_fit_statistics_of_windows(
     solve_factored_in_place(solved.L, solved.inverse, unit)
     variance = solved.rss / max(window - p, 1)
     partial, share = np.empty(variance.size), np.zeros(variance.size)
-    raise_variances_to_noise(
+    raise_variances_to_noise_in_place(
         solved.theta,
         unit,
         np.zeros((p + 1, p + 1)) if noise is None else noise,
@@ -234,7 +234,7 @@ def compute_fit_statistics_of_windows(
 
 
 @compiled_unless_short_log
-def raise_variances_to_noise(
+def raise_variances_to_noise_in_place(
     theta: Floats,
     unit_variances: Floats,
     noise: Floats,

@@ -159,7 +159,7 @@ def solve_windows(
     A: Floats, f: Floats, window: int, window_ends: Ints, options: TlsOptions
 ) -> ls.Windows:
     """Solve the windows that end at `window_ends`."""
-    out = ls.Windows.empty(window_ends.size, A.shape[1])
+    out = ls.Windows.allocate_rows(window_ends.size, A.shape[1])
 
     def solve_rows(rows: slice) -> None:
         products = sum_window_products(A, f, window, window_ends[rows])

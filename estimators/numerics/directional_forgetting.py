@@ -11,7 +11,7 @@ from estimators.interpreted import compiled_unless_short_log
 
 
 @compiled_unless_short_log
-def update_gain_by_sample(P: Floats, a: Floats, forgetting: float) -> Floats:
+def compute_gain_and_update_p_in_place(P: Floats, a: Floats, forgetting: float) -> Floats:
     """Gain of one sample; P is updated in place."""
     p = a.size
     Pa = np.zeros(p)
@@ -63,7 +63,7 @@ def run_recursion_over_windows(
             error = f[k]
             for c in range(p):
                 error -= A[k, c] * theta[c]
-            gain = update_gain_by_sample(P, A[k], forgetting)
+            gain = compute_gain_and_update_p_in_place(P, A[k], forgetting)
             after = f[k]
             for c in range(p):
                 theta[c] += gain[c] * error
@@ -124,7 +124,7 @@ def propagate_stds_through_recursion(
         for k in range(first, window_ends[row] + 1):
             gap = k - last - 1
             last = k
-            gain = update_gain_by_sample(P, A[k], forgetting)
+            gain = compute_gain_and_update_p_in_place(P, A[k], forgetting)
             for i in range(p):
                 for c in range(p):
                     F[i, c] = (1.0 if i == c else 0.0) - gain[i] * A[k, c]

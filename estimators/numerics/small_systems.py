@@ -153,7 +153,7 @@ def _compute_condition_numbers_vectorised(G: Floats, size: int, p: int) -> Float
     for _ in range(_SWEEPS if p > 2 else 1):
         for a in range(p):
             for b in range(a + 1, p):
-                _rotate_by_jacobi_vectorised(N, p, a, b, G.shape[1])
+                _rotate_by_jacobi_in_place_vectorised(N, p, a, b, G.shape[1])
     values = N[[find_packed_index(a, a, p) for a in range(p)]]
     low, high = values[0], values[0]
     for value in values[1:]:
@@ -189,7 +189,7 @@ def compute_condition_numbers(G: Floats, size: int, leading_size: int) -> Floats
     for _ in range(_SWEEPS if leading_size > 2 else 1):
         for i in range(leading_size):
             for j in range(i + 1, leading_size):
-                rotate_by_jacobi(N, leading_size, i, j, m)
+                rotate_by_jacobi_in_place(N, leading_size, i, j, m)
     low = N[0].copy()
     high = N[0].copy()
     for i in range(1, leading_size):
@@ -208,7 +208,7 @@ def compute_condition_numbers(G: Floats, size: int, leading_size: int) -> Floats
     return out
 
 
-def _rotate_by_jacobi_vectorised(N: Floats, p: int, i: int, j: int, _m: int) -> None:
+def _rotate_by_jacobi_in_place_vectorised(N: Floats, p: int, i: int, j: int, _m: int) -> None:
     a, b, c = (
         N[find_packed_index(i, i, p)],
         N[find_packed_index(j, j, p)],
@@ -229,8 +229,8 @@ def _rotate_by_jacobi_vectorised(N: Floats, p: int, i: int, j: int, _m: int) -> 
         y[:] = sine * old + cosine * y
 
 
-@compiled_with_array_form(_rotate_by_jacobi_vectorised)
-def rotate_by_jacobi(N: Floats, p: int, i: int, j: int, m: int) -> None:
+@compiled_with_array_form(_rotate_by_jacobi_in_place_vectorised)
+def rotate_by_jacobi_in_place(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
     a, b, c = (
         N[find_packed_index(i, i, p)],

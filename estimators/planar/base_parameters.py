@@ -103,17 +103,17 @@ def fit(
     added = np.minimum(added, LIMITS.max_noise_fraction * np.square(R[..., :-1]).sum(axis=1))
     system = _WeightedSystem(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve_with_correlation_times(np.ones(k))
-    coefficients = scatter_to_columns(fitted.theta, columns, p)
+    coefficients = place_values_in_columns(fitted.theta, columns, p)
     residual = compute_blockwise_residuals(A, f, used, coefficients)
     losses = compute_autocovariance_losses(A, columns, segment_id)
-    correlations = autocorrelate_residuals(segment_id, residual, losses)
+    correlations = compute_residual_autocorrelations_by_axis(segment_id, residual, losses)
     if given.size and samples and np.isfinite(fitted.theta).all():
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
         fitted = system.solve_with_correlation_times(np.array(lasting))
-        coefficients = scatter_to_columns(fitted.theta, columns, p)
+        coefficients = place_values_in_columns(fitted.theta, columns, p)
         residual = compute_blockwise_residuals(A, f, used, coefficients)
-        correlations = autocorrelate_residuals(segment_id, residual, losses)
+        correlations = compute_residual_autocorrelations_by_axis(segment_id, residual, losses)
     covariance = compute_sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
 
     single = np.append(found.identifiable[found.base], np.ones(given.size, np.bool_))
@@ -123,10 +123,10 @@ def fit(
     return BaseEstimate(
         identifiability=found,
         parameters=tuple(parameters),
-        theta=scatter_to_columns(fitted.theta[single], here, p, np.nan),
-        by_axis=scatter_to_columns(fitted.by_axis[:, single], here, p, np.nan),
+        theta=place_values_in_columns(fitted.theta[single], here, p, np.nan),
+        by_axis=place_values_in_columns(fitted.by_axis[:, single], here, p, np.nan),
         covariance=full,
-        responses=scatter_to_columns(fitted.responses[:, single], here, p, np.nan),
+        responses=place_values_in_columns(fitted.responses[:, single], here, p, np.nan),
         coefficients=coefficients,
         combination=fitted.theta[~single],
         combination_std=np.sqrt(np.diagonal(covariance))[~single],
@@ -139,7 +139,7 @@ def propagate_noise_rms_to_columns(noise_rms: Floats, noise_mixing: Floats) -> F
     return np.sqrt(np.mean(np.einsum("kcs,ks->kc", noise_mixing**2, noise_rms**2), axis=0))
 
 
-def scatter_to_columns(
+def place_values_in_columns(
     values: Floats, column_indices: Ints, p: int, fill_value: float = 0.0
 ) -> Floats:
     """Place values (…, r) in columns `column_indices` of p columns; the others are `fill_value`."""
@@ -317,7 +317,7 @@ def compute_autocovariance_losses(A: Blocks, columns: Ints, segment_id: Ints) ->
     ]
 
 
-def autocorrelate_residuals(
+def compute_residual_autocorrelations_by_axis(
     segment_id: Ints, residual: Floats, losses: list[Floats]
 ) -> list[Floats]:
     """Residual autocorrelation of each axis, (lags,) each.

@@ -103,7 +103,7 @@ def find_identifiable_parameters(
         identifiable=identifiable,
         base=base,
         echelon=echelon * scale / scale[base][:, None],
-        condition=condition_of_base_columns(R, base),
+        condition=compute_condition_number_of_base_columns(R, base),
     )
 
 
@@ -128,7 +128,9 @@ def reduce_to_row_echelon(rows: Floats, identifiable: Bools) -> tuple[Ints, Floa
     return base, np.asarray(np.linalg.solve(rows[:, base], rows), np.float64)
 
 
-def condition_of_base_columns(triangular_factor: Floats, base_columns: Ints) -> float:
+def compute_condition_number_of_base_columns(
+    triangular_factor: Floats, base_columns: Ints
+) -> float:
     """Condition number of the base columns scaled to unit norm; infinite without any."""
     if base_columns.size == 0:
         return np.inf

@@ -24,7 +24,7 @@ def parse_begin_time_of_log(log: EvidenceLog) -> dt.datetime | None:
         return None
 
 
-def iter_contradicted_run_day_sentences(
+def iter_sentences_on_run_days_unlike_logs(
     campaign: CalibrationCampaign,
     logs: Sequence[EvidenceLog],
     zone: ZoneInfo,

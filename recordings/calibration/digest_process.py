@@ -33,7 +33,7 @@ def main() -> None:
 
 def digest_files(file_type: str, files: Iterable[Path]) -> list[dict[str, Any]]:
     """Digest recordings or extract words of PDFs."""
-    read = {"recording": _digest_recording, "pdf": extract_words_of_pdf}[file_type]
+    read = {"recording": _digest_recording, "pdf": extract_words_or_fault_of_pdf}[file_type]
     return [read(each) for each in files]
 
 
@@ -57,7 +57,7 @@ def _digest_recording(path: Path) -> dict[str, Any]:
     }
 
 
-def extract_words_of_pdf(path: Path) -> dict[str, Any]:
+def extract_words_or_fault_of_pdf(path: Path) -> dict[str, Any]:
     """Words of a PDF, or the fault that makes it unreadable, as the reader's JSON output."""
     from pypdf import PdfReader
     from pypdf.errors import PyPdfError

@@ -19,7 +19,7 @@ from analysis.calibration.line.calibration import Calibration, CalibrationOption
 from analysis.calibration.line.procedure import PROCEDURES, Procedure, ProcedureNumber
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import ErrorLimits
-from analysis.calibration.use.learnt_priors import LearntPriors, apply_learnt_priors_to_machine
+from analysis.calibration.use.learnt_priors import LearntPriors, copy_machine_with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
@@ -274,7 +274,7 @@ class EvidenceDocument(BaseModel):
         return (
             self.machine
             if self.learnt is None
-            else apply_learnt_priors_to_machine(self.machine, self.learnt.terms)
+            else copy_machine_with_learnt_priors(self.machine, self.learnt.terms)
         )
 
     def find_log_by_name(self, name: str) -> EvidenceLog | None:

@@ -59,7 +59,7 @@ def check_notary_list_range(
         )
         return
     kept = check_untrusted_notary_list(list_bytes, dt.datetime.now(dt.UTC), stretch.first)
-    checked_bundle.findings += iter_faults_of_notary_list_range(document, stretch, kept)
+    checked_bundle.findings += iter_findings_on_notary_log_list_range(document, stretch, kept)
     reasons = stretch.omission_reason_by_log_number
     checked_bundle.notes += [
         f"{NOTARY}: {each.what} (left out: {reasons[each.counter]})"
@@ -70,7 +70,7 @@ def check_notary_list_range(
     checked_bundle.notarised_by = identify_notary_signer(checked_bundle, document, kept, keyring)
 
 
-def iter_faults_of_notary_list_range(
+def iter_findings_on_notary_log_list_range(
     document: EvidenceDocument, list_range: NotaryStretch, checked_list: CheckedList
 ) -> Iterator[BundleFinding]:
     """Yield errors in a part of a list, or in the campaign's account of it."""

@@ -24,8 +24,8 @@ from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.campaign_faults import (
     iter_contradicted_machine_sentences,
-    iter_contradicted_run_day_sentences,
     iter_repeated_run_sentences,
+    iter_sentences_on_run_days_unlike_logs,
     parse_creation_time,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
@@ -75,7 +75,7 @@ def compare_bundle_with_recomputed(
     notes = [_LATER.format(", ".join(named))] if named else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
-        (EVIDENCE, lambda: compare_evidence_with_campaign(document)),
+        (EVIDENCE, lambda: iter_evidence_values_unlike_campaign(document)),
         (READINGS, lambda: check_runs_and_readings(document, readings)),
         (
             f"{EVIDENCE}: calibration",
@@ -172,7 +172,7 @@ def _make_irreproducible_finding(item_name: str, difference: str) -> BundleFindi
     return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {item_name}", difference)
 
 
-def compare_evidence_with_campaign(document: EvidenceDocument) -> Findings:
+def iter_evidence_values_unlike_campaign(document: EvidenceDocument) -> Findings:
     """Check values that follow from campaign and machine file."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.last_valid_day:
@@ -180,7 +180,7 @@ def compare_evidence_with_campaign(document: EvidenceDocument) -> Findings:
             "expires", f"is not {campaign.last_valid_day}, as the runs' days give"
         )
     made, now = parse_creation_time(document), dt.datetime.now(dt.UTC)
-    for fault in iter_contradicted_run_day_sentences(
+    for fault in iter_sentences_on_run_days_unlike_logs(
         campaign, document.logs, machine.machine.time_zone, made
     ):
         yield _make_irreproducible_finding("campaign.runs", fault)

@@ -239,7 +239,7 @@ def _write_constant_predictor_sentence(best_error_kg: float) -> str:
     )
 
 
-def write_excitation_figure_sentences(numbers: Figure2) -> ItemSentences:
+def write_sentences_on_excitation_figure_2(numbers: Figure2) -> ItemSentences:
     """Say what Figure 2 shows."""
     return ItemSentences(
         (

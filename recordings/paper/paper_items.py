@@ -17,7 +17,7 @@ from analysis.paper import (
     printed_numbers,
 )
 from analysis.paper import table1 as window_table
-from analysis.paper.simulated_sources import Extract, Extracts
+from analysis.paper.simulated_sources import Extract, RepetitionResults
 from recordings.paper import claims_sentences, item_sentences, paper_pictures
 from recordings.paper.paper_pictures import FigurePicture
 from recordings.paper.paper_wording import NAMES, ItemSentences
@@ -257,7 +257,7 @@ class Item(Generic[N]):
     name: str
     title: str
     needs: tuple[Extract[Any, Any], ...]
-    numbers: Callable[[Extracts], N]
+    numbers: Callable[[RepetitionResults], N]
     make_sentences: Callable[[N], ItemSentences]
     frame: Callable[[N], pl.DataFrame] = _make_one_row_frame
     tables: Callable[[pl.DataFrame], list[RenderedTable]] = _render_no_tables
@@ -273,13 +273,13 @@ class ItemResult:
     sentences: ItemSentences
 
 
-def compute_paper_item(item: Item[N], extracts: Extracts) -> ItemResult:
+def compute_paper_item(item: Item[N], extracts: RepetitionResults) -> ItemResult:
     """Compute an item from the extracts that it needs."""
     numbers = item.numbers(extracts)
     return ItemResult(item, item.frame(numbers), item.make_sentences(numbers))
 
 
-def _make_getter_of_single_extract(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
+def _make_getter_of_single_extract(extract: Extract[Any, N]) -> Callable[[RepetitionResults], N]:
     """Function that returns the extract of a single simulation as an item's numbers."""
     return lambda extracts: extracts.single_result_of_extract(extract)
 
@@ -323,7 +323,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 2: force, acceleration and speed under the triangular force",
         (excitation_figures.FIGURE_2,),
         _make_getter_of_single_extract(excitation_figures.FIGURE_2),
-        item_sentences.write_excitation_figure_sentences,
+        item_sentences.write_sentences_on_excitation_figure_2,
         picture=paper_pictures.FIGURE_2,
     ),
     Item(

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from analysis.cycles.shift_totals import LabelTotal, sum_counted_cycles
+from analysis.cycles.shift_totals import LabelTotal, make_totals_of_counted_cycles
 from analysis.model.physical_units import NS, NS_PER_S
 from estimators.errors import format_count
 from recordings.report.clock_text import ShiftClock, format_duration
@@ -161,7 +161,7 @@ def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple
 def _make_hour_cells(ledger_rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
     """Yield the cells of an hour's row, in the order of `HOUR_HEADS`."""
     rejected = ledger_rows.filter("rejected")["cycle"].to_list()
-    sums = sum_counted_cycles(make_cycles_frame(ledger_rows, t0_ns), rejected)
+    sums = make_totals_of_counted_cycles(make_cycles_frame(ledger_rows, t0_ns), rejected)
     energies = ledger_rows["energy_kWh"].drop_nulls()
     rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
     yield f"{sums['cycles_counted']}"

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import polars as pl
 
-from analysis.cycles.shift_totals import sum_counted_cycles
+from analysis.cycles.shift_totals import make_totals_of_counted_cycles
 from analysis.model.physical_units import NS
 from estimators.errors import ReviewError
 from recordings.review.review_state import ReviewState, read_review_state
@@ -144,7 +144,7 @@ def _sum_loads_by_material_and_day(
         groups[day, own or verdicts.find_labels_at_dump(ends_ns / NS).product].append(row)
     parts: list[WeekPart] = []
     for (day, product), members in groups.items():
-        sums = sum_counted_cycles(cycles[members], rejected)
+        sums = make_totals_of_counted_cycles(cycles[members], rejected)
         masses = (sums[f"payload_{name}kg"] for name in ("", "u_random_", "u_common_"))
         members_counted = cycles[members].filter("counted")
         given = [row for row in members if row in by_row]

@@ -48,7 +48,7 @@ def parse_canonical_json(json_bytes: bytes, source: str) -> Any:
     try:
         value = json.loads(
             json_bytes.decode("utf-8"),
-            parse_int=_parse_json_integer,
+            parse_int=_parse_integer_or_float_if_beyond_exact_range,
             parse_float=_parse_json_float,
             parse_constant=_refuse_json_constant,
             object_pairs_hook=_make_object_of_unique_names,
@@ -81,7 +81,7 @@ def _refuse_deep_nesting(json_bytes: bytes, source: str) -> None:
             depth -= 1
 
 
-def _parse_json_integer(text: str) -> int | float:
+def _parse_integer_or_float_if_beyond_exact_range(text: str) -> int | float:
     if len(text) > LIMITS.number_characters:
         raise ValueError(
             f"it contains a number of {len(text)} digits; {LIMITS.number_characters} are allowed"

@@ -15,8 +15,8 @@ from analysis.calibration.use.apply_calibration import (
     collect_later_log_facts,
 )
 from analysis.calibration.use.learnt_priors import (
-    apply_learnt_priors_to_machine,
-    copy_machine_with_learnt_means_checked,
+    copy_machine_estimating_learnt_mean_errors,
+    copy_machine_with_learnt_priors,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
@@ -88,14 +88,14 @@ class MachineCalibration:
             f"intervals of {self.calibration.confidence_1:.0%}"
         )
 
-    def make_weighing_machine(self, machine: Machine) -> Machine:
+    def copy_machine_with_calibrated_settings(self, machine: Machine) -> Machine:
         """The machine with the calibration's empty mass and priors."""
         document = self.document
         machine = copy_machine_with_campaign_empty_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
-        weighing = apply_learnt_priors_to_machine(machine, terms)
+        weighing = copy_machine_with_learnt_priors(machine, terms)
         if self.calibration.responses:
-            weighing = copy_machine_with_learnt_means_checked(weighing)
+            weighing = copy_machine_estimating_learnt_mean_errors(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(encode_canonical_json(weighing.model_dump(mode="json")))
 
@@ -110,7 +110,9 @@ class MachineCalibration:
             return f"belongs to machine '{self.machine_id}', not to '{mine_id}'"
         kept = dict(
             _iter_settings_by_dotted_name(
-                select_mass_defining_settings(self.make_weighing_machine(self.document.machine))
+                select_mass_defining_settings(
+                    self.copy_machine_with_calibrated_settings(self.document.machine)
+                )
             )
         )
         mine = dict(_iter_settings_by_dotted_name(select_mass_defining_settings(weighing_machine)))
@@ -198,7 +200,7 @@ class MachineCalibration:
             frames: `FRAMES` of a replay by `weighing_machine`.
             differing_settings: differences of that machine from the calibration.
         """
-        body = self.make_weighing_machine(self.document.machine).machine
+        body = self.copy_machine_with_calibrated_settings(self.document.machine).machine
         log = collect_later_log_facts(
             frames, body, f"the calibration {differing_settings}" if differing_settings else ""
         )

@@ -11,7 +11,7 @@ import polars as pl
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     fit_campaign_line,
-    list_force_scale_parts,
+    list_stated_uncertainties_of_force_scale,
     make_calibration_options,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
@@ -19,7 +19,7 @@ from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.procedure import PRESENT_NUMBER
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import LearntPriors, apply_learnt_priors_to_machine
+from analysis.calibration.use.learnt_priors import LearntPriors, copy_machine_with_learnt_priors
 from analysis.calibration.use.use_limits import LIMITS as USE_LIMITS
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
@@ -177,7 +177,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     require_writable_folder(folder, force=force)
     stretch = refuse_campaign.load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
-        refuse_timestamp_request_early(timestamp_request_file, key, force=force)
+        refuse_impossible_timestamp_request(timestamp_request_file, key, force=force)
     with stage_output_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -193,7 +193,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             refuse_campaign.refuse_unaccounted_logs_of_list(campaign_file, campaign, first, stretch)
             learnt = first.pool_priors_learnt_from_logs
         weighing = (
-            machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
+            machine if learnt is None else copy_machine_with_learnt_priors(machine, learnt.terms)
         )
         replayed = replay_campaign_logs(
             campaign, weighing, path_of_log, made if recordings else None, on_log
@@ -206,7 +206,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
         options = make_calibration_options(
-            campaign, list_force_scale_parts(campaign, replayed.budgets)
+            campaign, list_stated_uncertainties_of_force_scale(campaign, replayed.budgets)
         )
         fitted = fit_campaign_line(
             campaign, machine.machine, replayed.readings, options, replayed.responses
@@ -223,7 +223,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def refuse_timestamp_request_early(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Raise an error before the work begins if a time stamp cannot be requested.
 
     Raises:
@@ -337,7 +337,7 @@ def _make_evidence_document(
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = make_reference_loads_and_covariance(campaign, machine)
     learnt = evidence.learnt
-    weighing = machine if learnt is None else apply_learnt_priors_to_machine(machine, learnt.terms)
+    weighing = machine if learnt is None else copy_machine_with_learnt_priors(machine, learnt.terms)
     estimator = make_estimator_with_digest(campaign, weighing)
     last = None if previous_bundle is None else previous_bundle.document
     document = EvidenceDocument(

@@ -16,7 +16,7 @@ import polars as pl
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
 from analysis.calibration.campaign.campaign_readings import (
     make_readings_of_campaign_runs,
-    make_run_responses_to_learnt_means,
+    make_run_changes_per_learnt_mean_u,
 )
 from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse
@@ -126,7 +126,7 @@ def replay_campaign_logs(
         frames.append(
             make_readings_of_campaign_runs(replayed, runs, campaign.method.estimator, procedure)
         )
-        responses += make_run_responses_to_learnt_means(replayed, runs, campaign.method.estimator)
+        responses += make_run_changes_per_learnt_mean_u(replayed, runs, campaign.method.estimator)
         logs.append(make_evidence_log_record(name, replayed, topics, recording))
         if not logs[-1].can_weigh:
             refusals[name] = describe_why_log_cannot_weigh(replayed)

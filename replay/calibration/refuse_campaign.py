@@ -8,8 +8,8 @@ from analysis.model.machine import Machine
 from estimators.errors import CampaignError
 from recordings.calibration.campaign_faults import (
     iter_contradicted_machine_sentences,
-    iter_contradicted_run_day_sentences,
     iter_repeated_run_sentences,
+    iter_sentences_on_run_days_unlike_logs,
 )
 from recordings.calibration.notary_stretch import (
     cut_range_from_notary_list,
@@ -36,7 +36,7 @@ def refuse_run_days_unlike_logs(
     Raises:
         CampaignError: a run's log is of another day.
     """
-    faults = iter_contradicted_run_day_sentences(
+    faults = iter_sentences_on_run_days_unlike_logs(
         campaign, replayed_logs.logs, machine.machine.time_zone, dt.datetime.now(dt.UTC)
     )
     fault = next(faults, None)

@@ -102,7 +102,7 @@ def _render_excitation_design(excitation_design: ExcitationDesign) -> Renderable
         numbers = [
             f"{value:.{_DIGITS[name]}f}"
             for name, each in score.predictions.items()
-            for value in (each.error_std, each.bias)
+            for value in (each.predicted_error_std, each.bias)
         ]
         table.add_row(
             f"{score.waveform}, {score.ways}",

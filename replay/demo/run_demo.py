@@ -18,7 +18,7 @@ from analysis.calibration.campaign.by_method import (
     make_calibration_rows_of_method,
 )
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
+from analysis.calibration.campaign.method_errors import compute_rms_mass_errors_by_method
 from analysis.model.answer import JOINT, Answer, make_answer
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
@@ -212,7 +212,7 @@ def run_demo(
         calibrated,
         verified,
         replayed.frames["calibration"],
-        compute_rms_errors_by_method(replayed.frames["calibration"]),
+        compute_rms_mass_errors_by_method(replayed.frames["calibration"]),
         make_answer(replayed, str(recording)),
         reviewed,
         (

@@ -116,7 +116,9 @@ def make_setups_of_machine(
                 f"with {by.signed_by.command_to_add_key}"
             )
         try:
-            weighing = by.require_calibrated_machine(by.make_weighing_machine(machine), files.file)
+            weighing = by.require_calibrated_machine(
+                by.copy_machine_with_calibrated_settings(machine), files.file
+            )
         except EvidenceError:
             if not is_unfit_evidence_skipped:
                 raise

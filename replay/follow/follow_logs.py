@@ -13,7 +13,7 @@ import polars as pl
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow, Follower
-from analysis.online.growing_log import make_causal_machine
+from analysis.online.growing_log import copy_machine_with_causal_filters
 from analysis.online.online_limits import LIMITS as ONLINE_LIMITS
 from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
@@ -104,7 +104,7 @@ def follow_logs(
         LogError: the log cannot be followed, or a topic cannot be decoded.
         DataError: it ended before there was enough data.
     """
-    fields = list_channel_fields(make_causal_machine(machine))
+    fields = list_channel_fields(copy_machine_with_causal_filters(machine))
     follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
     following = Following(paths, follower)
     with ExitStack() as opened:

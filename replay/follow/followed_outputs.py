@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow
-from analysis.online.growing_log import make_causal_machine
+from analysis.online.growing_log import copy_machine_with_causal_filters
 from analysis.online.online_report import OnlineReport
 from analysis.online.replay_report import ReplayReport
 from estimators.errors import OutputError
@@ -225,7 +225,7 @@ def digest_input_identity(
     paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None
 ) -> str:
     """Identity of the inputs: names of logs, and a digest of machine file and noise."""
-    digest = hashlib.sha256(make_causal_machine(machine).model_dump_json().encode())
+    digest = hashlib.sha256(copy_machine_with_causal_filters(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
     return f"{', '.join(map(_make_name_of_closed_log, paths))}; {digest.hexdigest()}"
 

@@ -8,8 +8,8 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.simulated_sources import (
-    Extracts,
     Repetition,
+    RepetitionResults,
     StudySettings,
     copy_machine_with_paper_noise,
     plan_repetitions,
@@ -35,7 +35,7 @@ class Reproduction:
         self, items: Sequence[Item[Any]], *, windows: int, campaigns: int, seed: int
     ) -> None:
         self._items = tuple(items)
-        self._digests = Extracts()
+        self._digests = RepetitionResults()
         study = StudySettings(
             scenario=Scenario().with_seed(seed),
             machine=copy_machine_with_paper_noise(load_machine("cat262c.toml")),

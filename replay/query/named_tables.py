@@ -47,7 +47,7 @@ class NamedTables:
     tables: dict[str, Callable[[], pl.LazyFrame]] = field(default_factory=dict)
     words: dict[str, str] = field(default_factory=dict)
 
-    def add_table_of_unique_name(
+    def add_table_or_query_error_if_name_taken(
         self, name: str, table: Callable[[], pl.LazyFrame], origin: str
     ) -> None:
         """Add a table under its name, which must be unique."""
@@ -112,12 +112,14 @@ def open_named_tables(
     if logs:
         _add_tables_of_topics(found, logs, _TopicOptions(time_axis, t0_unix_ns, tuple(columns)))
     for ledger in ledgers:
-        found.add_table_of_unique_name(
+        found.add_table_or_query_error_if_name_taken(
             ledger.stem, partial(_scan_ledger_lazily, ledger), str(ledger)
         )
     for fleet in fleets:
         for name, table in make_tables_of_fleet(open_results_of_fleet(fleet)).items():
-            found.add_table_of_unique_name(name, partial(add_column_of_begin_second, table), fleet)
+            found.add_table_or_query_error_if_name_taken(
+                name, partial(add_begin_time_column_in_unix_s, table), fleet
+            )
     found.add_single_word_aliases()
     return found
 
@@ -135,7 +137,7 @@ def _add_frames_of_recordings(tables: NamedTables) -> int | None:
         ).items():
             by_name.setdefault(name, []).append(frame)
     for name, frames in by_name.items():
-        tables.add_table_of_unique_name(
+        tables.add_table_or_query_error_if_name_taken(
             name, partial(_concatenate_lazy_frames, frames), str(frames[0].recording)
         )
     starts = {frame.t0_unix_ns for frames in by_name.values() for frame in frames}
@@ -201,15 +203,17 @@ def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _To
         return rows.select((since_start / 1e9).alias(AT_S), pl.all())
 
     for topic, of_logs in topics.items():
-        tables.add_table_of_unique_name(
+        tables.add_table_or_query_error_if_name_taken(
             topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0])
         )
     for path in topics.get(TABLE, ()):
         # tables go by their own names as well, alike or not
-        tables.add_table_of_unique_name(path.stem, partial(rows_of_topic, TABLE, [path]), str(path))
+        tables.add_table_or_query_error_if_name_taken(
+            path.stem, partial(rows_of_topic, TABLE, [path]), str(path)
+        )
 
 
-def add_column_of_begin_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
+def add_begin_time_column_in_unix_s(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
     """Add the second for `fleet open --at` to a fleet's table, if its rows have one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():

@@ -52,7 +52,9 @@ class Query:
             rows = self.rows.collect(engine="streaming")
         if join_within_s is None:
             return rows
-        return group_rows_into_moments(rows, join_within_s, self.named.recordings, self.named.fleet)
+        return merge_rows_near_in_time_with_open_commands(
+            rows, join_within_s, self.named.recordings, self.named.fleet
+        )
 
     def write_rows_to_file(self, path: Path, file_format: str, *, force: bool) -> None:
         """Write the rows to a file as they are computed, in bounded memory.
@@ -121,7 +123,7 @@ def prepare_query_of_sources(
         return Query(named, run_select_in_stable_order(sql, named.tables))
 
 
-def group_rows_into_moments(
+def merge_rows_near_in_time_with_open_commands(
     rows: pl.DataFrame, join_within_s: float, recordings: Sequence[Path], fleet: str | None
 ) -> pl.DataFrame:
     """Group rows that are close in time into moments.

@@ -119,7 +119,9 @@ def review_shift(
     machine, by, logged = load_machine(machine_file, options.overrides), None, ""
     if options.calibration is not None:
         by = load_and_verify_calibration(options.calibration)
-        machine = by.require_calibrated_machine(by.make_weighing_machine(machine), machine_file)
+        machine = by.require_calibrated_machine(
+            by.copy_machine_with_calibrated_settings(machine), machine_file
+        )
     logs = expand_log_folders(logs)
     with lock_review_folder(folder), ExitStack() as stack:
         verdicts = read_verdict_text(folder)

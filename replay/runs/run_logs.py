@@ -82,7 +82,9 @@ def replay_and_record_logs(
         from replay.calibration.apply_evidence import load_and_verify_calibration
 
         by = load_and_verify_calibration(calibration)
-        machine = by.require_calibrated_machine(by.make_weighing_machine(machine), machine_file)
+        machine = by.require_calibrated_machine(
+            by.copy_machine_with_calibrated_settings(machine), machine_file
+        )
     if output.path is not None:
         recordings.require_writable_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.campaign_readings import average_masses_by_method_and_run
-from analysis.calibration.campaign.method_errors import compute_start_errors
+from analysis.calibration.campaign.method_errors import add_calibrated_mass_error_columns
 from analysis.model.answer import Answer, make_answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
@@ -81,9 +81,10 @@ def sweep_setting_combinations(
 
         by = load_and_verify_calibration(calibration)
         by.require_calibrated_machine(
-            by.make_weighing_machine(load_machine(machine_file, overrides)), machine_file
+            by.copy_machine_with_calibrated_settings(load_machine(machine_file, overrides)),
+            machine_file,
         )
-        machines = [by.make_weighing_machine(machine) for machine in machines]
+        machines = [by.copy_machine_with_calibrated_settings(machine) for machine in machines]
     truth = read_true_trials_of_logs(logs) if do_logs_have_truth_of_trials(logs) else None
     rows: list[SweepRow] = []
     with ExitStack() as stack:
@@ -142,7 +143,7 @@ def compute_rms_errors_of_masses(
 ) -> dict[str, dict[str, float | None]]:
     """Root mean square errors of the runs' masses, by name and method."""
     estimates = average_masses_by_method_and_run(replayed_run, true_trials)
-    errors = compute_start_errors(estimates).with_columns(
+    errors = add_calibrated_mass_error_columns(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg")
     )
     names = {"rmse_kg": "raw_kg"}

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from replay.logs.bag import bag_grammar as bag_grammar
-from replay.logs.blocks.slabs import RecordGrammar, SlabIndex
+from replay.logs.blocks.slabs import MessageRowIndex, RecordFinders
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.unaligned import load64
 from replay.logs.mcap import mcap_grammar as mcap_grammar
@@ -27,7 +27,11 @@ from replay.logs.messages.message_fields import resolve_message_field
 from replay.logs.messages.message_types import RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.sqlite.database_pages import LEAF, RowFilter, read_page_layout_of_messages_table
-from replay.logs.sqlite.leaf_pages import ScannedRows, read_child_pages_into, scan_leaf_pages
+from replay.logs.sqlite.leaf_pages import (
+    ScannedRows,
+    read_child_pages_into,
+    scan_requested_rows_of_leaf_pages,
+)
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.guarded import Guarded
 from tests.replay.logs.decoding.random_types import Sample, Types, types
@@ -114,16 +118,16 @@ def text() -> None:
                 plan.decode(_batch(GUARDED.at_end(stored), [0], [len(stored)]))
 
 
-def _scanning(grammar: RecordGrammar, records: bytes) -> Callable[[], None]:
+def _scanning(finders: RecordFinders, records: bytes) -> Callable[[], None]:
     def scan() -> None:
         rng = Random(1)
         whole = [records[at:] for at in range(len(records))]
         for damaged in [*whole, *(d for _ in range(60) for d in _damaged(records, rng))]:
             for data in (GUARDED.at_begin(damaged), GUARDED.at_end(damaged)):
-                rows = SlabIndex(grammar, data, rng.choice([0, 3, 50]))
+                rows = MessageRowIndex(finders, data, rng.choice([0, 3, 50]))
                 for end in (data.size, rng.randrange(data.size + 1)):
                     rows.add_rows_of_span(0, end)
-                    grammar.find(data, 0, end, data.size + rng.choice([0, 7, 10**6]))
+                    finders.find(data, 0, end, data.size + rng.choice([0, 7, 10**6]))
                 found = rows.indexed_rows[:, rows.indexed_rows[0] >= 0]
                 _batch(data, found[2].tolist(), found[3].tolist())
 
@@ -194,7 +198,7 @@ def sqlite_pages() -> None:
     for page in chain(pages, damaged, led_astray, cut_off):
         data = GUARDED.at_end(page)
         found = (np.empty(shape, np.int64) for shape in ((5, 60), (5, 9), (2, 3)))
-        scan_leaf_pages(
+        scan_requested_rows_of_leaf_pages(
             data, slots, layout, wanted, 512, 2**20, np.zeros(7, np.int64), ScannedRows(*found)
         )
         read_child_pages_into(data, slots, layout.usable_bytes, np.empty(86, np.uint32))
@@ -204,8 +208,8 @@ CASES = {
     "overreach": overreach,
     "text": text,
     **{each: _decoding(each) for each in ("cdr_le", "cdr_be", "xcdr2_le", "xcdr2_be", "ros1")},
-    "mcap": _scanning(mcap_grammar.GRAMMAR, _mcap_records()),
-    "bag": _scanning(bag_grammar.GRAMMAR, _bag_records()),
+    "mcap": _scanning(mcap_grammar.RECORD_FINDERS, _mcap_records()),
+    "bag": _scanning(bag_grammar.RECORD_FINDERS, _bag_records()),
     "sqlite": sqlite_pages,
 }
 

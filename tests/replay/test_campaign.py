@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.calibration.campaign.method_errors import compute_rms_errors_by_method
+from analysis.calibration.campaign.method_errors import compute_rms_mass_errors_by_method
 from analysis.model.answer import make_answer
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
@@ -54,7 +54,7 @@ def test_no_accepted_window_contains_braking(campaign: Run, logs: list[Path]) ->
 def test_load_means_after_calibration_are_within_8_kg_with_each_load_left_out(
     campaign: Run,
 ) -> None:
-    errors = compute_rms_errors_by_method(campaign.frames["calibration"])
+    errors = compute_rms_mass_errors_by_method(campaign.frames["calibration"])
     by_method = {row["method"]: row for row in errors.to_dicts()}
     assert by_method["pooled"]["rmse_left_out_kg"] <= 8.0
     assert by_method["pooled"]["rmse_kg"] < by_method["pooled"]["rmse_left_out_kg"]

@@ -178,7 +178,7 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))
     assert "settings.priors.sag_weight_share = 0.05 there" in held.list_differing_settings_as_text(
-        held.make_weighing_machine(machine)
+        held.copy_machine_with_calibrated_settings(machine)
     )
 
 

@@ -145,7 +145,7 @@ def make_calibration_options(
     )
 
 
-def list_force_scale_parts(
+def list_stated_uncertainties_of_force_scale(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
 ) -> tuple[StatedPart, ...]:
     """Force factors that no log determines, from the budgets of the replays.

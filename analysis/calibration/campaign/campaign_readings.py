@@ -91,7 +91,7 @@ def make_readings_of_campaign_runs(
     return subtract_mean_empty_reading(found) if estimator == "joint_payload" else found
 
 
-def make_run_responses_to_learnt_means(
+def make_run_changes_per_learnt_mean_u(
     replayed_run: Run, runs: Sequence[CampaignRun], estimator: Estimator
 ) -> tuple[RunResponse, ...]:
     """Responses of the runs in one log to errors of learnt means; empty without any.

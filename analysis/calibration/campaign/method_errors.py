@@ -11,7 +11,7 @@ from estimators.arrays import Floats
 from estimators.errors import DataError
 
 
-def compute_rms_errors_by_method(calibration: pl.DataFrame) -> pl.DataFrame:
+def compute_rms_mass_errors_by_method(calibration: pl.DataFrame) -> pl.DataFrame:
     """Root mean square errors of a calibration over its loads, a row per method.
 
     Args:
@@ -38,7 +38,7 @@ def compute_rms_errors_by_method(calibration: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def compute_start_errors(estimates: pl.DataFrame) -> pl.DataFrame:
+def add_calibrated_mass_error_columns(estimates: pl.DataFrame) -> pl.DataFrame:
     """Errors of single starts on the line through all loads, and through the other loads.
 
     Args:
@@ -56,7 +56,7 @@ def compute_start_errors(estimates: pl.DataFrame) -> pl.DataFrame:
             pl.col("row").cast(pl.UInt32), pl.col(*columns).fill_nan(None)
         )
         for of, (_, found) in zip(rows, iter_readings_by_method(estimates), strict=True)
-        for within, without in (compute_errors_with_and_without_own_load(found),)
+        for within, without in (compute_mass_errors_with_and_without_own_load(found),)
     ]
     empty = pl.DataFrame(schema={"row": pl.UInt32, **columns})
     return numbered.join(pl.concat([empty, *frames]), "row", "left", maintain_order="left").select(
@@ -64,7 +64,7 @@ def compute_start_errors(estimates: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def compute_errors_with_and_without_own_load(
+def compute_mass_errors_with_and_without_own_load(
     estimates_of_method: MethodReadings,
 ) -> tuple[Floats, Floats]:
     """(starts,) errors on the line, and on the line without the start's load; NaN without one."""

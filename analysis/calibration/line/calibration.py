@@ -302,7 +302,7 @@ class Calibration:
         """
         if mass_kg is None or not np.isfinite(mass_kg) or reading_count < 1:
             return _make_withheld_mass("no estimate")
-        found = self.inversion.with_common_uncertainty(
+        found = self.inversion.copy_with_common_uncertainty(
             driving_u_kg / abs(self.c1_1)
         ).invert_mass_estimates(
             np.array([mass_kg]),

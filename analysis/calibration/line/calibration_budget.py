@@ -214,7 +214,9 @@ def rank_loads_for_next_run(
                 reference_kg=reference.reference_kg,
                 # equal ones stay equal: by rounding alone one would be better
                 determinant_1=round(
-                    determinant_of_line_covariance(then) / determinant_of_line_covariance(now), 9
+                    compute_determinant_of_line_covariance(then)
+                    / compute_determinant_of_line_covariance(now),
+                    9,
                 ),
                 half_width_kg=widest_half_interval_of_masses_kg(calibration, then, ends),
                 half_width_now_kg=now_kg,
@@ -228,7 +230,7 @@ def make_day_label_absent_from_points(points: list[Point]) -> str:
     return max((point.day for point in points), key=len) + "+"
 
 
-def determinant_of_line_covariance(inversion: LineInversion) -> float:
+def compute_determinant_of_line_covariance(inversion: LineInversion) -> float:
     """Determinant of the covariance of level and slope of the line."""
     covariance = np.tensordot(inversion.variance_kg2, inversion.on_line, 1)
     return float(np.linalg.det(covariance))

@@ -38,7 +38,10 @@ from analysis.calibration.line.point_errors import (
     make_point_rows,
     root_mean_square_without_none,
 )
-from analysis.calibration.line.shared_errors import RunResponse, compute_line_responses
+from analysis.calibration.line.shared_errors import (
+    RunResponse,
+    compute_line_changes_per_learnt_mean_u,
+)
 from analysis.calibration.line.variance_components import estimate_variances_by_reml
 from estimators.arrays import Floats
 from estimators.errors import DataError
@@ -158,7 +161,7 @@ def fit_calibration_line(
         beta_interval_kg=compute_beta_confidence_interval_kg(inversion, options.confidence_1),
         c0_kg=c0,
         c1_1=line.slope_1,
-        covariance=_list_upper_covariance_entries(covariance),
+        covariance=_list_level_variance_covariance_slope_variance(covariance),
         centre_kg=line.centre_kg,
         level_kg=line.level_kg,
         chi2_1=line.chi2,
@@ -193,7 +196,7 @@ def fit_calibration_line(
         coverage_k_1=half_kg / u_kg,
         u_kg=u_kg,
         says=(),
-        responses=compute_line_responses(
+        responses=compute_line_changes_per_learnt_mean_u(
             responses,
             {row.run_id: row.reference_kg for row in rows if row.readings},
             line.centre_kg,
@@ -238,7 +241,7 @@ def list_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Comp
                 name=effect.name,
                 variance_kg2=effect.variance_kg2,
                 freedom=freedom,
-                on_line=_list_upper_covariance_entries(effect.on_line),
+                on_line=_list_level_variance_covariance_slope_variance(effect.on_line),
                 estimated=effect.estimated,
                 scatters=effect.scatters,
             )
@@ -256,7 +259,9 @@ def count_degrees_of_freedom_of_variance(
     return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0
 
 
-def _list_upper_covariance_entries(covariance: Floats) -> tuple[float, float, float]:
+def _list_level_variance_covariance_slope_variance(
+    covariance: Floats,
+) -> tuple[float, float, float]:
     """Variance of the level, covariance, variance of the slope."""
     return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
 
@@ -281,7 +286,7 @@ def compute_beta_confidence_interval_kg(
     inversion: LineInversion, confidence_1: float
 ) -> tuple[float | None, float | None]:
     """Interval in kg of β, the mass at which the line is 0; (None, None) if it is unbounded."""
-    found = inversion.invert_without_later_variance(0.0, confidence_1)
+    found = inversion.invert_with_line_uncertainty_only(0.0, confidence_1)
     low, high = float(found.low_kg[0]), float(found.high_kg[0])
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)
 

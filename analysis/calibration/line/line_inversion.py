@@ -98,10 +98,10 @@ class LineInversion:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
         new = self._make_effect_factors_of_later_value(readings)
-        beyond = self._excess_random_variance_kg2(new, u_random_kg)
+        beyond = self._random_variance_beyond_campaign_kg2(new, u_random_kg)
         return self._invert_with_effect_factors(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
-    def invert_without_later_variance(self, y_kg: float, confidence_1: float) -> InverseReading:
+    def invert_with_line_uncertainty_only(self, y_kg: float, confidence_1: float) -> InverseReading:
         """Mass whose value on the line is `y_kg`, with the interval of the line alone.
 
         Args:
@@ -114,7 +114,7 @@ class LineInversion:
     def slope_interval(self, confidence_1: float) -> tuple[float, float]:
         """Confidence interval of the slope."""
         gradient = self.on_line[None, :, 1, 1]
-        squared, _ = self._squared_student_factors(gradient, np.zeros(1), confidence_1)
+        squared, _ = self._compute_squared_student_factors(gradient, np.zeros(1), confidence_1)
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
@@ -126,7 +126,7 @@ class LineInversion:
             / self.slope_1**2
         )
 
-    def with_common_uncertainty(self, u_kg: float) -> "LineInversion":
+    def copy_with_common_uncertainty(self, u_kg: float) -> "LineInversion":
         """Add an uncertainty common to all later masses, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
@@ -173,15 +173,21 @@ class LineInversion:
         away = np.array([1.0, mass_kg - self.centre_kg])
         new = self._make_effect_factors_of_later_value(np.array([readings]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
-        more_kg2 = self._excess_random_variance_kg2(new, np.array([u_random_kg])) + self.extra_kg2
+        more_kg2 = (
+            self._random_variance_beyond_campaign_kg2(new, np.array([u_random_kg])) + self.extra_kg2
+        )
         scaled, of_more = gradient, 1.0
         if confidence_1 is not None:
-            squared, of_rest = self._squared_student_factors(gradient, more_kg2, confidence_1)
+            squared, of_rest = self._compute_squared_student_factors(
+                gradient, more_kg2, confidence_1
+            )
             scaled, of_more = squared * gradient, float(of_rest[0])
         variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
         return float(np.sqrt(variance)) / abs(self.slope_1)
 
-    def _excess_random_variance_kg2(self, effect_factors: Floats, u_random_kg: Floats) -> Floats:
+    def _random_variance_beyond_campaign_kg2(
+        self, effect_factors: Floats, u_random_kg: Floats
+    ) -> Floats:
         """Random variance of later values beyond that of the campaign's readings, (n,)."""
         random = (
             effect_factors[:, self._index_of_random_effect()]
@@ -215,7 +221,7 @@ class LineInversion:
         at = np.stack([np.ones_like(away), away], -1)
         gradient = effect_factors + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
         u_kg = np.sqrt(gradient @ self.variance_kg2 + additional_variance_kg2) / abs(self.slope_1)
-        squared, of_more = self._squared_student_factors(
+        squared, of_more = self._compute_squared_student_factors(
             gradient, additional_variance_kg2, confidence_1
         )
         # (d - s h)² = Σ t² (own + v00 + 2 h v01 + h² v11), for h from the centre
@@ -237,7 +243,7 @@ class LineInversion:
             factor_1=np.where(bounded, half / u_kg, _UNBOUNDED),
         )
 
-    def _squared_student_factors(
+    def _compute_squared_student_factors(
         self, gradient: Floats, additional_variance_kg2: Floats, confidence_1: float
     ) -> tuple[Floats, Floats]:
         """Squared Student factors of each effect, (n, effects), and of the rest, (n,).

@@ -32,7 +32,7 @@ def make_point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     values = {
         "calibrated_kg": calibrated,
         "error_kg": calibrated - reference,
-        "error_left_out_kg": compute_leave_one_load_out_errors(campaign, line),
+        "error_left_out_kg": compute_leave_one_load_out_mass_errors_kg(campaign, line),
         "studentised_1": compute_studentised_residuals(line),
     }
     place = {int(row): k for k, row in enumerate(campaign.fitted)}
@@ -47,7 +47,7 @@ def make_point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     return tuple(rows)
 
 
-def compute_leave_one_load_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
+def compute_leave_one_load_out_mass_errors_kg(campaign: Campaign, line: FittedLine) -> Floats:
     """(points,) error on the line through the other loads; NaN if there is none."""
     points = campaign.points
     errors = np.full(points.y_kg.size, np.nan)

@@ -31,7 +31,7 @@ class RunResponse(BaseModel):
     response_kg: float
 
 
-def compute_line_responses(
+def compute_line_changes_per_learnt_mean_u(
     run_responses: Sequence[RunResponse], reference_kg: Mapping[str, float], centre_kg: float
 ) -> tuple[LineResponse, ...]:
     """Responses of a line's level and slope to errors of learnt means.
@@ -125,7 +125,7 @@ class SharedErrors:
             ]
         )
 
-    def line_offset_and_u_kg(
+    def estimate_minus_line_kg_and_u_kg(
         self, responses_kg: Floats, line_shifts_kg: Floats
     ) -> tuple[float, float]:
         """Offset of an estimate from its line, with its standard uncertainty.

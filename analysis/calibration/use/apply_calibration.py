@@ -158,7 +158,7 @@ def estimate_driving_offset_and_u_kg(
         return 0.0, 0.0
     away_kg = ((load_row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
     line_kg = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, away_kg)
-    return shared_errors.line_offset_and_u_kg(shared_errors.moved_kg[key], line_kg)
+    return shared_errors.estimate_minus_line_kg_and_u_kg(shared_errors.moved_kg[key], line_kg)
 
 
 def _calibrate_load_mass(

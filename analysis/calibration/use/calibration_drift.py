@@ -88,7 +88,7 @@ def compare_known_mass_with_calibration(
         )
     if machine_reading.mass_kg is None or machine_reading.readings < 1:
         return _make_drift_check_without_result("no estimate")
-    inversion = calibration.inversion.with_common_uncertainty(reference_u_kg)
+    inversion = calibration.inversion.copy_with_common_uncertainty(reference_u_kg)
     run = (float(machine_reading.readings), machine_reading.u_random_kg or 0.0)
     mass = calibration.alpha_1 * machine_reading.mass_kg + calibration.beta_kg
     difference = mass - reference_kg

@@ -155,7 +155,7 @@ def judge_loads_by_error_limits(calibration: Calibration, rule: DecisionRule) ->
                 error_kg=error_kg,
                 u_kg=inversion.later_mass_u_kg(reference_kg, readings),
                 guard_kg=inversion.half_interval_kg(reference_kg, one_sided, readings),
-                verdict=judge_exceedance_risk_of_load(outside, rule.risk_1),
+                verdict=choose_verdict_by_exceedance_risk(outside, rule.risk_1),
                 outside_1=outside,
             )
         )
@@ -187,7 +187,9 @@ def list_mean_errors_of_loads(calibration: Calibration) -> list[LoadError]:
     return found
 
 
-def judge_exceedance_risk_of_load(exceedance_probability_1: float, allowed_risk_1: float) -> str:
+def choose_verdict_by_exceedance_risk(
+    exceedance_probability_1: float, allowed_risk_1: float
+) -> str:
     """Verdict on one load by the probability that a mass is beyond the limits."""
     if exceedance_probability_1 <= allowed_risk_1:
         return WITHIN

@@ -111,7 +111,9 @@ def pool_learnt_term_over_logs(
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
     told = [
-        own for each in log_terms if (own := estimate_learnt_term_without_prior(each)) is not None
+        own
+        for each in log_terms
+        if (own := estimate_learnt_term_and_std_without_prior(each)) is not None
     ]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
     between = (
@@ -129,7 +131,7 @@ def pool_learnt_term_over_logs(
     )
 
 
-def estimate_learnt_term_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
+def estimate_learnt_term_and_std_without_prior(log_term: TermOfLog) -> tuple[float, float] | None:
     """Estimate of a term by the log alone, without the prior, and its standard deviation."""
     prior = (log_term.prior_mean, log_term.prior_std)
     return remove_normal_prior_from_posterior((log_term.posterior, log_term.posterior_std), prior)
@@ -159,7 +161,7 @@ def estimate_between_log_variance(
     return max(squares - freedom, 0.0) / spare
 
 
-def apply_learnt_priors_to_machine(
+def copy_machine_with_learnt_priors(
     machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]
 ) -> Machine:
     """The machine with a calibration's learnt priors; those stated in its file are kept."""
@@ -173,7 +175,7 @@ def apply_learnt_priors_to_machine(
     return machine.model_copy(update={"settings": machine.settings.with_changes(content)})
 
 
-def copy_machine_with_learnt_means_checked(machine: Machine) -> Machine:
+def copy_machine_estimating_learnt_mean_errors(machine: Machine) -> Machine:
     """The machine for later logs, in which several loads show errors of learnt means."""
     told = {"priors.learnt_means": "told"}
     return machine.model_copy(update={"settings": machine.settings.with_changes(told)})

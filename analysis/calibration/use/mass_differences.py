@@ -91,7 +91,10 @@ def calibrate_mass_differences(
             [each in shared_errors.moved_kg for each in payload_kinds_and_numbers]
         ) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
-        off = [shared_errors.line_offset_and_u_kg(*each) for each in zip(moved, line, strict=True)]
+        off = [
+            shared_errors.estimate_minus_line_kg_and_u_kg(*each)
+            for each in zip(moved, line, strict=True)
+        ]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
         scale_kg = np.array(

@@ -18,7 +18,7 @@ from analysis.simulation.plant.integrated_motion import (
     TURNING,
     RowBuffer,
 )
-from analysis.simulation.plant.plant_inputs import DriveStage, make_plant_of_scenario
+from analysis.simulation.plant.plant_inputs import DriveStage, make_machine_and_ground_of_scenario
 from analysis.simulation.plant.resistance import cold_friction_fraction, rolling_resistance
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
@@ -83,14 +83,14 @@ class MachineDriver:
         self.starts = 0
         #: 1 or -1: whether the machine looks uphill or downhill where the ground slopes up.
         self.facing = 1.0
-        self._plant = make_plant_of_scenario(scenario)
+        self._machine = make_machine_and_ground_of_scenario(scenario)
         self._load_index = load_index
-        if self._plant.resonance_rad_s:
+        if self._machine.resonance_rad_s:
             self.state[plant.STRETCH] = self._driveline_spring_elongation_m(
                 scenario.machine.mass_kg + load_kg
             )
         if scenario.chassis.squat_hz:
-            self.state[plant.PITCH] = self._plant.pitch_1_kg * load_kg
+            self.state[plant.PITCH] = self._machine.pitch_1_kg * load_kg
         fastest = max(
             scenario.drivetrain.resonance_hz, scenario.chassis.squat_hz, scenario.starts.stick_hz
         )
@@ -278,12 +278,12 @@ class MachineDriver:
         """
         step_count = step_count or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
         rows = self.kept.provide_free_rows(2 * step_count + 4)
-        self.time_s, kept, self._moved = plant.integrate_plant(
+        self.time_s, kept, self._moved = plant.integrate_stage_until_end_or_standstill(
             stage.begin_s + duration_s,
             step_count,
             ends_at_rest,
             self.state,
-            self._plant,
+            self._machine,
             stage,
             np.empty(0) if wave is None else wave,
             LIMITS.wave_step_s,
@@ -299,7 +299,7 @@ class MachineDriver:
     def uphill_gravity_m_s2(self) -> float:
         """Component of gravity against the machine at its position."""
         slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
-        return self.facing * self._plant.gravity_m_s2 * math.sin(slope_rad)
+        return self.facing * self._machine.gravity_m_s2 * math.sin(slope_rad)
 
     def make_body_with_cold_friction(self, body: RigidBody, time_s: float) -> RigidBody:
         """Body with the remaining cold friction at a time."""
@@ -312,8 +312,8 @@ class MachineDriver:
 
     def _cold_viscous_and_coulomb_fractions(self, time_s: float) -> tuple[float, float]:
         """Remaining fractions of cold viscous and Coulomb friction at a time."""
-        viscous, coulomb = self._plant.friction_warming, self._plant.coulomb_warming
-        warming_s = self._plant.warming_s
+        viscous, coulomb = self._machine.friction_warming, self._machine.coulomb_warming
+        warming_s = self._machine.warming_s
         return cold_friction_fraction(time_s, viscous, warming_s), cold_friction_fraction(
             time_s, coulomb, warming_s
         )
@@ -358,11 +358,11 @@ class MachineDriver:
 
     def _driveline_spring_elongation_m(self, mass_kg: float) -> float:
         """Stretch of the driveline's spring by the slope at the begin of a log, in m."""
-        wheel_kg = self._plant.wheel_share * mass_kg + self._plant.rotating_kg
-        body_kg = mass_kg * (1.0 - self._plant.wheel_share)
+        wheel_kg = self._machine.wheel_share * mass_kg + self._machine.rotating_kg
+        body_kg = mass_kg * (1.0 - self._machine.wheel_share)
         reduced_kg = wheel_kg * body_kg / (wheel_kg + body_kg)
         pull_N = body_kg * self.uphill_gravity_m_s2()
-        return pull_N / (reduced_kg * self._plant.resonance_rad_s**2)
+        return pull_N / (reduced_kg * self._machine.resonance_rad_s**2)
 
     def rolling_resistance_newtons(
         self, mass_kg: float, speed_m_s: float = 0.0, turn_rad_s: float = 0.0
@@ -370,7 +370,7 @@ class MachineDriver:
         """Rolling resistance of a mass at the machine's position, in N."""
         slope_rad = float(self.scenario.terrain.slope_at_rad(self.position_m))
         return rolling_resistance(
-            self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._plant
+            self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._machine
         )
 
     def _cruise_force_newtons(self, stage: DriveStage, full_force_N: float) -> float:
@@ -378,20 +378,20 @@ class MachineDriver:
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_force_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
         viscous, coulomb = self._cold_viscous_and_coulomb_fractions(self.time_s)
-        resistance_N = stage.coulomb_N * coulomb + self._plant.drag_N
+        resistance_N = stage.coulomb_N * coulomb + self._machine.drag_N
         resistance_N += stage.scrub_N_s_rad * turned
         resistance_N += self.rolling_resistance_newtons(stage.mass_kg, speed, turned)
         needed_N = (
-            self._plant.friction_N_s_m * viscous * speed
-            + self._plant.air_N_s2_m2 * abs(speed) * speed
-            + self.facing * self._plant.spring_N_m * self.position_m
+            self._machine.friction_N_s_m * viscous * speed
+            + self._machine.air_N_s2_m2 * abs(speed) * speed
+            + self.facing * self._machine.spring_N_m * self.position_m
             + stage.mass_kg * self.uphill_gravity_m_s2()
             + stage.fill_kg_s * speed
             + sign * resistance_N
         )
-        efficiency = self._plant.efficiency
+        efficiency = self._machine.efficiency
         needed_N = needed_N / efficiency if needed_N * sign > 0.0 else needed_N * efficiency
-        if self._plant.no_load_m_s:
-            needed_N /= max(1.0 - abs(speed) / self._plant.no_load_m_s, 1e-3)
+        if self._machine.no_load_m_s:
+            needed_N /= max(1.0 - abs(speed) / self._machine.no_load_m_s, 1e-3)
         most_N = self.scenario.campaign.throttle_force_N
         return min(max(needed_N, -most_N), most_N)

@@ -14,7 +14,7 @@ from analysis.simulation.logs.simulated_campaign import SimulatedLog
 from analysis.simulation.motion.solved_motion import Channels
 from analysis.simulation.motion.timeline import (
     DrivenManoeuvre,
-    Hints,
+    PositionBoomAndBucket,
     Timeline,
     convert_to_whole_ns,
 )
@@ -180,12 +180,14 @@ class _PositionAndBoom(NamedTuple):
     angles: tuple[BoomAngle, ...]
     start_ns: int
 
-    def sample_position_boom_and_bucket(self, time_ns: NDArray[np.int64]) -> Hints:
+    def sample_position_boom_and_bucket(self, time_ns: NDArray[np.int64]) -> PositionBoomAndBucket:
         time_s: Floats = (time_ns - self.start_ns) * np.float64(1e-9)
         known, boom, bucket = np.array(self.angles).T
         rows = self.motion.rows
         position = np.interp(time_s, rows[:, plant.TIME], rows[:, 1 + plant.POSITION])
-        return Hints(position, np.interp(time_s, known, boom), np.interp(time_s, known, bucket))
+        return PositionBoomAndBucket(
+            position, np.interp(time_s, known, boom), np.interp(time_s, known, bucket)
+        )
 
 
 def subtract_cycle_begins(

@@ -32,7 +32,7 @@ class DrivenManoeuvre(NamedTuple):
     throttle: float | None
 
 
-class Hints(NamedTuple):
+class PositionBoomAndBucket(NamedTuple):
     """Signals of a shift besides the motion, (n,) each.
 
     Position along the way, and angles of boom and bucket, positive up.
@@ -61,7 +61,7 @@ class Timeline:
     trial_ns: NDArray[np.int64]
     driven: tuple[DrivenManoeuvre, ...]
     sample: Callable[[NDArray[np.int64]], Channels]
-    hints: Callable[[NDArray[np.int64]], Hints] | None = None
+    hints: Callable[[NDArray[np.int64]], PositionBoomAndBucket] | None = None
 
     def assign_trial_numbers(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Trial number at each time, (n,); the rest after the last trial has the next number."""

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulation.plant.plant_inputs import DriveStage, Plant
+from analysis.simulation.plant.plant_inputs import DriveStage, MachineAndGround
 from analysis.simulation.plant.resistance import (
     cold_friction_fraction,
     coulomb_friction_force,
@@ -45,15 +45,15 @@ _HALVINGS: Final = 60
 
 
 @compiled_inline
-def limit_motor_force(commanded_N: float, speed_m_s: float, plant: Plant) -> float:
+def limit_motor_force(commanded_N: float, speed_m_s: float, machine: MachineAndGround) -> float:
     """Force of the motor in N: the commanded one, within its limits while it drives."""
     force_N = commanded_N
     if force_N * speed_m_s > 0.0:
         fast = abs(speed_m_s)
-        if plant.no_load_m_s > 0.0:
-            force_N *= max(0.0, 1.0 - fast / plant.no_load_m_s)
-        if plant.power_W > 0.0 and abs(force_N) * fast > plant.power_W:
-            force_N = math.copysign(plant.power_W / fast, force_N)
+        if machine.no_load_m_s > 0.0:
+            force_N *= max(0.0, 1.0 - fast / machine.no_load_m_s)
+        if machine.power_W > 0.0 and abs(force_N) * fast > machine.power_W:
+            force_N = math.copysign(machine.power_W / fast, force_N)
     return force_N
 
 
@@ -86,12 +86,12 @@ def compute_pedal_and_brake_force(
 
 
 @compiled_inline
-def _rotating_mass_kg(speed_m_s: float, plant: Plant) -> float:
+def _rotating_mass_kg(speed_m_s: float, machine: MachineAndGround) -> float:
     """Equivalent rotating mass in the gear at a speed."""
-    for gear in range(plant.gears.shape[0]):
-        if abs(speed_m_s) < plant.gears[gear, 0]:
-            return plant.rotating_kg + plant.gears[gear, 1]
-    return plant.rotating_kg
+    for gear in range(machine.gears.shape[0]):
+        if abs(speed_m_s) < machine.gears[gear, 0]:
+            return machine.rotating_kg + machine.gears[gear, 1]
+    return machine.rotating_kg
 
 
 @compiled_inline
@@ -105,13 +105,13 @@ def compute_total_mass_kg(time_s: float, stage: DriveStage) -> float:
 
 @compiled_inline
 def compute_pitch_acceleration_rad_s2(
-    y: Floats, acc_m_s2: float, load_kg: float, plant: Plant
+    y: Floats, acc_m_s2: float, load_kg: float, machine: MachineAndGround
 ) -> float:
     """Pitch acceleration on springs under load and acceleration."""
-    squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
-    squat += plant.pitch_1_kg * load_kg
-    return plant.squat_rad_s * (
-        plant.squat_rad_s * (squat - y[PITCH]) - 2.0 * plant.squat_damping * y[PITCH_RATE]
+    squat = (machine.squat_s2_m + machine.squat_s2_m_kg * load_kg) * acc_m_s2
+    squat += machine.pitch_1_kg * load_kg
+    return machine.squat_rad_s * (
+        machine.squat_rad_s * (squat - y[PITCH]) - 2.0 * machine.squat_damping * y[PITCH_RATE]
     )
 
 
@@ -121,7 +121,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     y: Floats,
     grip: float,
     waits: float,
-    plant: Plant,
+    machine: MachineAndGround,
     stage: DriveStage,
     wave: Floats,
     wave_step_s: float,
@@ -130,37 +130,37 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     """Compute the derivatives of the state, and the forces, into `out`."""
     wheel, body = y[WHEEL], y[BODY]
     mass = compute_total_mass_kg(t, stage)
-    slope = plant.slope_rad + plant.hills_rad * math.sin(
-        plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
+    slope = machine.slope_rad + machine.hills_rad * math.sin(
+        machine.hills_rad_m * y[POSITION] + machine.hills_phase_rad
     )
-    gravity = stage.facing * plant.gravity_m_s2 * math.sin(slope)
-    boom = plant.boom_N * math.sin(plant.boom_rad_s * t)
-    force = limit_motor_force(y[DRIVE], wheel, plant)
-    ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
+    gravity = stage.facing * machine.gravity_m_s2 * math.sin(slope)
+    boom = machine.boom_N * math.sin(machine.boom_rad_s * t)
+    force = limit_motor_force(y[DRIVE], wheel, machine)
+    ground = force / machine.efficiency if force * wheel < 0.0 else force * machine.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
-    capacity = coulomb_friction_force(t, turn, plant, stage)
+    capacity = coulomb_friction_force(t, turn, machine, stage)
     capacity += rolling_resistance(
-        y[POSITION], wheel, turn, mass, slope, plant
-    ) + gentle_brake_force(t, grip, mass, gravity, plant, stage)
+        y[POSITION], wheel, turn, mass, slope, machine
+    ) + gentle_brake_force(t, grip, mass, gravity, machine, stage)
     # material that stood takes up the body's speed
     filling = stage.fill_kg_s * body
-    soft = plant.resonance_rad_s > 0.0
-    share = plant.wheel_share if soft else 1.0
-    wheel_kg = share * mass + _rotating_mass_kg(wheel, plant)
+    soft = machine.resonance_rad_s > 0.0
+    share = machine.wheel_share if soft else 1.0
+    wheel_kg = share * mass + _rotating_mass_kg(wheel, machine)
     body_kg = (1.0 - share) * mass
-    friction = plant.friction_N_s_m * cold_friction_fraction(
-        t, plant.friction_warming, plant.warming_s
+    friction = machine.friction_N_s_m * cold_friction_fraction(
+        t, machine.friction_warming, machine.warming_s
     )
     pull = ground - friction * wheel - share * mass * gravity
-    pull -= plant.air_N_s2_m2 * abs(wheel) * wheel
-    pull -= stage.facing * plant.spring_N_m * y[POSITION]
+    pull -= machine.air_N_s2_m2 * abs(wheel) * wheel
+    pull -= stage.facing * machine.spring_N_m * y[POSITION]
     spring = 0.0
     if soft:
         reduced = wheel_kg * body_kg / (wheel_kg + body_kg)
         spring = (
-            plant.resonance_rad_s
+            machine.resonance_rad_s
             * reduced
-            * (plant.resonance_rad_s * y[STRETCH] + 2.0 * plant.damping * (wheel - body))
+            * (machine.resonance_rad_s * y[STRETCH] + 2.0 * machine.damping * (wheel - body))
         )
         pull -= spring
     else:
@@ -182,10 +182,12 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     asked, braking = compute_force_or_speed_command(t, stage, wave, wave_step_s), stage.brake_N
     if stage.pedal_N_s_m > 0.0:
         asked, braking = compute_pedal_and_brake_force(asked, wheel, stage)
-    out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
-    out[BRAKE] = (braking - y[BRAKE]) / plant.lag_s
+    out[DRIVE] = (asked - y[DRIVE]) / machine.lag_s
+    out[BRAKE] = (braking - y[BRAKE]) / machine.lag_s
     out[PITCH] = y[PITCH_RATE]
-    out[PITCH_RATE] = compute_pitch_acceleration_rad_s2(y, body_acc, mass - plant.empty_kg, plant)
+    out[PITCH_RATE] = compute_pitch_acceleration_rad_s2(
+        y, body_acc, mass - machine.empty_kg, machine
+    )
     out[_PULL] = pull
     out[_CAPACITY] = capacity
     out[_FORCE] = force
@@ -216,7 +218,7 @@ def integrate_runge_kutta_step(  # noqa: PLR0913 - compiled, as above
     y: Floats,
     grip: float,
     waits: float,
-    plant: Plant,
+    machine: MachineAndGround,
     stage: DriveStage,
     wave: Floats,
     wave_step_s: float,
@@ -226,24 +228,28 @@ def integrate_runge_kutta_step(  # noqa: PLR0913 - compiled, as above
     """One Runge-Kutta step from `y` to `next_state`; `k` (4, _OUT) begins with the rates at `t`."""
     for i in range(STATES):
         next_state[i] = y[i] + 0.5 * dt * k[0, i]
-    _fill_state_rates(t + 0.5 * dt, next_state, grip, waits, plant, stage, wave, wave_step_s, k[1])
+    _fill_state_rates(
+        t + 0.5 * dt, next_state, grip, waits, machine, stage, wave, wave_step_s, k[1]
+    )
     for i in range(STATES):
         next_state[i] = y[i] + 0.5 * dt * k[1, i]
-    _fill_state_rates(t + 0.5 * dt, next_state, grip, waits, plant, stage, wave, wave_step_s, k[2])
+    _fill_state_rates(
+        t + 0.5 * dt, next_state, grip, waits, machine, stage, wave, wave_step_s, k[2]
+    )
     for i in range(STATES):
         next_state[i] = y[i] + dt * k[2, i]
-    _fill_state_rates(t + dt, next_state, grip, waits, plant, stage, wave, wave_step_s, k[3])
+    _fill_state_rates(t + dt, next_state, grip, waits, machine, stage, wave, wave_step_s, k[3])
     for i in range(STATES):
         next_state[i] = y[i] + dt / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
 
 
 @compiled
-def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a step
+def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a step
     end_s: float,
     steps: int,
-    stops: bool,
+    ends_at_standstill: bool,
     y: Floats,
-    plant: Plant,
+    machine: MachineAndGround,
     stage: DriveStage,
     wave: Floats,
     wave_step_s: float,
@@ -254,9 +260,9 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
     Args:
         end_s: latest end of the stage, since the log began.
         steps: number of steps until then.
-        stops: whether it ends when the wheels first stand.
+        ends_at_standstill: whether it ends when the wheels first stand.
         y: (8,) state, changed in place.
-        plant: the machine.
+        machine: machine and ground.
         stage: the commands.
         wave: (m,) commanded drive force or target speed every `wave_step_s`; empty uses the stage's
             own.
@@ -275,7 +281,7 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
     moved = grip != 0.0
     kept, number, blocked = 0, 0, False
     while number < steps and kept + 2 < rows.shape[0]:
-        _fill_state_rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+        _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])
         if grip == 0.0 and stage.holds == 0.0 and not blocked:
             pull = k[0, _PULL]
             if abs(pull) > max(k[0, _CAPACITY], _LEAST_GRIP):
@@ -284,14 +290,16 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
                     y[BRAKE] = 0.0
                 waits = 0.0
                 moved = True
-                _fill_state_rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+                _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])
         stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
         _write_state_row(rows[kept], t, y, k[0], stands)
         kept += 1
         dt = stage.begin_s + (number + 1) * step - t
-        integrate_runge_kutta_step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+        integrate_runge_kutta_step(
+            t, dt, y, grip, waits, machine, stage, wave, wave_step_s, k, made
+        )
         crosses = grip != 0.0 and made[WHEEL] * grip < 0.0
-        if crosses and not stops and k[0, _CAPACITY] <= _LEAST_GRIP:
+        if crosses and not ends_at_standstill and k[0, _CAPACITY] <= _LEAST_GRIP:
             grip = -grip
             crosses = False
         blocked = False
@@ -300,33 +308,33 @@ def integrate_plant(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes wi
             for _ in range(_HALVINGS):
                 middle = 0.5 * (least + most)
                 integrate_runge_kutta_step(
-                    t, middle, y, grip, waits, plant, stage, wave, wave_step_s, k, made
+                    t, middle, y, grip, waits, machine, stage, wave, wave_step_s, k, made
                 )
                 if made[WHEEL] * grip < 0.0:
                     most = middle
                 else:
                     least = middle
             integrate_runge_kutta_step(
-                t, least, y, grip, waits, plant, stage, wave, wave_step_s, k, made
+                t, least, y, grip, waits, machine, stage, wave, wave_step_s, k, made
             )
-            if plant.resonance_rad_s == 0.0:
+            if machine.resonance_rad_s == 0.0:
                 made[BODY] = 0.0
             made[WHEEL] = 0.0
             t += least
             # no progress: friction holds for the rest of this step
             blocked = least <= 1e-9 * step
             y[:] = made
-            _fill_state_rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+            _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])
             _write_state_row(rows[kept], t, y, k[0], 0.0)
             kept += 1
-            if stops:
+            if ends_at_standstill:
                 return t, kept, moved
             grip = 0.0
         else:
             number += 1
             t = stage.begin_s + number * step
             y[:] = made
-    _fill_state_rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+    _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])
     stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
     _write_state_row(rows[kept], t, y, k[0], stands)
     return t, kept + 1, moved

@@ -1,4 +1,4 @@
-"""Inputs of the compiled plant: constants of machine and ground, and a stage of a drive."""
+"""Inputs of the compiled machine model: constants of machine and ground, and a stage of a drive."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from analysis.simulation.scenario.scenario import Scenario
 from estimators.arrays import Floats
 
 
-class Plant(NamedTuple):
+class MachineAndGround(NamedTuple):
     """Constants of machine and ground in a log."""
 
     friction_N_s_m: float
@@ -89,12 +89,12 @@ class DriveStage(NamedTuple):
     facing: float = 1.0
 
 
-def make_plant_of_scenario(scenario: Scenario) -> Plant:
-    """Plant of a scenario."""
+def make_machine_and_ground_of_scenario(scenario: Scenario) -> MachineAndGround:
+    """Constants of machine and ground of a scenario."""
     drivetrain, chassis, terrain = scenario.drivetrain, scenario.chassis, scenario.terrain
     rolling = scenario.rolling
     boom_rad_s = 2.0 * math.pi / chassis.boom_period_s
-    return Plant(
+    return MachineAndGround(
         friction_N_s_m=scenario.machine.friction_N_s_m,
         air_N_s2_m2=scenario.machine.air_N_s2_m2,
         spring_N_m=scenario.machine.spring_N_m,

@@ -1,9 +1,9 @@
-"""Resistance that opposes the motion of the integrated plant and holds it at standstill."""
+"""Resistance that opposes the motion of the integrated machine and holds it at standstill."""
 
 import math
 from typing import Final
 
-from analysis.simulation.plant.plant_inputs import DriveStage, Plant
+from analysis.simulation.plant.plant_inputs import DriveStage, MachineAndGround
 from estimators.compiled import compiled_inline
 
 #: A loader's axles are about so far apart, in m: over it one ground passes into the other.
@@ -20,13 +20,13 @@ def cold_friction_fraction(time_s: float, cold_excess_fraction: float, warming_s
 
 @compiled_inline
 def coulomb_friction_force(
-    time_s: float, turn_rad_s: float, plant: Plant, stage: DriveStage
+    time_s: float, turn_rad_s: float, machine: MachineAndGround, stage: DriveStage
 ) -> float:
     """Coulomb friction at a time and yaw rate, in N: its limit at rest, its force in motion."""
     coulomb_N = stage.coulomb_N * cold_friction_fraction(
-        time_s, plant.coulomb_warming, plant.warming_s
+        time_s, machine.coulomb_warming, machine.warming_s
     )
-    capacity = coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
+    capacity = coulomb_N + machine.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
     if stage.release_s > 0.0:
         since_s = time_s - stage.release_from_s
         capacity += stage.release_N * math.exp(-since_s / stage.release_s)
@@ -38,12 +38,17 @@ def coulomb_friction_force(
 
 @compiled_inline
 def gentle_brake_force(
-    time_s: float, grip: float, mass_kg: float, gravity_m_s2: float, plant: Plant, stage: DriveStage
+    time_s: float,
+    grip: float,
+    mass_kg: float,
+    gravity_m_s2: float,
+    machine: MachineAndGround,
+    stage: DriveStage,
 ) -> float:
     """Force of unmeasured brakes in N, as an operator adapts it to the slope."""
     if stage.gentle_m_s2 == 0.0 or grip == 0.0:
         return 0.0
-    applied = -math.expm1(-(time_s - stage.gentle_from_s) / plant.lag_s)
+    applied = -math.expm1(-(time_s - stage.gentle_from_s) / machine.lag_s)
     return applied * mass_kg * (stage.gentle_m_s2 + max(0.0, -grip * gravity_m_s2))
 
 
@@ -54,20 +59,20 @@ def rolling_resistance(
     turn_rad_s: float,
     mass_kg: float,
     slope_rad: float,
-    plant: Plant,
+    machine: MachineAndGround,
 ) -> float:
     """Rolling resistance in N; at standstill at most what holds the machine."""
-    if plant.rolling == 0.0 and plant.second_ground_more == 0.0:
+    if machine.rolling == 0.0 and machine.second_ground_more == 0.0:
         return 0.0
-    coefficient = plant.rolling
-    if plant.second_ground_more != 0.0:
+    coefficient = machine.rolling
+    if machine.second_ground_more != 0.0:
         # how far the machine's middle is inside the first ground; negative: inside the second
-        length_m = plant.ground_length_m
+        length_m = machine.ground_length_m
         place_m = (position_m + 0.5 * (length_m + _AXLES_APART_M)) % (2.0 * length_m) - length_m / 2
         inside_m = length_m / 2 - abs(place_m - length_m / 2)
         on_second = min(1.0, max(0.0, 0.5 - inside_m / _AXLES_APART_M))
-        coefficient += plant.second_ground_more * on_second
-    growth = (1.0 + plant.rolling_growth_s_m * abs(speed_m_s)) * (
-        1.0 + plant.rolling_growth_s_rad * abs(turn_rad_s)
+        coefficient += machine.second_ground_more * on_second
+    growth = (1.0 + machine.rolling_growth_s_m * abs(speed_m_s)) * (
+        1.0 + machine.rolling_growth_s_rad * abs(turn_rad_s)
     )
-    return coefficient * growth * mass_kg * plant.gravity_m_s2 * math.cos(slope_rad)
+    return coefficient * growth * mass_kg * machine.gravity_m_s2 * math.cos(slope_rad)

@@ -13,7 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.simulation.motion.solved_motion import Channels
-from analysis.simulation.motion.timeline import Hints, Timeline
+from analysis.simulation.motion.timeline import PositionBoomAndBucket, Timeline
 from analysis.simulation.scenario.instruments import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
@@ -320,7 +320,7 @@ def simulate_boom_readings(
 ) -> dict[str, Floats]:
     """Angles of boom and bucket, positive up, in rad."""
     hints, noise = (
-        _sample_position_boom_and_bucket(timeline, at_ns),
+        _interpolate_position_boom_and_bucket(timeline, at_ns),
         _boom_angle_noise_std_rad(scenario),
     )
     return {
@@ -341,7 +341,7 @@ def simulate_odometry_readings(
         "odometry_yaw", sensors.gyro_noise_rad_s
     )
     return {
-        "position_x_m": _sample_position_boom_and_bucket(timeline, at_ns).position_m,
+        "position_x_m": _interpolate_position_boom_and_bucket(timeline, at_ns).position_m,
         "heading_rad": motion.heading_rad,
         "speed_x_m_s": speed,
         "yaw_rate_rad_s": rate,
@@ -355,7 +355,7 @@ def simulate_gnss_readings(
     shift = scenario.shift
     assert shift is not None
     bearing = math.radians(shift.bearing_deg)
-    along = _sample_position_boom_and_bucket(timeline, at_ns).position_m
+    along = _interpolate_position_boom_and_bucket(timeline, at_ns).position_m
     north = along * math.cos(bearing) + random_streams.draw_white_noise(
         "gnss_north", shift.gnss_noise_m
     )
@@ -369,7 +369,9 @@ def simulate_gnss_readings(
     }
 
 
-def _sample_position_boom_and_bucket(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
+def _interpolate_position_boom_and_bucket(
+    timeline: Timeline, at_ns: NDArray[np.int64]
+) -> PositionBoomAndBucket:
     assert timeline.hints is not None
     return timeline.hints(at_ns)
 

@@ -96,7 +96,7 @@ def withhold_masses(
     return build_frame("masses", masses.with_columns(columns).to_dict())
 
 
-def fit_pooled_parameters_and_stds(
+def fit_parameters_and_stds_to_accepted_samples(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -133,7 +133,7 @@ def estimate_log_parameters_and_stds_by_method(
         method = METHODS[name]
         match method.summary:
             case LogSummary.POOL:
-                theta[row], std[row] = fit_pooled_parameters_and_stds(
+                theta[row], std[row] = fit_parameters_and_stds_to_accepted_samples(
                     axis, excitation, gated, settings, noise, method
                 )
             case LogSummary.LAST:

@@ -59,7 +59,7 @@ def _make_gate_columns(
     window, letter = settings.gate.window_samples, axis.letter
     A, f = make_regressor_and_force(axis, excitation, settings)
     n = f.size
-    phase = encode_phases_as_codes(excitation)
+    phase = encode_motion_phases_as_codes(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
     missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
     complete = ~flag_windows_with_flagged_rows(missing, window)
@@ -109,7 +109,7 @@ def _make_gate_columns(
     return {**columns, f"accepted_{letter}": reason == "accepted", f"reason_{letter}": reason}
 
 
-def encode_phases_as_codes(excitation: pl.DataFrame) -> Codes:
+def encode_motion_phases_as_codes(excitation: pl.DataFrame) -> Codes:
     """Indices of the phases in `PHASES`, (rows,)."""
     codes = excitation["phase"].cast(PHASE).to_physical().cast(pl.UInt8)
     return (codes.fill_null(UNKNOWN) if codes.null_count() else codes).to_numpy()
@@ -185,7 +185,7 @@ def mark_excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settin
 def mark_deceleration(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     """Whether speed, or yaw rate, decreases at each sample, (rows,), with or without brakes."""
     if axis is X:
-        return mark_braking_rows(encode_phases_as_codes(excitation))
+        return mark_braking_rows(encode_motion_phases_as_codes(excitation))
     return sign_of_yaw_rate_change(column_values(excitation, "yaw_rate_rad_s"), settings) < 0
 
 

@@ -37,7 +37,6 @@ from analysis.stages.noise.noise_spectra import (
     average_over_neighbouring_frequencies,
     choose_overlapping_block_ends,
     choose_relative_noise_band,
-    clip_covariances,
     compute_cross_spectra,
     compute_mean_block_spectrum,
     convert_spectra_to_covariances,
@@ -45,6 +44,7 @@ from analysis.stages.noise.noise_spectra import (
     estimate_lag_covariances,
     find_resolution_of_column,
     find_true_runs,
+    limit_noise_covariances_in_place,
     list_block_frequencies_per_sample,
     list_spectrum_frequencies,
     quantisation_covariances,
@@ -133,7 +133,9 @@ def estimate_channel_noise(
         found, sources = estimate_covariances_and_sources(samples, made)
         if channels is not None:
             replace_noise_hidden_by_grid(found, sources, tuple(axis), machine, channels)
-        clip_covariances(found, sources, x, samples.moving, [each.derivative_of for each in made])
+        limit_noise_covariances_in_place(
+            found, sources, x, samples.moving, [each.derivative_of for each in made]
+        )
         override_noise_by_settings(found, sources, axis, machine.settings.noise)
         tables.append(_make_noise_frame(tuple(axis), found, sources))
     return build_frame("noise", pl.concat(tables).to_dict())

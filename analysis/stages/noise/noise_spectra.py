@@ -293,7 +293,7 @@ def compute_noise_std_limits_by_motion(columns: Floats, is_moving: Bools) -> tup
     return spread, left
 
 
-def clip_covariances(
+def limit_noise_covariances_in_place(
     covariances: Floats,
     sources: list[str],
     columns: Floats,

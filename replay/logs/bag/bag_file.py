@@ -31,7 +31,7 @@ from replay.logs.blocks import (
     BlockStore,
     Describe,
     LooseRecords,
-    RecordGrammar,
+    RecordFinders,
     describe_end_of_reading,
     describe_incomplete_end,
     find_records_after_damage,
@@ -75,14 +75,16 @@ class BagFile(BlockFile):
         return tuple(self._connections.values())
 
     @staticmethod
-    def _record_grammar() -> RecordGrammar:
-        from replay.logs.bag.bag_grammar import GRAMMAR
+    def _record_finders() -> RecordFinders:
+        from replay.logs.bag.bag_grammar import RECORD_FINDERS
 
-        return GRAMMAR
+        return RECORD_FINDERS
 
     def read_whole_file_and_count_valid_crcs(self) -> int:
         """Read the file from start to end; a bag has no CRCs."""
-        walk = BagWalk(self._make_second_pass_store(), len(MAGIC + VERSION), self._register_record)
+        walk = BagWalk(
+            self._make_second_pass_store(), len(MAGIC + VERSION), self._process_non_message_record
+        )
         self._note_blocks_missed_by_first_pass(walk.iter_chunks_of_file(), walk.store)
         return self._store.valid_crc_count
 
@@ -125,7 +127,7 @@ class BagFile(BlockFile):
     def _read_whole_file(self, begin_offset: int, header: BagRecord | None) -> None:
         """Read the file from start to end."""
         damage = self._store.damage
-        walk = BagWalk(self._store, begin_offset, self._register_record)
+        walk = BagWalk(self._store, begin_offset, self._process_non_message_record)
         self._store.add_unindexed_blocks(walk.iter_chunks_of_file())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
@@ -136,7 +138,7 @@ class BagFile(BlockFile):
             f"{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _register_record(self, opcode: int, content: bytes, offset: int) -> None:
+    def _process_non_message_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Process a connection record from its header and data."""
         del opcode
         size = int.from_bytes(content[:4], "little")
@@ -204,7 +206,7 @@ class BagWalk:
                 if record.opcode == CONNECTION:
                     self.describe(CONNECTION, file.read_bytes(at, end - at), at)
             if end == at:
-                found = find_records_after_damage(file, at, self.store.record_grammar.find)
+                found = find_records_after_damage(file, at, self.store.record_finders.find)
                 if found is None:
                     return
                 self.store.damage.note_unreadable_bytes(at, found)

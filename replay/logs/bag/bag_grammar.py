@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_for_many_iterations
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
-from replay.logs.blocks import CountAndStop, RecordGrammar
+from replay.logs.blocks import CountAndStop, RecordFinders
 from replay.logs.decoding.bytes_at import estimate_scan_iterations, load32, load64
 
 #: Where records are looked for after damage.
@@ -61,7 +61,7 @@ def parse_bag_record(
 def scan_bag_records(
     data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
 ) -> CountAndStop:
-    """Find the rows of messages and connections; see `slabs.RecordGrammar`.
+    """Find the rows of messages and connections; see `slabs.RecordFinders`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
@@ -102,4 +102,4 @@ def _find_next_bag_record(data: NDArray[np.uint8], begin: int, end: int, limit: 
     return -1
 
 
-GRAMMAR: Final = RecordGrammar(scan_bag_records, _find_next_bag_record)
+RECORD_FINDERS: Final = RecordFinders(scan_bag_records, _find_next_bag_record)

@@ -13,7 +13,7 @@ from replay.logs.bag.bag_records import (
     parse_header_fields,
     read_bag_record,
 )
-from replay.logs.blocks import GrowingBlockFile, RecordGrammar
+from replay.logs.blocks import GrowingBlockFile, RecordFinders
 from replay.logs.messages.raw_batch import RawBatch
 
 _HEAD = MAGIC + VERSION
@@ -26,10 +26,10 @@ class BagTail(GrowingBlockFile):
     """
 
     @staticmethod
-    def _record_grammar() -> RecordGrammar:
-        from replay.logs.bag.bag_grammar import GRAMMAR
+    def _record_finders() -> RecordFinders:
+        from replay.logs.bag.bag_grammar import RECORD_FINDERS
 
-        return GRAMMAR
+        return RECORD_FINDERS
 
     def _read_next_record_batches(self) -> list[RawBatch] | None:
         file = self._file
@@ -55,7 +55,7 @@ class BagTail(GrowingBlockFile):
         if record.opcode == MESSAGE:
             return self._take_unchunked_messages(record.end_offset - self._at)
         if record.opcode == CONNECTION:
-            self._register_record(
+            self._process_non_message_record(
                 CONNECTION, file.read_bytes(self._at, record.end_offset - self._at)
             )
         self._at = record.end_offset
@@ -81,7 +81,7 @@ class BagTail(GrowingBlockFile):
             return 0
         return header.decode_unsigned_field(b"index_pos")
 
-    def _register_record(self, opcode: int, content: bytes) -> None:
+    def _process_non_message_record(self, opcode: int, content: bytes) -> None:
         del opcode
         size = int.from_bytes(content[:4], "little")
         fields = parse_header_fields(content[4 : 4 + size]) or {}

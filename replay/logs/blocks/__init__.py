@@ -6,7 +6,7 @@ from replay.logs.blocks.block_messages import BlockStore, Describe
 from replay.logs.blocks.block_tail import GrowingBlockFile
 from replay.logs.blocks.loose_records import LooseRecords, find_records_after_damage
 from replay.logs.blocks.lost_blocks import describe_end_of_reading, describe_incomplete_end
-from replay.logs.blocks.slabs import CountAndStop, RecordGrammar
+from replay.logs.blocks.slabs import CountAndStop, RecordFinders
 
 __all__ = [
     "Block",
@@ -16,7 +16,7 @@ __all__ = [
     "Describe",
     "GrowingBlockFile",
     "LooseRecords",
-    "RecordGrammar",
+    "RecordFinders",
     "describe_end_of_reading",
     "describe_incomplete_end",
     "find_records_after_damage",

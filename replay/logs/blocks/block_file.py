@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_messages import BlockStore
-from replay.logs.blocks.slabs import RecordGrammar
+from replay.logs.blocks.slabs import RecordFinders
 from replay.logs.storage import BatchGroup, Connection, FileBytes
 
 
@@ -39,15 +39,15 @@ class BlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _record_grammar() -> RecordGrammar:
-        """Grammar that finds its records in bytes."""
+    def _record_finders() -> RecordFinders:
+        """Functions that find its records in bytes."""
 
     @abstractmethod
-    def _register_record(self, opcode: int, content: bytes, offset: int) -> None:
+    def _process_non_message_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
-        return BlockStore(self._file, self._record_grammar, self._register_record)
+        return BlockStore(self._file, self._record_finders, self._process_non_message_record)
 
     def _make_second_pass_store(self) -> BlockStore:
         """Store for a second pass over the file, with shared damage notes."""
@@ -83,9 +83,9 @@ class BlockFile(ABC):
         """Messages in file order; a damaged chunk is skipped."""
         return self._store.read_message_groups(connection_ids, start_ns, end_ns)
 
-    def earliest_ns(self) -> int:
+    def earliest_log_time_bound_ns(self) -> int:
         """Earliest log time by the index."""
-        return self._store.earliest_ns
+        return self._store.earliest_log_time_bound_ns
 
     @abstractmethod
     def read_whole_file_and_count_valid_crcs(self) -> int:

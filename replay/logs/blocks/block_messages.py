@@ -14,10 +14,10 @@ from replay.logs.blocks.block import Block
 from replay.logs.blocks.lost_blocks import BlockDamage
 from replay.logs.blocks.slabs import (
     ChunkStats,
-    RecordGrammar,
-    Slab,
+    RecordFinders,
+    UnpackedBlockGroup,
     count_messages_of_chunks,
-    iter_slabs,
+    iter_unpacked_block_groups,
     select_messages_of_connections,
 )
 from replay.logs.storage import (
@@ -47,20 +47,20 @@ class BlockStore:
     def __init__(
         self,
         file: FileBytes,
-        load_grammar: Callable[[], RecordGrammar],
+        load_finders: Callable[[], RecordFinders],
         describe: Describe,
     ) -> None:
         """Create an empty store.
 
         Args:
             file: file that contains the blocks.
-            load_grammar: loads the grammar of its records; compiled code, not needed with an index.
+            load_finders: loads what finds its records; compiled code, not needed with an index.
             describe: called with each record that is not a message.
         """
         self.file = file
         self.damage = BlockDamage(file.path.name)
-        self._load_grammar = load_grammar
-        self._register_record = describe
+        self._load_finders = load_finders
+        self._process_non_message_record = describe
         self._blocks: list[Block] = []
         self._times: dict[int, list[NDArray[np.int64]]] = {}
         self._late: dict[int, int] = {}
@@ -73,9 +73,9 @@ class BlockStore:
         self._topics: Mapping[int, str] = {}
 
     @cached_property
-    def record_grammar(self) -> RecordGrammar:
-        """Grammar that finds records in bytes."""
-        return self._load_grammar()
+    def record_finders(self) -> RecordFinders:
+        """Functions that find records in bytes."""
+        return self._load_finders()
 
     @property
     def message_count(self) -> int:
@@ -98,7 +98,7 @@ class BlockStore:
         return max((b.last_ns for b in self._blocks if b.counts), default=None)
 
     @property
-    def earliest_ns(self) -> int:
+    def earliest_log_time_bound_ns(self) -> int:
         """Lower bound of all log times."""
         return min((b.first_ns for b in self._blocks if b.counts), default=END_NS)
 
@@ -142,11 +142,11 @@ class BlockStore:
 
     def add_unindexed_blocks(self, blocks: Iterable[Block]) -> None:
         """Add blocks without an index, which are unpacked to find their messages."""
-        for slab in iter_slabs(self.file, blocks, self.record_grammar):
-            for block, why in slab.damaged:
+        for group in iter_unpacked_block_groups(self.file, blocks, self.record_finders):
+            for block, why in group.damaged:
                 self.damage.note_lost_block(block, why)
-            for block, first, last, unread in slab.parts:
-                self.add_scanned_block(block, slab.data, slab.rows[:, first:last])
+            for block, first, last, unread in group.parts:
+                self.add_scanned_block(block, group.data, group.rows[:, first:last])
                 self._note_unread_bytes(block, unread)
                 self._note_verified_block(block)
 
@@ -156,7 +156,7 @@ class BlockStore:
         """Add a block with the rows found by scanning it."""
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             content = data[offset : offset + length].tobytes()
-            self._register_record(-1 - key, content, block.record_offset)
+            self._process_non_message_record(-1 - key, content, block.record_offset)
         self.add_block_with_times(
             block, {key: rows[TIME, at] for key, at in group_rows_by_connection(rows[KEY])}
         )
@@ -203,7 +203,9 @@ class BlockStore:
                 for key, values in times.items():
                     found.setdefault(key, []).append(values)
             if unknown:
-                unpacked = BlockStore(self.file, self._load_grammar, self._register_record)
+                unpacked = BlockStore(
+                    self.file, self._load_finders, self._process_non_message_record
+                )
                 unpacked.damage = self.damage
                 unpacked.add_unindexed_blocks(unknown)
                 for key, parts in unpacked._times.items():
@@ -230,21 +232,23 @@ class BlockStore:
         begins = np.array([*(block.first_ns for block in touched), END_NS], np.int64)
         floors = np.minimum.accumulate(begins[::-1])[::-1]
         done = 0
-        for slab in iter_slabs(self.file, touched, self.record_grammar):
-            self._compare_slab_with_index(slab)
-            done += len(slab.parts) + len(slab.damaged)
-            found = list(select_messages_of_connections(slab.data, slab.rows, chosen, first, last))
+        for group in iter_unpacked_block_groups(self.file, touched, self.record_finders):
+            self._compare_blocks_with_index(group)
+            done += len(group.parts) + len(group.damaged)
+            found = list(
+                select_messages_of_connections(group.data, group.rows, chosen, first, last)
+            )
             yield BatchGroup(found, int(floors[done]))
 
-    def _compare_slab_with_index(self, slab: Slab) -> None:
-        """Compare the blocks of a slab with what their index promises."""
-        for block, why in slab.damaged:
+    def _compare_blocks_with_index(self, group: UnpackedBlockGroup) -> None:
+        """Compare the blocks of a group with what their index promises."""
+        for block, why in group.damaged:
             self.damage.note_lost_block(block, why)
-        blocks = [block for block, *_ in slab.parts]
+        blocks = [block for block, *_ in group.parts]
         keys = sorted({*self._topics, *(key for block in blocks for key in block.counts)})
         topics = [*(self._topics.get(key, "") for key in keys), ""]
-        found = count_messages_of_chunks(slab, np.array(keys, np.int64))
-        for (block, _, _, unread), held in zip(slab.parts, found, strict=True):
+        found = count_messages_of_chunks(group, np.array(keys, np.int64))
+        for (block, _, _, unread), held in zip(group.parts, found, strict=True):
             self._note_unread_bytes(block, unread)
             self._note_verified_block(block)
             said = [*(block.counts.get(key, 0) for key in keys), 0]

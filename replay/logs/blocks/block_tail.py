@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block_into
-from replay.logs.blocks.slabs import RecordGrammar, SlabIndex
+from replay.logs.blocks.slabs import MessageRowIndex, RecordFinders
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import (
     KEY,
@@ -52,11 +52,11 @@ class GrowingBlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _record_grammar() -> RecordGrammar:
-        """Grammar that finds its records in bytes."""
+    def _record_finders() -> RecordFinders:
+        """Functions that find its records in bytes."""
 
     @abstractmethod
-    def _register_record(self, opcode: int, content: bytes) -> None:
+    def _process_non_message_record(self, opcode: int, content: bytes) -> None:
         """Process a record other than a message."""
 
     @abstractmethod
@@ -115,13 +115,13 @@ class GrowingBlockFile(ABC):
 
     def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
         """Messages in some bytes (n,), and offset of the first incomplete record."""
-        grammar = self._record_grammar()
-        _, whole = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
-        index = SlabIndex(grammar, data, 0)
+        finders = self._record_finders()
+        _, whole = finders.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
+        index = MessageRowIndex(finders, data, 0)
         index.add_rows_of_span(0, whole)
         rows = index.indexed_rows
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
-            self._register_record(-1 - key, data[offset : offset + length].tobytes())
+            self._process_non_message_record(-1 - key, data[offset : offset + length].tobytes())
         return _CompleteRecords(
             [
                 RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])

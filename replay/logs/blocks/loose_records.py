@@ -6,7 +6,7 @@ import numpy as np
 
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_messages import BlockStore
-from replay.logs.blocks.slabs import SLAB_BYTES, Find, SlabIndex
+from replay.logs.blocks.slabs import UNPACKED_GROUP_BYTES, Find, MessageRowIndex
 from replay.logs.storage import LARGEST_BYTES, FileBytes
 
 #: Bytes that are read at first; a longer record widens them.
@@ -30,11 +30,11 @@ class LooseRecords:
         """
         size = max(self._window, min(first_record_bytes, LARGEST_BYTES))
         data = np.frombuffer(self._store.file.read_bytes(offset, size), np.uint8)
-        grammar = self._store.record_grammar
-        _, stop = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
-        self._window = min(2 * size, SLAB_BYTES) if stop > size // 2 else _SMALLEST_WINDOW
+        finders = self._store.record_finders
+        _, stop = finders.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
+        self._window = min(2 * size, UNPACKED_GROUP_BYTES) if stop > size // 2 else _SMALLEST_WINDOW
         if stop:
-            rows = SlabIndex(grammar, data, 0)
+            rows = MessageRowIndex(finders, data, 0)
             rows.add_rows_of_span(0, stop)
             self._store.add_scanned_block(
                 Block(offset, offset, stop, "", stop), data, rows.indexed_rows

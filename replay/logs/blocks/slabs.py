@@ -1,6 +1,6 @@
-"""Slabs: several blocks unpacked in parallel ahead of the consumer, with their records.
+"""Groups of blocks unpacked in parallel ahead of the consumer, with their records.
 
-Messages of a slab are selected by connection and log time, and the contents of chunks counted.
+Messages of a group are selected by connection and log time, and the contents of chunks counted.
 """
 
 import os
@@ -22,7 +22,7 @@ from replay.logs.storage import KEY, LARGEST_BYTES, LENGTH, OFFSET, TIME, FileBy
 #: Number of rows found, and offset of the first incomplete record.
 CountAndStop: TypeAlias = tuple[int, int]
 #: (data, begin, end, rows, row) -> (rows found, where the first record begins that is not whole):
-#: scan [begin, end) of a slab, and fill rows from `row` on, as many as there is room for.
+#: scan [begin, end) of a group, and fill rows from `row` on, as many as there is room for.
 Scan = Callable[
     [NDArray[np.uint8], int, int, NDArray[np.int64], int],
     CountAndStop,
@@ -34,7 +34,7 @@ Find = Callable[[NDArray[np.uint8], int, int, int], int]
 _INT64_MAX: Final = 2**63 - 1
 
 
-class RecordGrammar(NamedTuple):
+class RecordFinders(NamedTuple):
     """Functions that find the records of a format in bytes."""
 
     scan: Scan
@@ -42,7 +42,7 @@ class RecordGrammar(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Slab:
+class UnpackedBlockGroup:
     """Several unpacked blocks and their records."""
 
     data: NDArray[np.uint8]
@@ -68,25 +68,25 @@ class _SpanScan(NamedTuple):
     unread_bytes: int
 
 
-class SlabIndex:
-    """Rows of a slab, found block by block while each is in the processor's cache."""
+class MessageRowIndex:
+    """Rows of a group, found block by block while each is in the processor's cache."""
 
-    def __init__(self, grammar: RecordGrammar, data: NDArray[np.uint8], expected: int) -> None:
+    def __init__(self, finders: RecordFinders, data: NDArray[np.uint8], expected: int) -> None:
         """Create an empty index.
 
         Args:
-            grammar: grammar of the records.
-            data: (bytes,) bytes of the slab.
+            finders: functions that find the records.
+            data: (bytes,) bytes of the group.
             expected: expected number of records, if known; if there are more, a block is scanned
                 twice.
         """
-        self._grammar, self._data = grammar, data
+        self._finders, self._data = finders, data
         self._rows = np.empty((4, expected), np.int64)
         self._count = 0
 
     @property
     def indexed_rows(self) -> NDArray[np.int64]:
-        """All rows so far; see `Slab.rows`."""
+        """All rows so far; see `UnpackedBlockGroup.rows`."""
         return np.ascontiguousarray(self._rows[:, : self._count])
 
     def add_rows_of_span(self, begin_offset: int, end_offset: int) -> SpanRows:
@@ -105,105 +105,110 @@ class SlabIndex:
         """Index the records in a range of bytes; returns their number and the bytes not read."""
         row, unread, at = self._count, end_offset - begin_offset, begin_offset
         while 0 <= at < end_offset:
-            count, stop = self._grammar.scan(self._data, at, end_offset, self._rows, row)
+            count, stop = self._finders.scan(self._data, at, end_offset, self._rows, row)
             row += count
             unread -= stop - at
             at = (
-                self._grammar.find(self._data, stop + 1, end_offset, end_offset)
+                self._finders.find(self._data, stop + 1, end_offset, end_offset)
                 if stop < end_offset
                 else end_offset
             )
         return _SpanScan(row - self._count, unread)
 
 
-#: Blocks are unpacked side by side up to this size, since who reads them pays by the slab.
-SLAB_BYTES: Final = 8 * 2**20
+#: Blocks are unpacked side by side up to this size, since who reads them pays by the group.
+UNPACKED_GROUP_BYTES: Final = 8 * 2**20
 #: The first is small, so that there are rows soon, and each has so many times the bytes of the one
 #: before; until they have their size, one alone is prepared ahead.
-_FIRST_BYTES: Final = SLAB_BYTES // 32
+_FIRST_BYTES: Final = UNPACKED_GROUP_BYTES // 32
 #: Bytes of a group over those of the group before, at most.
 _GROWTH: Final = 4
-#: Slabs below their size.
+#: Groups below their size.
 _GROWING: Final = 3
 _WORKERS: Final = min(4, os.cpu_count() or 1)
-#: Slabs that wait; each block larger than a slab has one of its own, and then fewer wait.
-_MOST_WAITING_BYTES: Final = (_WORKERS + 1) * SLAB_BYTES
+#: Groups that wait; each block larger than a group has one of its own, and then fewer wait.
+_MOST_WAITING_BYTES: Final = (_WORKERS + 1) * UNPACKED_GROUP_BYTES
 
 
-def iter_slabs(file: FileBytes, blocks: Iterable[Block], grammar: RecordGrammar) -> Iterator[Slab]:
+def iter_unpacked_block_groups(
+    file: FileBytes, blocks: Iterable[Block], finders: RecordFinders
+) -> Iterator[UnpackedBlockGroup]:
     """Unpack and scan blocks in order.
 
-    A slab's memory is reused once the next slab is requested.
+    A group's memory is reused once the next group is requested.
     """
     free: list[NDArray[np.uint8]] = []
-    waiting: deque[tuple[Future[Slab], int]] = deque()
+    waiting: deque[tuple[Future[UnpackedBlockGroup], int]] = deque()
     prepared = 0
     pool = ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-unpack")
     try:
-        for group in _group_blocks_for_slabs(blocks):
-            size = sum(_count_slab_bytes(block) for block in group)
+        for group in _iter_groups_of_blocks(blocks):
+            size = sum(_count_unpacked_bytes(block) for block in group)
             while waiting and (
                 sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
                 or (prepared < _GROWING and len(waiting) > 1)
             ):
-                yield from _yield_and_reuse_oldest_slab(waiting, free)
+                yield from _yield_and_reuse_oldest_group(waiting, free)
             prepared += 1
-            recycled = free.pop() if free and size <= SLAB_BYTES else None
+            recycled = free.pop() if free and size <= UNPACKED_GROUP_BYTES else None
             waiting.append(
-                (pool.submit(unpack_blocks_into_scanned_slab, file, group, grammar, recycled), size)
+                (pool.submit(unpack_and_scan_blocks, file, group, finders, recycled), size)
             )
         while waiting:
-            yield from _yield_and_reuse_oldest_slab(waiting, free)
+            yield from _yield_and_reuse_oldest_group(waiting, free)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _yield_and_reuse_oldest_slab(
-    pending_slabs: deque[tuple[Future[Slab], int]], free_buffers: list[NDArray[np.uint8]]
-) -> Iterator[Slab]:
-    """Yield the oldest slab, and reuse its memory afterwards."""
-    slab = pending_slabs.popleft()[0].result()
-    yield slab
-    if slab.data.size == SLAB_BYTES:
-        free_buffers.append(slab.data)
+def _yield_and_reuse_oldest_group(
+    pending_groups: deque[tuple[Future[UnpackedBlockGroup], int]],
+    free_buffers: list[NDArray[np.uint8]],
+) -> Iterator[UnpackedBlockGroup]:
+    """Yield the oldest group, and reuse its memory afterwards."""
+    group = pending_groups.popleft()[0].result()
+    yield group
+    if group.data.size == UNPACKED_GROUP_BYTES:
+        free_buffers.append(group.data)
 
 
-def _count_slab_bytes(block: Block) -> int:
+def _count_unpacked_bytes(block: Block) -> int:
     # a block that nobody believes takes no room; unpacking it says why
     return block.max_unpacked_bytes if block.max_unpacked_bytes <= LARGEST_BYTES else 0
 
 
-def _group_blocks_for_slabs(blocks: Iterable[Block]) -> Iterator[list[Block]]:
-    """Group blocks that fit into one slab; the first groups are small."""
+def _iter_groups_of_blocks(blocks: Iterable[Block]) -> Iterator[list[Block]]:
+    """Group blocks that fit into one group; the first groups are small."""
     group: list[Block] = []
     size, most = 0, _FIRST_BYTES
     for block in blocks:
-        if group and size + _count_slab_bytes(block) > most:
+        if group and size + _count_unpacked_bytes(block) > most:
             yield group
-            group, size, most = [], 0, min(_GROWTH * most, SLAB_BYTES)
+            group, size, most = [], 0, min(_GROWTH * most, UNPACKED_GROUP_BYTES)
         group.append(block)
-        size += _count_slab_bytes(block)
+        size += _count_unpacked_bytes(block)
     if group:
         yield group
 
 
-def unpack_blocks_into_scanned_slab(
+def unpack_and_scan_blocks(
     file: FileBytes,
     blocks: list[Block],
-    grammar: RecordGrammar,
+    finders: RecordFinders,
     recycled_buffer: NDArray[np.uint8] | None,
-) -> Slab:
-    """Unpack and scan the blocks of one slab in a worker thread."""
+) -> UnpackedBlockGroup:
+    """Unpack and scan the blocks of one group in a worker thread."""
     damaged: list[tuple[Block, str]] = []
     parts: list[tuple[Block, int, int, int]] = []
     try:
-        size = max(SLAB_BYTES, sum(map(_count_slab_bytes, blocks)))
+        size = max(UNPACKED_GROUP_BYTES, sum(map(_count_unpacked_bytes, blocks)))
         buffer = np.empty(size, np.uint8) if recycled_buffer is None else recycled_buffer
-        rows = SlabIndex(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
+        rows = MessageRowIndex(finders, buffer, sum(sum(block.counts.values()) for block in blocks))
     except MemoryError:
         nothing = np.empty(0, np.uint8)
         lost = tuple((block, "not enough memory") for block in blocks)
-        return Slab(nothing, SlabIndex(grammar, nothing, 0).indexed_rows, (), lost)
+        return UnpackedBlockGroup(
+            nothing, MessageRowIndex(finders, nothing, 0).indexed_rows, (), lost
+        )
     at = 0
     for block in blocks:
         try:
@@ -216,17 +221,17 @@ def unpack_blocks_into_scanned_slab(
         else:
             parts.append((block, first, end, unread))
             at += size
-    return Slab(buffer, rows.indexed_rows, tuple(parts), tuple(damaged))
+    return UnpackedBlockGroup(buffer, rows.indexed_rows, tuple(parts), tuple(damaged))
 
 
 def select_messages_of_connections(
     data: NDArray[np.uint8], rows: Ints, connection_ids: Ints, first_ns: int, last_ns: int
 ) -> Iterator[RawBatch]:
-    """Select messages of a slab, as one batch per connection with messages.
+    """Select messages of a group, as one batch per connection with messages.
 
     Args:
-        data: (bytes,) bytes of the slab.
-        rows: (4, n) records of the slab.
+        data: (bytes,) bytes of the group.
+        rows: (4, n) records of the group.
         connection_ids: (connections,) requested connections, ascending.
         first_ns: first log time in ns.
         last_ns: last log time in ns.
@@ -326,16 +331,16 @@ class ChunkStats(NamedTuple):
     late: int
 
 
-def count_messages_of_chunks(slab: Slab, sorted_ids: Ints) -> list[ChunkStats]:
-    """Count the contents of each of `slab.parts`; `sorted_ids` (connections,) are ascending."""
-    bounds = np.array([part[1:3] for part in slab.parts], np.int64).reshape(-1, 2)
+def count_messages_of_chunks(group: UnpackedBlockGroup, sorted_ids: Ints) -> list[ChunkStats]:
+    """Count the contents of each of `group.parts`; `sorted_ids` (connections,) are ascending."""
+    bounds = np.array([part[1:3] for part in group.parts], np.int64).reshape(-1, 2)
     counts = np.zeros((len(bounds), sorted_ids.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))
     # -1, of a key that nobody asked for, is the last: that of all others
     _count_messages_per_block(
-        slab.rows,
+        group.rows,
         bounds,
-        find_indices_of_values(slab.rows[KEY], sorted_ids),
+        find_indices_of_values(group.rows[KEY], sorted_ids),
         counts,
         spans,
     )

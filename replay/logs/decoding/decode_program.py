@@ -23,9 +23,9 @@ from replay.logs.decoding.spans import (
     NoPlanError,
     Span,
     append_field_at_fixed_offset,
+    compute_list_element_stride_bytes,
     first_number_alignment_bytes,
     is_preceded_by_byte_size,
-    list_element_stride_bytes,
     list_members_as_encoded,
     make_span_of_fixed_size_element,
     min_encoded_size_bytes,
@@ -143,7 +143,7 @@ class _Compiler:
             return (
                 None
                 if wanted_subfields is None
-                else TextField(self._reserve_position_notes_of_last_step(2))
+                else TextField(self._allocate_first_mark_of_last_step(2))
             )
         if make_span_of_fixed_size_element(field_type, self.wire) is not None:
             return self._append_to_span(field_type, wanted_subfields)
@@ -178,7 +178,7 @@ class _Compiler:
         return (
             None
             if wanted_subfields is None
-            else InSpan(self._reserve_position_notes_of_last_step(1), value)
+            else InSpan(self._allocate_first_mark_of_last_step(1), value)
         )
 
     def _compile_list_of_type(
@@ -201,14 +201,14 @@ class _Compiler:
         if not least:
             return self._append_to_span(Scalar("uint32"), None)
         one, value = fixed
-        stride = list_element_stride_bytes(one)
+        stride = compute_list_element_stride_bytes(one)
         self._close_span_and_append_step(
             Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride
         )
         return (
             None
             if wanted_subfields is None
-            else StridedList(self._reserve_position_notes_of_last_step(2), stride, value)
+            else StridedList(self._allocate_first_mark_of_last_step(2), stride, value)
         )
 
     def _compile_list_of_varying_elements(
@@ -219,7 +219,7 @@ class _Compiler:
         wanted_subfields: Wanted | None,
     ) -> WalkedList | None:
         head = self._close_span_and_append_step(Op.LIST, size=min_element_bytes, length=length)
-        mark = -1 if wanted_subfields is None else self._reserve_position_notes_of_last_step(1)
+        mark = -1 if wanted_subfields is None else self._allocate_first_mark_of_last_step(1)
         above, self.node = self.node, -1 if wanted_subfields is None else self.nodes
         self.nodes += wanted_subfields is not None
         self.depth += 1
@@ -248,7 +248,7 @@ class _Compiler:
         self.steps.append([operation, alignment, size, stride, length, -1, self.node, jump])
         return len(self.steps) - 1
 
-    def _reserve_position_notes_of_last_step(self, count: int) -> int:
+    def _allocate_first_mark_of_last_step(self, count: int) -> int:
         """Reserve marks for the last step; returns the first one."""
         step = self.steps[-1]
         if step[Operand.MARK] < 0:

@@ -142,11 +142,12 @@ class Columns:
         located = parent_location.located.fields[name]
         if isinstance(located, InSpan):
             return _Positions(
-                located.value, self._read_mark_of_elements(located.mark, parent_location.chosen)
+                located.value,
+                self._read_positions_or_lengths_of_elements(located.mark, parent_location.chosen),
             )
         return _Elements(located, parent_location.chosen)
 
-    def _read_mark_of_elements(
+    def _read_positions_or_lengths_of_elements(
         self, mark_number: int, element_indices: Ints | None, value_if_absent: int = -1
     ) -> Ints:
         """Marks of selected elements; `value_if_absent` for those that do not exist."""
@@ -162,7 +163,7 @@ class Columns:
             return np.where(list_location.at < 0, -1, list_location.value.length)
         assert isinstance(list_location.located, WalkedList | StridedList)
         mark = list_location.located.mark + isinstance(list_location.located, StridedList)
-        return self._read_mark_of_elements(mark, list_location.chosen)
+        return self._read_positions_or_lengths_of_elements(mark, list_location.chosen)
 
     def _locate_one_element(self, list_location: _Place, element_index: int | Ints) -> _Place:
         """Place of one element of each list, at a common or individual index."""
@@ -189,7 +190,9 @@ class Columns:
                 array.element, np.where(element_index < 0, -1, at), list_location.offset
             )
         if isinstance(list_location.located, StridedList):
-            starts = self._read_mark_of_elements(list_location.located.mark, list_location.chosen)
+            starts = self._read_positions_or_lengths_of_elements(
+                list_location.located.mark, list_location.chosen
+            )
             at = np.where(
                 element_index < 0, -1, starts + element_index * list_location.located.stride
             )
@@ -253,7 +256,7 @@ class Columns:
         else:
             array = list_location.located
             assert isinstance(array, StridedList)
-            starts = self._read_mark_of_elements(array.mark, list_location.chosen)
+            starts = self._read_positions_or_lengths_of_elements(array.mark, list_location.chosen)
         assert isinstance(array.element, InlineField)
         kind = array.element.kind
         stored = concatenate_byte_ranges(self.data, starts, counts * DTYPES[kind].itemsize)
@@ -263,8 +266,10 @@ class Columns:
         """Values at a place as an Arrow array."""
         if isinstance(value_location, _Elements):
             assert isinstance(value_location.located, TextField)
-            starts = self._read_mark_of_elements(value_location.located.mark, value_location.chosen)
-            sizes = self._read_mark_of_elements(
+            starts = self._read_positions_or_lengths_of_elements(
+                value_location.located.mark, value_location.chosen
+            )
+            sizes = self._read_positions_or_lengths_of_elements(
                 value_location.located.mark + 1, value_location.chosen, value_if_absent=0
             )
             return make_string_array(

@@ -90,12 +90,12 @@ def append_array_at_fixed_offset(
     fixed = make_span_of_fixed_size_element(element_type, wire)
     assert fixed is not None
     one, value = fixed
-    size = (length - 1) * list_element_stride_bytes(one) + one.size if length else 0
+    size = (length - 1) * compute_list_element_stride_bytes(one) + one.size if length else 0
     offset = bytes_span.append_field_bytes(one.alignment, size)
     return (
         None
         if offset is None
-        else InlineArray(offset, length, list_element_stride_bytes(one), value)
+        else InlineArray(offset, length, compute_list_element_stride_bytes(one), value)
     )
 
 
@@ -113,7 +113,7 @@ def make_span_of_fixed_size_element(element_type: FieldType, wire: Wire) -> Elem
     return None if value is None else ElementSpan(span, value)
 
 
-def list_element_stride_bytes(element_span: Span) -> int:
+def compute_list_element_stride_bytes(element_span: Span) -> int:
     """Distance between consecutive elements, in bytes."""
     return -(-element_span.size // element_span.alignment) * element_span.alignment
 

@@ -157,7 +157,7 @@ def locate_fields_in_messages(
         _prefetch_message(data, begins, sizes, message)
         is_known = check_count >= 0 and size == other_size
         if is_known and has_same_layout_bytes(data, begin, other, checks, check_count):
-            _note_positions_by_repeated_layout(table, marks, filled, notes, note_count, begin)
+            _fill_positions_from_repeated_layout(table, marks, filled, notes, note_count, begin)
             _count_message_and_its_elements(filled, elements)
             faults[message] = 0
             places[message] = other_end
@@ -181,7 +181,7 @@ def locate_fields_in_messages(
                 check_count, note_count = _add_note_to_template(
                     notes, check_count, note_count, mark, element - int(kept[node]), place, count
                 )
-                _note_position_and_count(table, marks, mark, element, place, count, begin)
+                _fill_position_and_count(table, marks, mark, element, place, count, begin)
             step, depth = find_next_step(steps, step, filled, left, depth, count)
         if fault == 0 and size - at > (3 if encoding.cdr else 0):
             fault = _GOES_ON
@@ -228,20 +228,20 @@ def has_same_layout_bytes(
 
 
 @compiled_inline
-def _note_positions_by_repeated_layout(
+def _fill_positions_from_repeated_layout(
     table: Ints, marks: Ints, filled_counts: Ints, template_notes: Ints, count: int, begin: int
 ) -> None:
     """Write the marks of a message that repeats another's layout."""
     for number in range(count):
         mark = template_notes[number, 0]
         element = filled_counts[table[mark, 0]] + template_notes[number, 1]
-        _note_position_and_count(
+        _fill_position_and_count(
             table, marks, mark, element, template_notes[number, 2], template_notes[number, 3], begin
         )
 
 
 @compiled_inline
-def _note_position_and_count(
+def _fill_position_and_count(
     table: Ints, marks: Ints, mark: int, element: int, position: int, count: int, begin: int
 ) -> None:
     """Write position and count of an element, each unless it is -1, if there is room."""

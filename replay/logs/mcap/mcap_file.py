@@ -19,7 +19,7 @@ from replay.logs.blocks import (
     BlockStore,
     Describe,
     LooseRecords,
-    RecordGrammar,
+    RecordFinders,
     describe_end_of_reading,
     describe_incomplete_end,
     find_records_after_damage,
@@ -91,7 +91,7 @@ class McapWalk:
             if end > file.size and (block is not None or self.data_ended):
                 break
             if end == at or end > file.size:
-                end = find_records_after_damage(file, at, self.store.record_grammar.find)
+                end = find_records_after_damage(file, at, self.store.record_finders.find)
                 if end is None:
                     break
                 self.store.damage.note_unreadable_bytes(at, end)
@@ -148,14 +148,14 @@ class McapFile(BlockFile):
         )
 
     @staticmethod
-    def _record_grammar() -> RecordGrammar:
-        from replay.logs.mcap.mcap_grammar import GRAMMAR
+    def _record_finders() -> RecordFinders:
+        from replay.logs.mcap.mcap_grammar import RECORD_FINDERS
 
-        return GRAMMAR
+        return RECORD_FINDERS
 
     def read_whole_file_and_count_valid_crcs(self) -> int:
         """Read the file from start to end, and compare the CRCs of data and summary."""
-        walk = McapWalk(self._make_second_pass_store(), self._register_record)
+        walk = McapWalk(self._make_second_pass_store(), self._process_non_message_record)
         self._note_blocks_missed_by_first_pass(walk.iter_chunks_of_file(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.add_damage_sentence(
@@ -207,7 +207,7 @@ class McapFile(BlockFile):
 
     def _read_whole_file(self) -> McapWalk:
         """Read the file from start to end."""
-        walk = McapWalk(self._store, self._register_record)
+        walk = McapWalk(self._store, self._process_non_message_record)
         self._store.add_unindexed_blocks(walk.iter_chunks_of_file())
         if not self._store.damage:
             # messages outside chunks have no CRC but that of all data together
@@ -230,7 +230,7 @@ class McapFile(BlockFile):
             f"messages are read{describe_end_of_reading(self._store.last_ns)}{torn}"
         )
 
-    def _register_record(self, opcode: int, content: bytes, offset: int) -> None:
+    def _process_non_message_record(self, opcode: int, content: bytes, offset: int) -> None:
         """Keep the first channel or schema of each number, and the first summary counts."""
         stream = ReadDataStream(BytesIO(content))
         try:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.interpreted import compiled, compiled_for_many_iterations
-from replay.logs.blocks import CountAndStop, RecordGrammar
+from replay.logs.blocks import CountAndStop, RecordFinders
 from replay.logs.decoding.bytes_at import estimate_scan_iterations, load16, load32, load64
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
 
@@ -26,7 +26,7 @@ _PROVEN: Final = 4
 def scan_mcap_records(
     data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
 ) -> CountAndStop:
-    """Find the rows of messages, schemas and channels; see `slabs.RecordGrammar`.
+    """Find the rows of messages, schemas and channels; see `slabs.RecordFinders`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """
@@ -106,4 +106,4 @@ def _find_next_mcap_record(data: NDArray[np.uint8], begin: int, end: int, limit:
     return -1
 
 
-GRAMMAR: Final = RecordGrammar(scan_mcap_records, _find_next_mcap_record)
+RECORD_FINDERS: Final = RecordFinders(scan_mcap_records, _find_next_mcap_record)

@@ -9,7 +9,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
 
 from estimators.errors import LogError
-from replay.logs.blocks import GrowingBlockFile, RecordGrammar
+from replay.logs.blocks import GrowingBlockFile, RecordFinders
 from replay.logs.mcap.mcap_file import make_connection_of_channel
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
@@ -36,10 +36,10 @@ class McapTail(GrowingBlockFile):
         self._schemas: dict[int, Schema] = {}
 
     @staticmethod
-    def _record_grammar() -> RecordGrammar:
-        from replay.logs.mcap.mcap_grammar import GRAMMAR
+    def _record_finders() -> RecordFinders:
+        from replay.logs.mcap.mcap_grammar import RECORD_FINDERS
 
-        return GRAMMAR
+        return RECORD_FINDERS
 
     def _read_next_record_batches(self) -> list[RawBatch] | None:
         file = self._file
@@ -72,7 +72,7 @@ class McapTail(GrowingBlockFile):
         self._at = len(MAGIC)
         return []
 
-    def _register_record(self, opcode: int, content: bytes) -> None:
+    def _process_non_message_record(self, opcode: int, content: bytes) -> None:
         stream = ReadDataStream(BytesIO(content))
         try:
             record = Channel.read(stream) if opcode == CHANNEL else Schema.read(stream)

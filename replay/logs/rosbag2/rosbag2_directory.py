@@ -182,7 +182,7 @@ class Rosbag2Directory:
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
         """Messages file by file."""
-        later = [part.earliest_ns() for part in self._parts[1:]]
+        later = [part.earliest_log_time_bound_ns() for part in self._parts[1:]]
         for part_number, part in enumerate(self._parts):
             behind = min(later[part_number:], default=END_NS)
             outer = {
@@ -221,7 +221,7 @@ class Rosbag2Directory:
         if self._is_compared:
             return
         self._is_compared = True
-        self._note_overlapping_files()
+        self._add_losses_for_files_overlapping_in_time()
         held: Counter[str] = Counter()
         for connection, (part_number, inner) in zip(self.connections, self._origin, strict=False):
             held[connection.topic] += self._parts[part_number].log_times(inner).size
@@ -239,7 +239,7 @@ class Rosbag2Directory:
                 f"counts {counted:,} messages in all, but {total:,} were found",
             )
 
-    def _note_overlapping_files(self) -> None:
+    def _add_losses_for_files_overlapping_in_time(self) -> None:
         """Note files that overlap in time; parts of one recording are consecutive."""
         spans: list[tuple[int, int, str]] = []
         for part in self._parts:
@@ -256,9 +256,9 @@ class Rosbag2Directory:
                     "parts of one recording: messages in both count twice; give only one of them",
                 )
 
-    def earliest_ns(self) -> int:
+    def earliest_log_time_bound_ns(self) -> int:
         """Earliest log time of all files."""
-        return min((part.earliest_ns() for part in self._parts), default=END_NS)
+        return min((part.earliest_log_time_bound_ns() for part in self._parts), default=END_NS)
 
     def read_whole_file_and_count_valid_crcs(self) -> int:
         """Check every file."""

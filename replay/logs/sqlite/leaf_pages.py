@@ -177,15 +177,15 @@ def read_page_ranges_into(
 
 
 @compiled_without_refcounts
-def scan_leaf_pages(
+def scan_requested_rows_of_leaf_pages(
     data: NDArray[np.uint8],
     leaves: NDArray[np.int64],
     layout: PageLayout,
     row_filter: RowFilter,
-    tail: int,
-    room: int,
+    overflow_begin: int,
+    max_overflow_bytes: int,
     state: NDArray[np.int64],
-    tables: ScannedRows,
+    out_rows: ScannedRows,
 ) -> tuple[int, int, int, bool]:
     """Find requested rows in leaf pages, until the room ends or a row is unusual.
 
@@ -194,16 +194,16 @@ def scan_leaf_pages(
         leaves: (pages,) begin of each page in `data`.
         layout: layout of the pages.
         row_filter: requested rows.
-        tail: begin in `data` of messages from overflow pages.
-        room: maximum bytes of these, unless it is a single one.
+        overflow_begin: begin in `data` of messages from overflow pages.
+        max_overflow_bytes: maximum bytes of these, unless it is a single one.
         state: (7,) in: where to begin; out: where it stopped.
-        tables: output.
+        out_rows: output.
 
     Returns:
-        Numbers of rows and of spilled rows, bytes needed behind `tail`, and False if it stopped at
-        an unusual row.
+        Numbers of rows and of spilled rows, bytes needed behind `overflow_begin`, and False if it
+        stopped at an unusual row.
     """
-    rows, spills, gaps = tables
+    rows, spills, gaps = out_rows
     keys = row_filter.keys
     found = spilled = used = 0
     while state[AT_LEAF] < leaves.size:
@@ -232,9 +232,9 @@ def scan_leaf_pages(
                     return found, spilled, used, True
                 offset = begin
                 if local < length and row_filter.with_data:
-                    if spilled == spills.shape[1] or (used and used + length > room):
+                    if spilled == spills.shape[1] or (used and used + length > max_overflow_bytes):
                         return found, spilled, used, True
-                    offset = tail + used
+                    offset = overflow_begin + used
                     used += length
                     spills[ROW, spilled] = found
                     spills[BEGIN, spilled] = begin

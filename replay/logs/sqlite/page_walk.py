@@ -27,7 +27,7 @@ from replay.logs.sqlite.leaf_pages import (
     find_leaf_pages,
     group_pages_into_ranges,
     read_page_ranges_into,
-    scan_leaf_pages,
+    scan_requested_rows_of_leaf_pages,
 )
 from replay.logs.sqlite.row_query import LEAST_ID, MOST_ID, TableRows
 from replay.logs.storage import OFFSET, FileBytes
@@ -133,7 +133,7 @@ class PageWalk:
             raise OSError("the file was truncated while it was read")
         tail = int(ranges.begin[-1] + ranges.pages[-1] * size)
         self._state[AT_LEAF] = 0
-        found, spilled, joined_bytes, is_usual = scan_leaf_pages(
+        found, spilled, joined_bytes, is_usual = scan_requested_rows_of_leaf_pages(
             page_memory.data,
             slots,
             self._layout,
@@ -232,8 +232,8 @@ class OverflowPageReader:
         Args:
             data: bytes of leaves and other pages, with room.
             ranges: ranges of those pages.
-            rows: (5, n) output of `scan_leaf_pages`.
-            spills: (5, m) output of `scan_leaf_pages`.
+            rows: (5, n) output of `scan_requested_rows_of_leaf_pages`.
+            spills: (5, m) output of `scan_requested_rows_of_leaf_pages`.
             spill_count: number of spilled messages.
         """
         order = np.argsort(ranges.first, kind="stable")

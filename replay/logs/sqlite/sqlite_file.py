@@ -154,7 +154,7 @@ class Db3File:
             self._back_ns = back
         return max(row_time_ns - self._back_ns, UNKNOWN_NS)
 
-    def earliest_ns(self) -> int:
+    def earliest_log_time_bound_ns(self) -> int:
         """Earliest log time, by SQLite."""
         try:
             ((earliest,),) = fetch_all_rows(self._database, "SELECT min(timestamp) FROM messages")

@@ -71,7 +71,7 @@ class Container(Protocol):
         """
         ...
 
-    def earliest_ns(self) -> int:
+    def earliest_log_time_bound_ns(self) -> int:
         """Lower bound of all log times, as far as known without reading them."""
         ...
 

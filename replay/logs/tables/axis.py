@@ -271,13 +271,13 @@ def rank_candidate_time_columns(
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
             stated = list(NS_PER_UNIT).index(column.unit) if column.unit in NS_PER_UNIT else -1
             rank = -stated if stated >= 0 else 9
-            ranked.append((_rate_cells(cells(place)), rank, _NAMES.index(bare), place))
+            ranked.append((_rank_repetition(cells(place)), rank, _NAMES.index(bare), place))
         elif (bare in _DATES or "time" in bare) and any(map(has_time_of_day, cells(place)[:5])):
-            ranked.append((_rate_cells(cells(place)), 10, bare not in _DATES, place))
+            ranked.append((_rank_repetition(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
 
 
-def _rate_cells(cells: Sequence[str]) -> int:
+def _rank_repetition(cells: Sequence[str]) -> int:
     """0 for distinct times, 1 for repeated ones, 2 for no text."""
     return 2 if not cells else int(2 * len(set(cells)) < len(cells))
 

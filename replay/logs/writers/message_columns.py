@@ -44,22 +44,22 @@ class RaggedColumn:
         return np.cumsum(self.lengths) - self.lengths
 
 
-def number_messages_by_list_lengths(column: Column) -> Ints | None:
+def assign_list_layout_number_to_messages(column: Column) -> Ints | None:
     """Numbers (n,) that are equal for messages of equal lengths; None if all lengths are equal."""
     if isinstance(column, RaggedColumn):
-        return _number_shapes_of_nested_lists(column)
+        return _assign_layout_numbers_of_nested_lists(column)
     if isinstance(column, Mapping):
-        return number_combinations_of_list_shapes(
-            [number_messages_by_list_lengths(each) for each in column.values()]
+        return assign_combined_list_layout_numbers(
+            [assign_list_layout_number_to_messages(each) for each in column.values()]
         )
     if isinstance(column, list | tuple):
-        return number_combinations_of_list_shapes(
-            [number_messages_by_list_lengths(each) for each in column]
+        return assign_combined_list_layout_numbers(
+            [assign_list_layout_number_to_messages(each) for each in column]
         )
     return None
 
 
-def number_combinations_of_list_shapes(
+def assign_combined_list_layout_numbers(
     shape_numbers_of_columns: Sequence[Ints | None],
 ) -> Ints | None:
     """Number the combinations of shapes of several columns."""
@@ -69,8 +69,8 @@ def number_combinations_of_list_shapes(
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _number_shapes_of_nested_lists(column: RaggedColumn) -> Ints:
-    inside, lengths = number_messages_by_list_lengths(column.content), column.lengths
+def _assign_layout_numbers_of_nested_lists(column: RaggedColumn) -> Ints:
+    inside, lengths = assign_list_layout_number_to_messages(column.content), column.lengths
     if inside is None:
         return lengths
     numbers = np.zeros(lengths.size, np.int64)

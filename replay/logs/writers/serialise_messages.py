@@ -17,7 +17,7 @@ from replay.logs.decoding.wire import Wire
 from replay.logs.writers.message_columns import (
     Column,
     RaggedColumn,
-    number_messages_by_list_lengths,
+    assign_list_layout_number_to_messages,
 )
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def serialise_messages(
     Returns:
         Messages by layout, each preceded by its envelope.
     """
-    found = number_messages_by_list_lengths(column)
+    found = assign_list_layout_number_to_messages(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
         return [

@@ -8,8 +8,8 @@ import pytest
 from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
-    compute_sensor_noise,
-    compute_true_parameters,
+    compute_sensor_noise_stds,
+    compute_true_planar_parameters,
     make_whitened_window_system,
 )
 from analysis.excitation.excitation_design import (
@@ -50,8 +50,8 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     if force_noise_N is not None:
         sensors = made.sensors.model_copy(update={"force_noise_N": force_noise_N})
         made = made.model_copy(update={"sensors": sensors})
-    filters, noise = Filters(10, made.sensors.rate_hz), compute_sensor_noise(made)
-    samples = round(window_s * filters.rate_hz) + filters.samples_beyond_window
+    filters, noise = Filters(10, made.sensors.rate_hz), compute_sensor_noise_stds(made)
+    samples = round(window_s * filters.rate_hz) + filters.filter_margin_samples
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
     motion = solve_motion(copy_scenario_with_manoeuvres(made, longer), 0.0)
     truth = MeasuredSignals.from_motion(
@@ -81,8 +81,10 @@ def test_the_predicted_error_of_the_mass_is_that_of_monte_carlo_for_every_wavefo
     score = made.scores[index]
     found, body = errors(PLAIN, "straight", score, made.window_s)
     prediction = score.predictions["mass_kg"]
-    assert rms(found[:, 0], body.mass_kg) == pytest.approx(prediction.rms_error, rel=SAMPLING)
-    assert found[:, 0].std() == pytest.approx(prediction.error_std, rel=SAMPLING)
+    assert rms(found[:, 0], body.mass_kg) == pytest.approx(
+        prediction.predicted_rms_error, rel=SAMPLING
+    )
+    assert found[:, 0].std() == pytest.approx(prediction.predicted_error_std, rel=SAMPLING)
 
 
 def test_the_predicted_error_of_the_yaw_inertia_is_that_of_monte_carlo():
@@ -90,10 +92,10 @@ def test_the_predicted_error_of_the_yaw_inertia_is_that_of_monte_carlo():
     for score in made.scores[:2]:
         found, body = errors(PLAIN, "spin", score, made.window_s)
         prediction = score.predictions["inertia_z_kg_m2"]
-        assert found[:, 0].std() == pytest.approx(prediction.error_std, rel=SAMPLING)
+        assert found[:, 0].std() == pytest.approx(prediction.predicted_error_std, rel=SAMPLING)
         bias = found[:, 0].mean() - body.inertia_z_kg_m2
         assert bias == pytest.approx(
-            prediction.bias, abs=4 * prediction.error_std / np.sqrt(TRIALS)
+            prediction.bias, abs=4 * prediction.predicted_error_std / np.sqrt(TRIALS)
         )
 
 
@@ -109,9 +111,13 @@ def test_the_predicted_errors_of_a_joint_excitation_are_those_of_monte_carlo():
     }
     for name, values in estimates.items():
         prediction = score.predictions[name]
-        assert values.std() == pytest.approx(prediction.error_std, rel=1.5 * SAMPLING), name
+        assert values.std() == pytest.approx(prediction.predicted_error_std, rel=1.5 * SAMPLING), (
+            name
+        )
         bias = values.mean() - prediction.value
-        tolerance = 0.1 * abs(prediction.bias) + 4 * prediction.error_std / np.sqrt(TRIALS)
+        tolerance = 0.1 * abs(prediction.bias) + 4 * prediction.predicted_error_std / np.sqrt(
+            TRIALS
+        )
         assert bias == pytest.approx(prediction.bias, abs=tolerance), name
     assert body.com_x_m == -0.2
 
@@ -198,7 +204,7 @@ def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_err
     score = score_waveform(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
     found, body = errors(made, "straight", score, window_s)
     prediction = score.predictions["mass_kg"]
-    assert abs(prediction.bias) > 5 * prediction.error_std
+    assert abs(prediction.bias) > 5 * prediction.predicted_error_std
     assert found[:, 0].mean() - body.mass_kg == pytest.approx(prediction.bias, rel=0.05)
 
 
@@ -218,6 +224,6 @@ def test_what_cannot_be_designed_is_refused_with_the_reason(sections, options, s
 
 
 def test_the_parameters_are_those_of_the_rows():
-    assert compute_true_parameters(solve_motion(AHEAD, 0.0).body).tolist() == pytest.approx(
+    assert compute_true_planar_parameters(solve_motion(AHEAD, 0.0).body).tolist() == pytest.approx(
         [3614.0, 4000.0, -0.2 * 3614.0, 0.03 * 3614.0, 2891.0, 5000.0]
     )

@@ -7,7 +7,7 @@ import pytest
 from analysis.findings import find_causes
 from analysis.findings.accelerometer_causes import find_low_passed_accelerometer
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.likelihood_search import PickedCause, build_whitened_equations
+from analysis.findings.likelihood_search import FittedCause, build_whitened_equations
 from benchmarks.findings_rows import design, replayed
 from benchmarks.weighed import DERIVED
 
@@ -28,6 +28,6 @@ def test_a_filter_of_the_accelerometer_is_named_where_one_is_measured(
     assert inputs.log_only_fit is not None
     force, _ = build_whitened_equations(inputs, inputs.log_only_fit.motion)
     assert ("delay:imu" in force.columns) is has_one
-    inputs.cache["picks"] = {"delay:imu": PickedCause("delay:imu", 0.4, 0.1, 400.0, ())}
+    inputs.cache["selected_causes"] = {"delay:imu": FittedCause("delay:imu", 0.4, 0.1, 400.0, ())}
     named = find_low_passed_accelerometer(inputs)
     assert bool(named) is has_one

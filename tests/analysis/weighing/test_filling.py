@@ -16,19 +16,19 @@ def test_a_bucket_that_fills_moves_the_mass_and_is_evidence_in_full(fill_kg_s: f
     fills = {"loading": {"fill_kg_s": fill_kg_s}, "starts": {"directions": "alternating"}}
     filling = weighed(fills).weighing.filling
     assert filling.moves_u > 1.0
-    assert filling.significance_in_stds == filling.deviations
+    assert filling.load_growth_over_std == filling.deviations
 
 
 def test_a_clean_log_has_no_evidence_of_one() -> None:
-    assert weighed(RICH).weighing.filling.significance_in_stds < 1.0
+    assert weighed(RICH).weighing.filling.load_growth_over_std < 1.0
 
 
 def test_what_a_long_log_tells_of_a_growth_that_moves_no_mass_is_no_evidence() -> None:
     """Two half hours of a clean shift have three deviations together, for 5 kg under ± 25 kg."""
-    assert LoadFilling(2.6, 3.25, 0.9).significance_in_stds == 0.0
-    assert LoadFilling(2.6, 3.25, 1.1).significance_in_stds == 3.25
+    assert LoadFilling(2.6, 3.25, 0.9).load_growth_over_std == 0.0
+    assert LoadFilling(2.6, 3.25, 1.1).load_growth_over_std == 3.25
     for unknown in (LoadFilling(0.0, float("nan")), LoadFilling(2.6, 3.25, float("nan"))):
-        assert np.isnan(unknown.significance_in_stds)
+        assert np.isnan(unknown.load_growth_over_std)
 
 
 def test_where_nothing_fills_the_machine_a_growth_is_in_the_uncertainty() -> None:
@@ -36,7 +36,7 @@ def test_where_nothing_fills_the_machine_a_growth_is_in_the_uncertainty() -> Non
     fills = {"loading": {"fill_kg_s": FILLS_KG_S[1]}, "starts": {"directions": "alternating"}}
     digs = weighed(fills).weighing
     shift, one = weighed(fills, "machine.digs=false").weighing, np.ones(1)
-    assert shift.filling.significance_in_stds == 0.0
+    assert shift.filling.load_growth_over_std == 0.0
     (effect_kg,) = np.abs(np.atleast_1d(shift.filling.significant_mass_changes_kg))
     assert effect_kg > 0.0
     widened = list_uncertainty_by_failed_checks_kg(shift, one, shift.fit.u_by_cause_kg(one))
@@ -52,4 +52,4 @@ def test_a_growth_is_judged_by_the_payload_as_well_whose_uncertainty_is_smaller(
     assert weights.sum() == pytest.approx(0.0, abs=1e-12)
     payload_kg = float(weights @ shift.fit.masses_kg)
     assert payload_kg == pytest.approx(400.0, abs=60.0)
-    assert shift.fit.weighted_sum_u_kg(weights) < shift.fit.u_kg
+    assert shift.fit.mass_sum_u_kg(weights) < shift.fit.u_kg

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from analysis.weighing.gain_by_direction import (
-    do_heavy_masses_scatter_more,
+    do_heavy_masses_scatter_more_than_light,
     do_loads_only_follow_driving_direction,
 )
 from analysis.weighing.growing_load import compute_max_load_loss_of_manoeuvre_kg
@@ -173,10 +173,10 @@ def test_loads_that_are_hauled_both_ways_are_no_gain() -> None:
 
 def test_payloads_scatter_where_the_empty_machine_does_not() -> None:
     empty, loads = [-9.0, 4.0, 11.0, -6.0, 2.0, -3.0], [-60.0, 40.0, 75.0, -20.0, -55.0, 30.0]
-    assert do_heavy_masses_scatter_more(*levels(empty, loads))
+    assert do_heavy_masses_scatter_more_than_light(*levels(empty, loads))
     # both directions scatter alike, or the lighter one more: neither is what payloads do
-    assert not do_heavy_masses_scatter_more(*levels(loads, loads[::-1]))
-    assert not do_heavy_masses_scatter_more(*levels(loads, empty))
+    assert not do_heavy_masses_scatter_more_than_light(*levels(loads, loads[::-1]))
+    assert not do_heavy_masses_scatter_more_than_light(*levels(loads, empty))
 
 
 def test_a_machine_loses_no_more_than_it_carries() -> None:
@@ -201,8 +201,8 @@ class _TwoLoads:
     def masses_kg(self) -> Floats:
         return np.array([12_000.0, 15_000.0])
 
-    def coefficients_of_state(self, state: int) -> Floats:
+    def mass_coefficients_of_state(self, state: int) -> Floats:
         return np.eye(2)[state]
 
-    def weighted_sum_u_kg(self, weights: Floats) -> float:
+    def mass_sum_u_kg(self, weights: Floats) -> float:
         return 50.0 * float(np.abs(weights).any())

@@ -223,15 +223,15 @@ def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
         np.arange(4), np.zeros(4, np.int64), nothing, nothing, 0.0, 3.0, 1.0, 0.6, other
     )
     of_one = np.sqrt(0.4 * np.mean(other.differs_kg**2))
-    assert one.alternative_partition_std_kg(np.ones(1)) == pytest.approx(of_one)
+    assert one.mass_sum_std_by_alternative_partition_kg(np.ones(1)) == pytest.approx(of_one)
     # two states, which one load with a scatter may as well be
     two = replace(
         one, membership=np.array([0, 0, 1, 1]), other=replace(other, differs_kg=40.0 * LEFT)
     )
-    assert two.alternative_partition_std_kg(np.array([-1.0, 1.0])) == pytest.approx(
+    assert two.mass_sum_std_by_alternative_partition_kg(np.array([-1.0, 1.0])) == pytest.approx(
         np.sqrt(0.4) * 80.0
     )
-    assert replace(one, other=None).alternative_partition_std_kg(np.ones(1)) == 0.0
+    assert replace(one, other=None).mass_sum_std_by_alternative_partition_kg(np.ones(1)) == 0.0
 
 
 @pytest.mark.parametrize("seed", [30932002, 30932004])

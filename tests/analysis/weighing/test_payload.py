@@ -154,6 +154,6 @@ class TestRelativeLoads:
         assert found is not None
         assert usual is not None
         np.testing.assert_array_equal(
-            found.look_up_relative_loads(unit) / found.rms,
-            usual.look_up_relative_loads(unit) / usual.rms,
+            found.look_up_relative_loads(unit) / found.rms_relative_load,
+            usual.look_up_relative_loads(unit) / usual.rms_relative_load,
         )

@@ -7,7 +7,7 @@ import pytest
 
 from estimators.joint import gain_matrix
 from estimators.joint.joint_limits import LIMITS
-from estimators.joint.map_fit import MapFit
+from estimators.joint.posterior_fit import PosteriorFit
 from estimators.joint.prior_fit import Grouping, fit
 from estimators.joint.random_intercepts import RandomIntercepts
 from estimators.numerics.bordered_matrix import BorderedMatrix
@@ -17,7 +17,7 @@ LEVELS, SAMPLES = 70, 60
 NOISE_M_S2 = 0.02
 
 
-def fitted(seed: int, *, noisy: bool, shape: tuple[float, ...]) -> MapFit:
+def fitted(seed: int, *, noisy: bool, shape: tuple[float, ...]) -> PosteriorFit:
     """A fit of starts at a level each or two, that scatter about it, with terms under priors."""
     dice = np.random.default_rng(seed)
     starts = LEVELS + 15

@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from analysis.paper.paper_excitation import integrate_steady_drive
-from analysis.paper.simulated_sources import Extract, Extracts, SteadyStudy
+from analysis.paper.simulated_sources import Extract, RepetitionResults, SteadyStudy
 from analysis.paper.table1 import AT_LENGTH, RAW_UNITS, Table1, make_table_1_mass_errors
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.scenario import SimulatedSensors
@@ -22,9 +22,9 @@ def simulated(windows: int) -> dict[Extract[SteadyStudy, pl.DataFrame], pl.DataF
 
 def found(windows: int, further: float) -> Table1:
     """Table 1 of so many windows, its errors further from the bound by this share."""
-    extracts = Extracts()
+    extracts = RepetitionResults()
     for extract, frame in simulated(windows).items():
-        extracts.add_result_of_extract(
+        extracts.add_result_of_repetition(
             extract, frame.with_columns(pl.col("over_bound_1") * (1.0 + further))
         )
     return make_table_1_mass_errors(extracts)

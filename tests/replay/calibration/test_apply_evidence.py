@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 from analysis.calibration.line.procedure import PROCEDURES
-from analysis.calibration.use.learnt_priors import copy_machine_with_learnt_means_checked
+from analysis.calibration.use.learnt_priors import copy_machine_estimating_learnt_mean_errors
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import make_estimator_with_digest
@@ -199,10 +199,10 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     folder: Path, made: CalibrationOutcome
 ) -> None:
     held = load_and_verify_calibration(CalibrationRequest(made.folder))
-    weighing = held.make_weighing_machine(load_machine(folder / "sledge.toml"))
+    weighing = held.copy_machine_with_calibrated_settings(load_machine(folder / "sledge.toml"))
     machine = held.require_calibrated_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
-    assert machine == copy_machine_with_learnt_means_checked(made.document.weighing_machine)
+    assert machine == copy_machine_estimating_learnt_mean_errors(made.document.weighing_machine)
     assert held.list_differing_settings_as_text(machine) == ""
 
 
@@ -224,7 +224,9 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
     assert not verify_bundle(first).findings
     held = load_and_verify_calibration(CalibrationRequest(first))
     assert held.calibration.responses == ()
-    machine = held.make_weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
+    machine = held.copy_machine_with_calibrated_settings(
+        load_machine(made.folder.parent / "sledge.toml")
+    )
     assert machine.settings.priors.learnt_means == "fixed"
 
 
@@ -246,7 +248,9 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     held = load_and_verify_calibration(CalibrationRequest(earlier))
     assert (
         held.list_differing_settings_as_text(
-            held.make_weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
+            held.copy_machine_with_calibrated_settings(
+                load_machine(made.folder.parent / "sledge.toml")
+            )
         )
         == ""
     )

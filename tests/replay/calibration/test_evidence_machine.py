@@ -169,7 +169,10 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
     file.write_text(text.replace('name = "sledge"', f'name = "the red one"\nid = "{OWN}"'))
     held = load_and_verify_calibration(CalibrationRequest(made.folder))
     assert (
-        held.list_differing_settings_as_text(held.make_weighing_machine(load_machine(file))) == ""
+        held.list_differing_settings_as_text(
+            held.copy_machine_with_calibrated_settings(load_machine(file))
+        )
+        == ""
     )
 
 
@@ -239,7 +242,10 @@ def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOu
             "settings.planar.threshold_std_com_m=0.01",
         ),
     )
-    assert held.list_differing_settings_as_text(held.make_weighing_machine(other)) == ""
+    assert (
+        held.list_differing_settings_as_text(held.copy_machine_with_calibrated_settings(other))
+        == ""
+    )
     with open_log(folder / "load-2.csv") as log:
         frames = [run(log, machine).frames for machine in (plain, other)]
     for name in ("loads", "manoeuvres", "verdict"):

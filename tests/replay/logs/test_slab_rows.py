@@ -1,4 +1,4 @@
-"""The records of a slab: whose they are, and when."""
+"""The records of a group of blocks: whose they are, and when."""
 
 import struct
 
@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.logs.blocks.slabs import SlabIndex, find_indices_of_values
-from replay.logs.mcap.mcap_grammar import GRAMMAR
+from replay.logs.blocks.slabs import MessageRowIndex, find_indices_of_values
+from replay.logs.mcap.mcap_grammar import RECORD_FINDERS
 from replay.logs.storage.message_rows import KEY, TIME
 
 _INT64 = st.integers(-(2**63), 2**63 - 1)
@@ -40,7 +40,7 @@ def test_rows_are_the_same_whatever_number_was_expected(expected: int) -> None:
         [_message(3, 40), _message(1, 50), _message(2, 60)],
     ]
     data = np.frombuffer(b"".join(b"".join(block) for block in blocks), np.uint8)
-    rows = SlabIndex(GRAMMAR, data, expected)
+    rows = MessageRowIndex(RECORD_FINDERS, data, expected)
     ends = np.cumsum([sum(map(len, block)) for block in blocks]).tolist()
     spans = [
         rows.add_rows_of_span(begin, end) for begin, end in zip([0, *ends], ends, strict=False)

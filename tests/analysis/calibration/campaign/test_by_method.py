@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from analysis.calibration.campaign.by_method import fit_calibration_line_by_method
 from analysis.calibration.campaign.method_errors import (
-    compute_rms_errors_by_method,
-    compute_start_errors,
+    add_calibrated_mass_error_columns,
+    compute_rms_mass_errors_by_method,
 )
 
 
@@ -50,7 +50,7 @@ def test_a_hand_checked_example():
     assert fit["error_kg"].to_list() == pytest.approx([1 / 9, -2 / 9, 1 / 9])
     # without 1: m = y/20 + 1; without 2: m = y/15 + 1/3; without 3: m = y/10
     assert fit["error_left_out_kg"].to_list() == pytest.approx([0.5, -1 / 3, 1.0])
-    errors = compute_rms_errors_by_method(fit).row(0, named=True)
+    errors = compute_rms_mass_errors_by_method(fit).row(0, named=True)
     assert errors["loads"] == 3
     assert errors["rmse_kg"] == pytest.approx(np.sqrt(6 / 81 / 3))
     assert errors["rmse_left_out_kg"] == pytest.approx(np.sqrt((1 / 4 + 1 / 9 + 1) / 3))
@@ -61,7 +61,7 @@ def test_a_hand_checked_example():
 def test_a_constant_scores_85_kg_on_the_papers_loads():
     loads = (0, 50, 100, 150, 200, 250)
     fit = fit_calibration_line_by_method(runs("ls", {load: [3000.0 + 2 * load] for load in loads}))
-    errors = compute_rms_errors_by_method(fit).row(0, named=True)
+    errors = compute_rms_mass_errors_by_method(fit).row(0, named=True)
     assert errors["rmse_constant_kg"] == pytest.approx(85.39, abs=0.01)
     assert errors["rmse_kg"] == pytest.approx(0.0, abs=1e-9)
     assert errors["rmse_left_out_kg"] == pytest.approx(0.0, abs=1e-9)
@@ -99,7 +99,7 @@ def test_runs_without_an_estimate_do_not_count_and_a_load_without_any_has_no_err
     assert fit["runs"].to_list() == [1, 1, 0, 1]
     assert fit["estimate_kg"].to_list() == [1.0, 2.0, None, 4.0]
     assert fit["error_kg"].null_count() == fit["error_left_out_kg"].null_count() == 1
-    assert compute_rms_errors_by_method(fit)["loads"].to_list() == [3]
+    assert compute_rms_mass_errors_by_method(fit)["loads"].to_list() == [3]
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_too_little_to_fit_gives_nulls_and_no_warning(masses):
     fit = fit_calibration_line_by_method(runs("ls", masses))
     fitted = ("alpha_1", "beta_kg", "calibrated_kg", "error_kg", "error_left_out_kg")
     assert all(fit[name].null_count() == fit.height for name in fitted)
-    errors = compute_rms_errors_by_method(fit).row(0, named=True)
+    errors = compute_rms_mass_errors_by_method(fit).row(0, named=True)
     assert errors["rmse_kg"] is None
     assert errors["rmse_left_out_kg"] is None
 
@@ -132,12 +132,12 @@ def test_no_estimates_at_all_give_an_empty_frame_with_all_columns():
     fit = fit_calibration_line_by_method(runs("ls", {}))
     assert fit.height == 0
     assert "error_left_out_kg" in fit.columns
-    assert compute_rms_errors_by_method(fit).height == 0
+    assert compute_rms_mass_errors_by_method(fit).height == 0
 
 
 def test_errors_of_single_runs_are_those_of_the_lines_with_and_without_their_load():
     # the lines of the hand-checked example
-    errors = compute_start_errors(
+    errors = add_calibrated_mass_error_columns(
         runs("ls", {1: [9.0, 11.0], 2: [20.0], 3: [38.0, None]}, empty_kg=0.0)
     )
     fit = fit_calibration_line_by_method(
@@ -154,5 +154,5 @@ def test_errors_of_single_runs_are_those_of_the_lines_with_and_without_their_loa
 
 
 def test_runs_of_too_few_loads_have_no_error():
-    errors = compute_start_errors(runs("ls", {0: [9.0, 11.0], 50: [20.0]}))
+    errors = add_calibrated_mass_error_columns(runs("ls", {0: [9.0, 11.0], 50: [20.0]}))
     assert errors["error_kg"].null_count() == errors["error_left_out_kg"].null_count() == 3

@@ -7,7 +7,7 @@ import pytest
 from analysis.calibration.line.procedure import PROCEDURES, Procedure
 from analysis.calibration.use.learnt_priors import (
     TermOfLog,
-    apply_learnt_priors_to_machine,
+    copy_machine_with_learnt_priors,
     describe_contradicted_learnt_priors,
     pool_learnt_terms_over_logs,
     remove_normal_prior_from_posterior,
@@ -99,14 +99,14 @@ def test_what_a_machine_file_states_stays():
         "cat262c.toml",
         ["settings.priors.learnt.load_transfer={mean = 0.1, std = 0.2, mean_u = 0.3}"],
     )
-    machine = apply_learnt_priors_to_machine(
+    machine = copy_machine_with_learnt_priors(
         stated,
         pool_learnt_terms_over_logs(said([0.0] * 3, 0.02) + said([5.0] * 3, 9.0, "const", 50.0)),
     )
     terms = machine.settings.priors.learnt
     assert list(terms) == ["const", "load_transfer"]
     assert terms["load_transfer"].mean == 0.1
-    assert apply_learnt_priors_to_machine(stated, {}) is stated
+    assert copy_machine_with_learnt_priors(stated, {}) is stated
 
 
 def test_a_later_log_contradicts_from_four_deviations_on():

@@ -12,17 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators import interpreted
-from replay.logs.bag.bag_grammar import GRAMMAR as BAG
-from replay.logs.blocks import Block, RecordGrammar
+from replay.logs.bag.bag_grammar import RECORD_FINDERS as BAG
+from replay.logs.blocks import Block, RecordFinders
 from replay.logs.blocks.slabs import (
-    Slab,
-    SlabIndex,
+    MessageRowIndex,
+    UnpackedBlockGroup,
     count_messages_of_chunks,
     select_messages_of_connections,
 )
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder import DecodedBatch
-from replay.logs.mcap.mcap_grammar import GRAMMAR as MCAP
+from replay.logs.mcap.mcap_grammar import RECORD_FINDERS as MCAP
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, types
 from tests.replay.logs.decoding.test_equality import RANDOM_TYPES, fields_of, same
 
@@ -99,7 +99,7 @@ def _bag_record(connection: int, time: int, body: bytes) -> bytes:
     return struct.pack("<I", len(header)) + header + struct.pack("<I", len(body)) + body
 
 
-@pytest.mark.parametrize(("grammar", "record"), [(MCAP, _mcap_record), (BAG, _bag_record)])
+@pytest.mark.parametrize(("finders", "record"), [(MCAP, _mcap_record), (BAG, _bag_record)])
 @RANDOM_TYPES
 @given(
     messages=st.lists(st.tuples(st.integers(0, 5), _TIMES, st.binary(max_size=30)), max_size=12),
@@ -107,7 +107,7 @@ def _bag_record(connection: int, time: int, body: bytes) -> bytes:
     noise=st.binary(max_size=40),
 )
 def test_records_in_chunks_whole_and_damaged(
-    grammar: RecordGrammar,
+    finders: RecordFinders,
     record: Callable[[int, int, bytes], bytes],
     messages: list[tuple[int, int, bytes]],
     changes: list[tuple[int, int]],
@@ -121,15 +121,15 @@ def test_records_in_chunks_whole_and_damaged(
     wanted = np.array([0, 2, 3], np.int64)
 
     def work() -> list[object]:
-        rows = SlabIndex(grammar, data, 4)
+        rows = MessageRowIndex(finders, data, 4)
         part = rows.add_rows_of_span(0, data.size)
         block = Block(0, 0, data.size, "", data.size)
-        slab = Slab(data, rows.indexed_rows, ((block, *part),), ())
-        batches = select_messages_of_connections(data, slab.rows, wanted, 3, 2**62)
+        group = UnpackedBlockGroup(data, rows.indexed_rows, ((block, *part),), ())
+        batches = select_messages_of_connections(data, group.rows, wanted, 3, 2**62)
         return [
             part,
-            slab.rows.tolist(),
-            count_messages_of_chunks(slab, wanted),
+            group.rows.tolist(),
+            count_messages_of_chunks(group, wanted),
             [(b.connection_id, b.offsets.tolist(), b.log_times.tolist()) for b in batches],
         ]
 

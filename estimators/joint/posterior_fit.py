@@ -9,7 +9,7 @@ from estimators.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)
-class MapFit:
+class PosteriorFit:
     """Estimates, with the parts of their covariance.
 
     If the first parameter has levels, p counts each of them, and they come first.
