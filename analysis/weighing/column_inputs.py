@@ -17,7 +17,8 @@ class ColumnInputs:
         speed: in m/s.
         ground_speed_ratio: ground speed over wheel speed, by the known slip.
         force: force on the ground in N, corrected for its delay.
-        force_rate: derivative of the measured force in N/s; 0 within its noise.
+        force_rate: derivative of the measured force in N/s; 0 within its noise if there is an
+            accelerometer.
         force_bend: its second derivative in N/s², likewise.
         force_rises_1: 1 where the force rises, -1 where it falls; 0 if the fit has no hysteresis.
         direction: driving direction of each manoeuvre.
@@ -35,7 +36,8 @@ class ColumnInputs:
         rises_by_force_1_N: derivative of `force_rises_1` by the force.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
-        force_rate_parabola: index of the parabola that gave `force_rate`; None if its noise is 0.
+        force_rate_parabola: index of the parabola that gave `force_rate`; None where that is 0
+            within its noise.
     """
 
     acceleration: Floats

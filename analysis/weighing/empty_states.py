@@ -69,7 +69,7 @@ def _find_equally_light_states(
 def estimate_std_of_empty_masses_kg(
     weighing: Weighing, empty: list[int], machine: Machine
 ) -> float:
-    """Standard deviation of the empty states' masses beyond chance (DerSimonian & Laird 1986).
+    """Standard deviation of the empty states' masses beyond chance (DerSimonian & Kacker 2007).
 
     It is 0 with one of them, and where the empty mass drifts, which payloads follow.
     """

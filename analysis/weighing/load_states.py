@@ -300,7 +300,9 @@ def estimate_or_assume_mass_scatter_about_states(
         return *estimate_scatter_and_birge_ratio(mass_kg, variance, partition, freedom), False
     dof = partition.degrees_of_freedom
     scatter_kg, _, ratio = estimate_scatter_and_birge_ratio(mass_kg, variance, partition, dof)
-    return max(scatter_kg, usual_kg), np.inf, ratio, True
+    if scatter_kg > usual_kg:
+        return scatter_kg, float(max(freedom, 1)), ratio, False
+    return usual_kg, np.inf, ratio, True
 
 
 def estimate_scatter_and_birge_ratio(

@@ -64,7 +64,7 @@ _VECTORS_OF_MESSAGES: Final = {
     "angular_velocity": ("yaw rate", "rad/s"),
 }
 _VECTOR_PATH: Final = re.compile(
-    r"(?:^|[./_])(?P<vector>linear|linear_acceleration|angular|angular_velocity)[./_]"
+    r"(?:^|[./])(?P<vector>linear|linear_acceleration|angular|angular_velocity)[./]"
     r"(?P<axis>[xyz])$"
 )
 #: Fields of a message that are no readings: its stamp, and lists of records.
@@ -184,7 +184,8 @@ def list_columns_of_log(log: Log) -> list[LogColumn]:
             if said.side and not is_side_prefix_confirmed(field, names):
                 said = replace(said, side=None)
             said = replace(said, side=said.side or side, axis=said.axis or axis)
-            if topic is None and (match := _VECTOR_PATH.search(field)):
+            match = _VECTOR_PATH.search(strip_unit_from_name(field).strip())
+            if topic is None and match and not (said.side or said.part or said.is_linkage):
                 said, unit = interpret_vector_path(said, match, unit)
             if said.is_no_reading or said.is_elsewhere:
                 said = replace(said, quantity=None)

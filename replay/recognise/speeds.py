@@ -18,8 +18,30 @@ def propose_speed_of_drives(columns: Sequence[LogColumn], recognition: Recogniti
         or recognition.has_channel_of_both_sides("speed_{}_m_s")
     ):
         return
-    sketches = (propose_speed_from_wheels, propose_speed_from_encoders, propose_speed_from_motor)
-    any(propose(columns, recognition) for propose in sketches)
+    encoders = [c for c in columns if _is_encoder_of_drive(c)]
+    of_wheels = [c for c in encoders if c.name_meaning.side or c.name_meaning.part == "wheel"]
+    any(
+        propose(each, recognition)
+        for propose, each in (
+            (propose_speed_from_wheels, columns),
+            (propose_speed_from_encoders, of_wheels),
+            (propose_speed_from_motor, columns),
+            (propose_speed_from_encoders, encoders),
+        )
+    )
+
+
+def _is_encoder_of_drive(column: LogColumn) -> bool:
+    """Whether a column counts the ticks of an encoder: `tick` alone may count rows or time."""
+    said = column.name_meaning
+    names_encoder = "enc" in column.field.lower() or said.side or said.part == "wheel"
+    is_other = said.is_linkage or said.part == "motor"
+    return (
+        column.quantity == "encoder"
+        and column.unit is None
+        and bool(names_encoder)
+        and not is_other
+    )
 
 
 def _find_turn_unit(column: LogColumn) -> str | None:
@@ -29,9 +51,8 @@ def _find_turn_unit(column: LogColumn) -> str | None:
     return column.unit if column.unit in TURN_UNITS else None
 
 
-def propose_speed_from_encoders(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+def propose_speed_from_encoders(encoders: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose the position of wheels from ticks of their encoders; whether there are any."""
-    encoders = [c for c in columns if c.quantity == "encoder" and c.unit is None]
     by_side = {c.name_meaning.side: c for c in reversed(encoders)}
     if not encoders:
         return False
@@ -89,9 +110,14 @@ def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recogni
 
 def propose_speed_from_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose a speed from revolutions of a motor; whether there are any."""
-    turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
-        (c for c in columns if c.quantity in _TURNING and _find_turn_unit(c) is not None), None
+    turning = [c for c in columns if c.quantity in _TURNING]
+    candidates = (
+        *(c for c in columns if c.quantity == "erpm"),
+        *(c for c in turning if c.unit in TURN_UNITS),
+        # a unit that is guessed is one of a motor
+        *(c for c in turning if _find_turn_unit(c) and c.name_meaning.part == "motor"),
     )
+    turns = next(iter(candidates), None)
     if turns is None:
         return False
     pairs = " / POLE_PAIRS" if turns.quantity == "erpm" else ""

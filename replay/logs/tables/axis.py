@@ -36,6 +36,7 @@ from replay.logs.tables.times import (
     correct_labview_epoch,
     find_plausible_epoch,
     find_second_fraction_column,
+    find_seconds_of_stamp,
     is_fraction_beside_seconds,
 )
 
@@ -199,13 +200,12 @@ def find_time_columns_and_their_fields(
     if calendar := find_calendar_columns(columns):
         fraction = find_second_fraction_column(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
-    for part in (None, name_column_by_last_part, name_column_before_dash):
-        named = [part(column) for column in columns] if part else columns
-        if found := rank_candidate_time_columns(named, cells):
-            columns = named
+    found = rank_candidate_time_columns(columns, cells) or find_seconds_of_stamp(names)
+    found = found or find_sole_time_column(columns, cells)
+    for part in (name_column_by_last_part, name_column_before_dash) if not found else ():
+        columns = [part(column) for column in columns]
+        if found := rank_candidate_time_columns(columns, cells):
             break
-    else:
-        found = find_sole_time_column(columns, cells)
     if not found:
         return None
     first = found[0]
@@ -254,13 +254,14 @@ def rank_candidate_time_columns(
 ) -> list[int]:
     """Indices of time columns, the best name first, preferably with a unit of time.
 
-    An empty column is last, and before it a clock with repeated values, since another one resolves
-    its ticks.
+    A clock with repeated values is last, since another one resolves its ticks. Of a stamp in two
+    columns neither is a time by itself.
     """
-    ranked: list[tuple[int, int, int, int]] = []
+    ranked: list[tuple[bool, int, int, int]] = []
     names = [column.name for column in columns]
+    has_stamp = any(is_fraction_beside_seconds(name, names) for name in names)
     for place, column in enumerate(columns):
-        if is_fraction_beside_seconds(column.name, names):
+        if is_fraction_beside_seconds(column.name, names) or (has_stamp and "stamp" in column.bare):
             continue
         # what stands behind a number is an axis or a state: time1, t_2
         bare = reduce_to_lower_case_letters(column.bare)
@@ -271,15 +272,14 @@ def rank_candidate_time_columns(
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
             stated = list(NS_PER_UNIT).index(column.unit) if column.unit in NS_PER_UNIT else -1
             rank = -stated if stated >= 0 else 9
-            ranked.append((_rank_repetition(cells(place)), rank, _NAMES.index(bare), place))
+            ranked.append((_has_repeated_times(cells(place)), rank, _NAMES.index(bare), place))
         elif (bare in _DATES or "time" in bare) and any(map(has_time_of_day, cells(place)[:5])):
-            ranked.append((_rank_repetition(cells(place)), 10, bare not in _DATES, place))
+            ranked.append((_has_repeated_times(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
 
 
-def _rank_repetition(cells: Sequence[str]) -> int:
-    """0 for distinct times, 1 for repeated ones, 2 for no text."""
-    return 2 if not cells else int(2 * len(set(cells)) < len(cells))
+def _has_repeated_times(cells: Sequence[str]) -> bool:
+    return 2 * len(set(cells)) < len(cells)
 
 
 def find_time_unit(column_name: ColumnName) -> str | None:

@@ -24,6 +24,7 @@ _FRACTIONS: Final = {
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
 }
 _PLACE: Final = re.compile(r"(?:.*[./])?(?:.*stamp_)?", re.IGNORECASE)
+_WHOLE_NUMBER: Final = re.compile(r"\d+(?:[.,]0*)?")
 _WHOLE_SECONDS: Final = ("sec", "secs", "second", "seconds", "s", "ss")
 _BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
 #: Below so many ns (two hours) a float has a thousandth of one, and need not be split.
@@ -203,7 +204,7 @@ def find_second_fraction_column(
 ) -> str | None:
     """Column of the fractions of a second, if the times have none; else None."""
     own = cells(column_index)
-    if not own or any(re.search(r"[.,]\d|:\d+:\d+:", cell) for cell in own):
+    if any(re.search(r"[.,]0*[1-9]|:\d+:\d+:", cell) for cell in own):
         return None
     place, name = split_place_and_field(columns[column_index].name)
     if any(":" in cell for cell in own):
@@ -217,7 +218,7 @@ def find_second_fraction_column(
             if k != column_index
             and find_unit_of_second_fractions(column.name.removeprefix(place)) is not None
             and column.name.startswith(place)
-            and all(cell.isdigit() for cell in cells(k))
+            and all(_WHOLE_NUMBER.fullmatch(cell) for cell in cells(k))
         ),
         None,
     )
@@ -228,6 +229,16 @@ def is_fraction_beside_seconds(column_name: str, all_names: Collection[str]) -> 
     place, name = split_place_and_field(column_name)
     beside = any(f"{place}{seconds}" in all_names for seconds in _WHOLE_SECONDS)
     return beside and find_unit_of_second_fractions(name) is not None
+
+
+def find_seconds_of_stamp(names: Sequence[str]) -> list[int]:
+    """Index of the first column of seconds of a message's stamp with its fractions beside it."""
+    for name in names:
+        place, _ = split_place_and_field(name)
+        if "stamp" in place.lower() and is_fraction_beside_seconds(name, names):
+            seconds = (f"{place}{each}" for each in _WHOLE_SECONDS)
+            return [names.index(each) for each in seconds if each in names][:1]
+    return []
 
 
 def split_place_and_field(column_name: str) -> tuple[str, str]:

@@ -241,3 +241,41 @@ def test_a_time_in_two_units_is_no_time_and_its_fraction(tmp_path: Path) -> None
     path = write_csv(tmp_path, f"time_s,time_ms,speed\n{rows}\n")
     with open_log(path) as log:
         assert log.topics()["rate_hz"][0] == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv"])
+def test_numbers_of_a_stamp_may_be_floats(tmp_path: Path, suffix: str) -> None:
+    count = 99
+    frame = pl.DataFrame(
+        {
+            "odom.header.stamp.sec": [1.7e9 + k // 50 for k in range(count)],
+            "odom.header.stamp.nanosec": [2e7 * (k % 50) for k in range(count)],
+            "motor.t": [20.0 + k / 100 for k in range(count)],
+        }
+    )
+    path = tmp_path / f"shift.{suffix}"
+    frame.write_csv(path) if suffix == "csv" else frame.write_parquet(path)
+    with open_log(path) as log:
+        assert log.topics()["rate_hz"][0] == pytest.approx(50.0)
+
+
+def test_the_only_column_in_a_unit_of_time_comes_before_a_part_that_is_called_t(
+    tmp_path: Path,
+) -> None:
+    rows = "\n".join(f"{k / 50},{20 + k / 100},{k}" for k in range(99))
+    path = write_csv(tmp_path, f"log_clock_s,motor.t,speed_m_s\n{rows}\n")
+    with open_log(path) as log:
+        assert log.topics()["rate_hz"][0] == pytest.approx(50.0)
+
+
+def test_a_time_in_numbers_comes_before_a_coarse_time_in_text(tmp_path: Path) -> None:
+    count = 99
+    frame = pl.DataFrame(
+        {
+            "t": [k / 50 for k in range(count)],
+            "timestamp": [f"2026-03-01 12:00:{k // 50:02d}" for k in range(count)],
+        }
+    )
+    frame.write_parquet(tmp_path / "shift.parquet")
+    with open_log(tmp_path / "shift.parquet") as log:
+        assert log.topics()["rate_hz"][0] == pytest.approx(50.0)

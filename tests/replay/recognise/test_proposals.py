@@ -52,8 +52,13 @@ def test_a_column_is_recognised_by_its_name_and_unit(
     assert questions == []
 
 
-@pytest.mark.parametrize("name", ["/cmd_vel/linear/x", "twist.linear.y", "twist.angular.x"])
-def test_a_vector_of_a_command_or_of_another_axis_is_no_channel(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    "name",
+    ["/cmd_vel/linear/x", "twist.linear.y", "twist.angular.x", "boom.linear.x", "omega", "tick"],
+)
+def test_what_is_a_command_or_turns_or_counts_elsewhere_is_no_channel(
+    tmp_path: Path, name: str
+) -> None:
     assert proposed(tmp_path, **{name: V}) == ({}, [])
 
 
@@ -239,6 +244,15 @@ def test_ticks_of_encoders_are_a_position_once_the_ticks_of_a_turn_are_stated(
         "the ticks of a turn of the wheel: TICKS_PER_TURN in channels.position_x_m.derive",
         "machine.wheel_radius_m",
     ]
+
+
+@pytest.mark.parametrize("name", ["tick", "boom_encoder_ticks", "omega"])
+def test_revolutions_of_a_motor_come_before_what_may_be_another_count(
+    tmp_path: Path, name: str
+) -> None:
+    channels, _ = proposed(tmp_path, **{name: V, "motor_rpm": V * 100, "force_N": A})
+    assert channels["speed_x_m_s"].derive == "motor_rpm / GEAR * wheel_radius_m"
+    assert channels["motor_rpm"].field == "motor_rpm"
 
 
 def test_a_motor_without_units_has_its_torque_asked_and_its_omega_in_rad_s(tmp_path: Path) -> None:
