@@ -27,9 +27,7 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     compute_ground_to_wheel_speed_ratio,
 )
-from analysis.weighing.nuisances import (
-    Nuisance,
-)
+from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import list_rows_by_group
@@ -282,18 +280,17 @@ def average_columns_of_pieces(
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.noise_covariance_of_means(int(length)) for length in lengths])
+    has_rate_noise = pieces[0][1].force_rate_parabola is not None
+    rate_variances = (
+        compute_force_rate_variances(noise, rate_hz, lengths.tolist()) if has_rate_noise else None
+    )
     weight = compute_square_roots_of_row_weights(A[:, :2], f, covariances, which)
 
     def weigh_rows(number: int) -> tuple[Floats, Floats]:
         (group, raw), rows = pieces[number], places[number]
-        of_rate = (
-            None
-            if raw.force_rate_parabola is None
-            else compute_force_rate_variances(noise, rate_hz, lengths.tolist())
-        )
         A[rows] *= weight[rows, None]
         return sum_noise_moments_by_stretch(
-            terms, group, raw, covariances, of_rate, which[rows], weight[rows]
+            terms, group, raw, covariances, rate_variances, which[rows], weight[rows]
         )
 
     added = map_in_threads(weigh_rows, range(len(places)))
@@ -477,10 +474,9 @@ def sum_noise_moments_by_stretch(
         weight_roots: (rows,) factor of each row.
     """
     ids, index = np.unique(stretch_of_row, return_inverse=True)
-    channels = ["by_acceleration", "by_speed", "by_force"]
-    parabola = column_inputs.force_rate_parabola
-    if force_rate_variances is not None and parabola is not None:
-        channels.insert(2, "by_force_rate")
+    if force_rate_variances is not None:
+        parabola = column_inputs.force_rate_parabola
+        assert parabola is not None
         parabolas = force_rate_variances.shape[1]
         covariances = np.repeat(covariances, parabolas, axis=0)
         covariances = np.insert(np.insert(covariances, 2, 0.0, 1), 2, 0.0, 2)
@@ -489,8 +485,10 @@ def sum_noise_moments_by_stretch(
     # derivatives of the columns by the channels; the others are 0
     slopes, places = [weight_roots, weight_roots], [(0, 0), (1, 1)]
     for j, term in enumerate(terms, start=2):
-        for channel, name in enumerate(channels):
-            if (by := getattr(term, name)) is not None:
+        by_rate = () if force_rate_variances is None else (term.by_force_rate,)
+        derivatives = (term.by_acceleration, term.by_speed, *by_rate, term.by_force)
+        for channel, by in enumerate(derivatives):
+            if by is not None:
                 slopes.append(by(column_inputs) * weight_roots)
                 places.append((j, channel))
     return group_sums.sum_noise_moments(

@@ -59,8 +59,11 @@ def make_load_frame(
     empty = find_empty_states(weighing, times, machine)
     since_ticket_kg = average_fuel_since_ticket_and_u_kg(weighing, empty, times, fuel)
     datum, against = _choose_empty_datum_or_refusal(weighing, empty, machine, since_ticket_kg)
+    empty_std_kg = estimate_std_of_empty_masses_kg(weighing, empty, machine)
     rows = [
-        _make_load_row(weighing, state, empty, times[state], machine, verdict, datum)
+        _make_load_row(
+            weighing, state, (empty, empty_std_kg), times[state], machine, verdict, datum
+        )
         for state in range(fit.mass_count)
     ]
     said = "; ".join(
@@ -147,7 +150,7 @@ def _choose_empty_datum_or_refusal(
 def _make_load_row(
     weighing: Weighing,
     state: int,
-    empty: list[int],
+    empty_and_std_kg: tuple[list[int], float],
     times: tuple[int, int],
     machine: Machine,
     verdict: Verdict,
@@ -155,6 +158,7 @@ def _make_load_row(
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
+    empty, empty_std_kg = empty_and_std_kg
     sources = make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combine_u(sources)
@@ -166,7 +170,7 @@ def _make_load_row(
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")
     payload, unknown = make_payload_columns_and_unknown_u_factors(
-        weighing, state, empty, machine, datum
+        weighing, state, empty, empty_std_kg, machine, datum
     )
     friction = fit.viscous_friction_and_std
     numbers = {
@@ -200,7 +204,12 @@ def _make_load_row(
 
 
 def make_payload_columns_and_unknown_u_factors(
-    weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: EmptyDatum | None
+    weighing: Weighing,
+    state: int,
+    empty: list[int],
+    empty_std_kg: float,
+    machine: Machine,
+    datum: EmptyDatum | None,
 ) -> tuple[dict[str, float | None], list[str]]:
     """Payload of a state with its uncertainty, and its factors of unknown uncertainty.
 
@@ -214,9 +223,7 @@ def make_payload_columns_and_unknown_u_factors(
     weights = mass_coefficients_of_payload(weighing, state, empty)
     sources = make_mass_budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
-    other_u_kg = estimate_std_of_empty_masses_kg(weighing, empty, machine) * float(
-        np.linalg.norm(weights[empty])
-    )
+    other_u_kg = empty_std_kg * float(np.linalg.norm(weights[empty]))
     if not empty:
         own_kg -= body.rotating_mass_kg + (body.empty_mass_kg or 0.0)
         other_u_kg = body.empty_mass_u_kg or 0.0

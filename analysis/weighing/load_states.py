@@ -5,6 +5,7 @@ A load changes between manoeuvres, where the machine stood.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -214,10 +215,12 @@ def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition
         best.state,
         level_kg,
         np.sqrt(masses.variance),
-        *scatter[:3],
+        scatter.scatter_kg,
+        scatter.freedom,
+        scatter.birge_ratio,
         load_returns=np.unique(best.level).size < best.level_stretch_count
         or _count_mass_reversals_of_states(best) >= LIMITS.load_return_reversals,
-        assumes_scatter=scatter[3],
+        assumes_scatter=scatter.is_assumed,
     )
 
 
@@ -242,9 +245,9 @@ def find_alternative_partition(
     if other is None or other_probability < doubted:
         return None
     level_kg = masses.y - masses.x @ other.effects
-    scatter_kg, *_ = estimate_or_assume_mass_scatter_about_states(
+    scatter_kg = estimate_or_assume_mass_scatter_about_states(
         level_kg, masses.variance, other, masses.kind
-    )
+    ).scatter_kg
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return AlternativePartition(other.state, differs_kg, scatter_kg, other_probability)
 
@@ -279,10 +282,19 @@ def compute_weighted_mean_mass_by_state_kg(
     )
 
 
+class ScatterAboutStates(NamedTuple):
+    """Scatter of masses about their states, as `LoadStates` has it."""
+
+    scatter_kg: float
+    freedom: float
+    birge_ratio: float
+    is_assumed: bool = False
+
+
 def estimate_or_assume_mass_scatter_about_states(
     mass_kg: Floats, variance: Floats, partition: Partition, change_kinds: Ints
-) -> tuple[float, float, float, bool]:
-    """Scatter about the states, its degrees of freedom, Birge ratio, and whether it is assumed.
+) -> ScatterAboutStates:
+    """Scatter about the states, estimated or assumed.
 
     Where only the masses show small changes to new loads, the states are those that leave the
     least scatter: each such change takes a degree of freedom, and with too few the usual scatter is
@@ -297,21 +309,22 @@ def estimate_or_assume_mass_scatter_about_states(
     small_changes = int(np.count_nonzero(is_small & is_new[1:] & by_masses))
     freedom = partition.degrees_of_freedom - small_changes
     if not small_changes or freedom >= LIMITS.scatter_min_freedom:
-        return *estimate_scatter_and_birge_ratio(mass_kg, variance, partition, freedom), False
-    dof = partition.degrees_of_freedom
-    scatter_kg, _, ratio = estimate_scatter_and_birge_ratio(mass_kg, variance, partition, dof)
-    if scatter_kg > usual_kg:
-        return scatter_kg, float(max(freedom, 1)), ratio, False
-    return usual_kg, np.inf, ratio, True
+        return estimate_scatter_and_birge_ratio(mass_kg, variance, partition, freedom)
+    found = estimate_scatter_and_birge_ratio(
+        mass_kg, variance, partition, partition.degrees_of_freedom
+    )
+    if found.scatter_kg > usual_kg:
+        return found._replace(freedom=float(max(freedom, 1)))
+    return ScatterAboutStates(usual_kg, np.inf, found.birge_ratio, is_assumed=True)
 
 
 def estimate_scatter_and_birge_ratio(
     mass_kg: Floats, variance: Floats, partition: Partition, freedom: int
-) -> tuple[float, float, float]:
+) -> ScatterAboutStates:
     """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""
     state = partition.level[partition.state]
     if freedom < 1:
-        return 0.0, 0.0, float("nan")
+        return ScatterAboutStates(0.0, 0.0, float("nan"))
 
     def reduced_chi_square(tau: float) -> float:
         weight = 1.0 / (variance + tau**2)
@@ -319,9 +332,9 @@ def estimate_scatter_and_birge_ratio(
         return float(weight @ (mass_kg - mean[state]) ** 2) / freedom
 
     if (ratio := float(np.sqrt(reduced_chi_square(0.0)))) <= 1.0:
-        return 0.0, float(freedom), ratio
+        return ScatterAboutStates(0.0, float(freedom), ratio)
     low, high = 0.0, float(np.ptp(mass_kg)) + 1e-9
     for _ in range(LIMITS.scatter_rounds):
         middle = (low + high) / 2.0
         low, high = (middle, high) if reduced_chi_square(middle) > 1.0 else (low, middle)
-    return high, float(freedom), ratio
+    return ScatterAboutStates(high, float(freedom), ratio)

@@ -12,10 +12,7 @@ import numpy as np
 
 from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.motion_samples import Floats
-from analysis.weighing.nuisances import (
-    NUISANCES,
-    Nuisance,
-)
+from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
 
 (_SLIP,) = (term for term in NUISANCES if term.name == "slip_acceleration")

@@ -31,6 +31,13 @@ def propose_speed_of_drives(columns: Sequence[LogColumn], recognition: Recogniti
     )
 
 
+def _choose_both_sides_or_first(columns: Sequence[LogColumn]) -> list[LogColumn]:
+    """The first column of the left and of the right side; without both, the first alone."""
+    by_side = {c.name_meaning.side: c for c in reversed(columns)}
+    is_of_both = set(SIDES) <= set(by_side)
+    return [by_side[side] for side in SIDES] if is_of_both else [*columns[:1]]
+
+
 def _is_encoder_of_drive(column: LogColumn) -> bool:
     """Whether a column counts the ticks of an encoder: `tick` alone may count rows or time."""
     said = column.name_meaning
@@ -53,10 +60,9 @@ def _find_turn_unit(column: LogColumn) -> str | None:
 
 def propose_speed_from_encoders(encoders: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose the position of wheels from ticks of their encoders; whether there are any."""
-    by_side = {c.name_meaning.side: c for c in reversed(encoders)}
+    encoders = _choose_both_sides_or_first(encoders)
     if not encoders:
         return False
-    encoders = [by_side[side] for side in SIDES] if set(SIDES) <= set(by_side) else encoders[:1]
     names = [
         f"encoder_{c.name_meaning.side}_1" if c.name_meaning.side else "encoder_1" for c in encoders
     ]
@@ -87,14 +93,12 @@ def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recogni
         and c.name_meaning.part != "motor"
         and (c.name_meaning.side or c.name_meaning.part == "wheel")
     ]
-    by_side = {c.name_meaning.side: c for c in reversed(wheels)}
-    if set(SIDES) <= set(by_side):
-        wheels = [by_side[side] for side in SIDES]
-        channels = [f"speed_{side}_m_s" for side in SIDES]
-    elif wheels:
-        wheels, channels = wheels[:1], ["speed_x_m_s"]
-    else:
+    wheels = _choose_both_sides_or_first(wheels)
+    if not wheels:
         return False
+    channels = (
+        [f"speed_{side}_m_s" for side in SIDES] if len(wheels) == len(SIDES) else ["speed_x_m_s"]
+    )
     for channel, column in zip(channels, wheels, strict=True):
         source = channel.replace("speed", "wheel").replace("m_s", "rpm")
         reason = f"{column.source_text}: turns of a wheel; needs its radius"

@@ -36,8 +36,8 @@ from replay.logs.tables.times import (
     correct_labview_epoch,
     find_plausible_epoch,
     find_second_fraction_column,
+    find_seconds_of_fraction,
     find_seconds_of_stamp,
-    is_fraction_beside_seconds,
 )
 
 #: Names of a time column without what is no letter, in the order they are looked for.
@@ -259,9 +259,10 @@ def rank_candidate_time_columns(
     """
     ranked: list[tuple[bool, int, int, int]] = []
     names = [column.name for column in columns]
-    has_stamp = any(is_fraction_beside_seconds(name, names) for name in names)
+    has_fraction = any(find_seconds_of_fraction(name, names) for name in names)
     for place, column in enumerate(columns):
-        if is_fraction_beside_seconds(column.name, names) or (has_stamp and "stamp" in column.bare):
+        is_half_of_stamp = has_fraction and "stamp" in column.bare
+        if is_half_of_stamp or find_seconds_of_fraction(column.name, names):
             continue
         # what stands behind a number is an axis or a state: time1, t_2
         bare = reduce_to_lower_case_letters(column.bare)

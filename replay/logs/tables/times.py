@@ -224,21 +224,20 @@ def find_second_fraction_column(
     )
 
 
-def is_fraction_beside_seconds(column_name: str, all_names: Collection[str]) -> bool:
-    """Whether a column holds the fractions of the seconds in another of the same message."""
+def find_seconds_of_fraction(column_name: str, all_names: Collection[str]) -> str | None:
+    """Column of the seconds in the same message, if a column holds their fractions; else None."""
     place, name = split_place_and_field(column_name)
-    beside = any(f"{place}{seconds}" in all_names for seconds in _WHOLE_SECONDS)
-    return beside and find_unit_of_second_fractions(name) is not None
+    if find_unit_of_second_fractions(name) is None:
+        return None
+    beside = (f"{place}{seconds}" for seconds in _WHOLE_SECONDS)
+    return next((each for each in beside if each in all_names), None)
 
 
 def find_seconds_of_stamp(names: Sequence[str]) -> list[int]:
     """Index of the first column of seconds of a message's stamp with its fractions beside it."""
-    for name in names:
-        place, _ = split_place_and_field(name)
-        if "stamp" in place.lower() and is_fraction_beside_seconds(name, names):
-            seconds = (f"{place}{each}" for each in _WHOLE_SECONDS)
-            return [names.index(each) for each in seconds if each in names][:1]
-    return []
+    stamps = (name for name in names if "stamp" in split_place_and_field(name)[0].lower())
+    found = (find_seconds_of_fraction(name, names) for name in stamps)
+    return [names.index(seconds) for seconds in found if seconds is not None][:1]
 
 
 def split_place_and_field(column_name: str) -> tuple[str, str]:

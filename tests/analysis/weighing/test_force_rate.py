@@ -7,7 +7,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.model.machine import Machine
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.force_rate import (
     compute_force_rate_variances,
@@ -17,6 +16,7 @@ from analysis.weighing.force_rate import (
 from analysis.weighing.motion_samples import Floats
 from replay import open_log, run
 from replay.logs import TimeAxis
+from tests.analysis.kinematic_machine import machine_of_force_and_speed
 from tests.twins import mark_slow_after
 
 RATE_HZ = 50.0
@@ -139,18 +139,8 @@ def drive_and_cut_throttle(seed: int, brake: float) -> pl.DataFrame:
 def test_noise_of_the_force_hides_no_slip(tmp_path: Path, seed: int, brake: float) -> None:
     path = tmp_path / "crawler.csv"
     drive_and_cut_throttle(seed, brake).write_csv(path)
-    machine = Machine.model_validate(
-        {
-            "machine": {"name": "crawler", "empty_mass_kg": EMPTY_KG, "digs": False},
-            "log": {"time": "t"},
-            "channels": {
-                "force_x_N": {"field": "force"},
-                "speed_x_m_s": {"field": "speed"},
-                "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
-            },
-            "settings": {"forces": {"acceleration": "kinematic"}},
-        }
-    )
+    body = {"name": "crawler", "empty_mass_kg": EMPTY_KG, "digs": False}
+    machine = machine_of_force_and_speed(body, {})
     frames = run(open_log(path, time=TimeAxis("t", "s")), machine).frames
     masses = frames["loads"].select("mass_kg", "u_kg").drop_nulls().rows()
     # without the noise in its column slip was none, and masses 2 to 7 % (up to 4 u) too small

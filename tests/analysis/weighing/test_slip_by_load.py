@@ -6,9 +6,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.model.machine import Machine
 from replay import open_log, run
 from replay.logs import TimeAxis
+from tests.analysis.kinematic_machine import machine_of_force_and_speed
 from tests.twins import mark_slow_after
 
 EMPTY_KG = 18_000.0
@@ -71,20 +71,9 @@ def test_a_payload_holds_whether_the_load_presses_the_tracks_or_not(
     path = tmp_path / "crawler.csv"
     log, empty_to_s = drive(seed, stiffness_share)
     log.write_csv(path)
-    machine = Machine.model_validate(
-        {
-            "machine": {"name": "crawler", "empty_mass_kg": EMPTY_KG, "digs": False},
-            "log": {"time": "t"},
-            "channels": {
-                "force_x_N": {"field": "force"},
-                "speed_x_m_s": {"field": "speed"},
-                "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
-            },
-            "settings": {
-                "forces": {"acceleration": "kinematic"},
-                "loads": {"empty_from_s": 0.0, "empty_to_s": empty_to_s},
-            },
-        }
+    body = {"name": "crawler", "empty_mass_kg": EMPTY_KG, "digs": False}
+    machine = machine_of_force_and_speed(
+        body, {"loads": {"empty_from_s": 0.0, "empty_to_s": empty_to_s}}
     )
     frames = run(open_log(path, time=TimeAxis("t", "s")), machine).frames
     (load,) = frames["loads"].filter(~frames["loads"]["empty"]).to_dicts()
