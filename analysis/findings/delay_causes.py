@@ -220,6 +220,7 @@ def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
         fitted_cause
         for name, fitted_cause in rank_causes_by_likelihood(inputs).items()
         if name.startswith("delay") and not (is_source_late and name == "delay:force")
+        if abs(fitted_cause.value) >= LIMITS.min_delay_s
     ]
     whole = (_make_delay_symptom(inputs, p) for p in found if not is_filter_delay_likelier(p))
     return [*of_sources, *whole]
