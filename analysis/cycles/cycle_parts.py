@@ -134,7 +134,7 @@ class CycleParts:
             return "no empty pass to compare with"
         return ""
 
-    def pass_coefficients(self, tare_coefficient_before: Floats, pass_count: int) -> Floats:
+    def pass_weights_of_payload(self, tare_coefficient_before: Floats, pass_count: int) -> Floats:
         """(passes,) weights of the passes' masses in the payload.
 
         Args:

@@ -129,7 +129,7 @@ def weigh_cycles(
     withheld = withheld or (empty.empty_mass_contradiction_text if empty else "")
     share = compute_tare_coefficient_before_each_pass(found)
     worth = compute_payload_uncertainty_by_scale(
-        weighing, machine, found, make_pass_coefficients_of_payload_sum(found, parts, share), empty
+        weighing, machine, found, sum_pass_weights_of_payloads(found, parts, share), empty
     )
     clean = estimate_clean_machine_mass_and_u_kg(found)
     rows: list[dict[str, object]] = []
@@ -143,7 +143,7 @@ def weigh_cycles(
         row: dict[str, object] = {"cycle": number, **_make_cycle_time_columns(part, ready_ns)}
         reason = withheld or part.missing_mass_reason
         if not reason:
-            weights = part.pass_coefficients(share, found.mass_kg.size)
+            weights = part.pass_weights_of_payload(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
             row |= make_payload_uncertainty_columns(row, worth, weights)
             if of_states is not None:
@@ -210,7 +210,7 @@ def _make_payload_row(
             row[f"{name}_id"] = number
             row[f"{name}_kg"] = float(passes.mass_kg[number])
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
-    weights = cycle.pass_coefficients(tare_coefficients, passes.mass_kg.size)
+    weights = cycle.pass_weights_of_payload(tare_coefficients, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
     carry_back_kg2 = payload_variance_by_carry_back_kg2(cycle, passes, tare_coefficients)
     variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_kg2
@@ -291,17 +291,17 @@ def payload_variance_by_carry_back_kg2(
     return variance * (before**2 + after**2)
 
 
-def make_pass_coefficients_of_payload_sum(
+def sum_pass_weights_of_payloads(
     passes: Passes, cycle_parts: list[CycleParts], tare_coefficients: Floats
 ) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
-    whole = [
-        p
-        for p in cycle_parts
-        if p.loaded_pass is not None and (p.empty_pass_before, p.empty_pass_after) != (None, None)
+    count = passes.mass_kg.size
+    weights = [
+        part.pass_weights_of_payload(tare_coefficients, count)
+        for part in cycle_parts
+        if not part.missing_mass_reason
     ]
-    weights = [part.pass_coefficients(tare_coefficients, passes.mass_kg.size) for part in whole]
-    return np.sum([np.zeros(passes.mass_kg.size), *weights], axis=0)
+    return np.sum([np.zeros(count), *weights], axis=0)
 
 
 @dataclass(frozen=True)

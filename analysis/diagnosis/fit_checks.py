@@ -161,7 +161,7 @@ def _manoeuvre_scatter_over_noise(weighing: Weighing) -> float:
     return np.nan if states is None else states.birge_ratio
 
 
-def _mass_change_by_swapped_motion_over_uncertainty(
+def _mass_change_by_other_motion_sensor_over_uncertainty(
     inputs: CheckInputs, _motion: AxisMotion
 ) -> float | None:
     """Mass change if wheels and accelerometer swap roles, in u."""
@@ -170,7 +170,7 @@ def _mass_change_by_swapped_motion_over_uncertainty(
     return None if other is None else other.mass_shift_over_uncertainty
 
 
-def _describe_fit_by_swapped_motion(inputs: CheckInputs, _motion: AxisMotion) -> str:
+def _describe_fit_by_other_motion_sensor(inputs: CheckInputs, _motion: AxisMotion) -> str:
     weighing = inputs.weighing
     if weighing is None or weighing.other_motion is None:
         return ""
@@ -318,8 +318,8 @@ FIT_CHECKS: Final = (
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
         applies=_has_wheel_kinematics,
-        subject_text=_describe_fit_by_swapped_motion,
-        moved_u=_mass_change_by_swapped_motion_over_uncertainty,
+        subject_text=_describe_fit_by_other_motion_sensor,
+        moved_u=_mass_change_by_other_motion_sensor_over_uncertainty,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(

@@ -289,7 +289,7 @@ def compute_expected_regressor_noise_squares(
     return samples * weighted.sum(0)[COLUMNS[motion_kind]]
 
 
-def predict_noise_scaled_condition(
+def predict_noise_scaled_condition_number(
     motion_kind: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> float:
     """Condition number of AᵀA after each column is divided by its noise."""

@@ -18,7 +18,7 @@ from analysis.excitation.error_prediction import (
     MeasuredSignals,
     compute_sensor_noise_stds,
     predict_estimate_errors_of_drive,
-    predict_noise_scaled_condition,
+    predict_noise_scaled_condition_number,
 )
 from analysis.simulation import Channels, Scenario, solve_motion
 from analysis.simulation.motion.body import RigidBody
@@ -370,7 +370,7 @@ def score_waveform(
         rank=count_parameters_determined_by_motion(
             Channels._make(each[first : first + samples] for each in driven)
         ),
-        condition=predict_noise_scaled_condition(motion_kind, filters, part, noise),
+        condition=predict_noise_scaled_condition_number(motion_kind, filters, part, noise),
         snr=varies / noisy,
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),

@@ -98,6 +98,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
     friction = "direction" if motion.drives_both_ways else "const"
     way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.is_fittable]))
     mass_kg, viscous = inputs.look_up_mass_of_samples_kg(motion), max(fit.viscous_friction, 0.0)
+    holds = offset and _does_standing_force_hold_slope(inputs, rest[0], fit.mass_kg)
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []
     for acts, tilted in product(offsets, tilts):
@@ -113,6 +114,9 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
         square = own.remaining_information_about_cause(friction)
+        # what holds the machine on a slope is no offset that friction takes off again
+        if acts and holds:
+            continue
         if square > 0.0 and own.remaining_likelihood_score_of_cause(friction) * way > 0.0:
             gain = own.remaining_likelihood_score_of_cause(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
@@ -126,6 +130,16 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         is_cause_in_best_explanation(cost, best, 1),
         _subtract_force_and_accelerometer_offsets(motion, of_rest, of_error),
     )
+
+
+def _does_standing_force_hold_slope(
+    inputs: FindingInputs, force_at_rest_N: float, mass_kg: float
+) -> bool:
+    """Whether the force at rest may be the drive's or the brakes' part of what gravity pulls."""
+    if ACC not in inputs.aligned.columns:
+        return False
+    gravity_m_s2, _ = inputs.signal_mean_and_std_at_rest(column_values(inputs.aligned, ACC))
+    return 0.0 < force_at_rest_N * gravity_m_s2 <= mass_kg * gravity_m_s2**2
 
 
 def _subtract_force_and_accelerometer_offsets(

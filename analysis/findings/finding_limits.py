@@ -30,8 +30,8 @@ class FindingLimits:
     likelihood_gain_root: float = 3.45
     #: Delay in s that stamps are trusted to, by which short delays rank after other causes.
     trusted_stamp_s: float = 0.002
-    #: Smallest delay in s that is reported: half a period at 100 Hz. A bus makes as much, and the 10
-    #: of 250 sound machines that seemed to have less than that were moved by 0.4 u at most.
+    #: Smallest delay in s that is reported: half a period at 100 Hz. A bus makes as much, and less
+    #: than that, which 10 of 250 sound machines seemed to have, moved no mass by 0.4 u.
     min_delay_s: float = 0.005
     #: Delay in s from which a later accelerometer has been filtered.
     filter_delay_s: float = 0.06

@@ -75,7 +75,7 @@ def estimate_std_of_empty_masses_kg(
     """
     if len(empty) < 2 or weighing.significant_empty_mass_drift is not None:
         return 0.0
-    mean = mass_coefficients_of_mean_over_states(weighing.fit, empty)
+    mean = weights_of_mean_mass_over_states(weighing.fit, empty)
     found, expected = 0.0, 0.0
     for state in empty:
         weights = weighing.fit.mass_coefficients_of_state(state) - mean
@@ -93,9 +93,7 @@ def mass_coefficients_of_payload(weighing: Weighing, state: int, empty: list[int
     weights = weighing.fit.mass_coefficients_of_state(state)
     if weighing.significant_empty_mass_drift is not None:
         empty = _find_nearest_empty_states(state, empty)
-    return (
-        weights - mass_coefficients_of_mean_over_states(weighing.fit, empty) if empty else weights
-    )
+    return weights - weights_of_mean_mass_over_states(weighing.fit, empty) if empty else weights
 
 
 def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
@@ -103,7 +101,7 @@ def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
     return before[-1:] + after[:1]
 
 
-def mass_coefficients_of_mean_over_states(fit: JointFit, states: list[int]) -> Floats:
+def weights_of_mean_mass_over_states(fit: JointFit, states: list[int]) -> Floats:
     """(masses,) weights of the mean mass of states, by number of manoeuvres."""
     assert fit.states is not None
     count = np.bincount(fit.states.membership).astype(np.float64)

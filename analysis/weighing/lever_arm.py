@@ -232,24 +232,24 @@ class _WheelComparison:
 
 
 def compute_lagged_differences_of_stretch_means(
-    columns: tuple[Floats, ...], spans: Ints, lag_means: int
+    columns: tuple[Floats, ...], spans: Ints, lag_in_means: int
 ) -> list[Floats]:
-    """Centred differences over `lag_means` means of each column, (means - lag, columns) each."""
-    ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means)[:-1]
+    """Centred differences over `lag_in_means` means of each column, (means - lag, columns) each."""
+    ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_in_means)[:-1]
     rows = np.column_stack(
-        [_compute_lagged_differences_of_column(x, spans, lag_means) for x in columns]
+        [_compute_lagged_differences_of_column(x, spans, lag_in_means) for x in columns]
     )
     return np.split(rows, ends)
 
 
 @compiled_unless_short_log
-def _compute_lagged_differences_of_column(column: Floats, spans: Ints, lag_means: int) -> Floats:
+def _compute_lagged_differences_of_column(column: Floats, spans: Ints, lag_in_means: int) -> Floats:
     """Centred differences of a column, the stretches one after another."""
-    counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_means
+    counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_in_means
     out, row = np.empty(counts.sum()), 0
     for number in range(len(spans)):
         means = compute_overlapping_means(column[spans[number, 0] : spans[number, 1]])
-        differences = means[lag_means:] - means[:-lag_means]
+        differences = means[lag_in_means:] - means[:-lag_in_means]
         out[row : row + counts[number]] = differences - sum_in_order(differences) / counts[number]
         row += counts[number]
     return out

@@ -17,8 +17,8 @@ from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.empty_states import (
     estimate_std_of_empty_masses_kg,
     find_empty_states,
-    mass_coefficients_of_mean_over_states,
     mass_coefficients_of_payload,
+    weights_of_mean_mass_over_states,
 )
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
@@ -133,7 +133,7 @@ def _choose_empty_datum_or_refusal(
     fit = weighing.fit
     if not empty or len(empty) == fit.mass_count:
         return None, ""
-    weights = mass_coefficients_of_mean_over_states(fit, empty)
+    weights = weights_of_mean_mass_over_states(fit, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
     if found.empty_mass_contradiction_text:
         return (

@@ -133,11 +133,11 @@ class _SolvedSamples:
             scatter *= compute_student_to_normal_ratio(levels.freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
         count = shape.levels.level_count
-        grown, ratio = estimate_between_group_covariance_and_ratio(
+        grown, ratio = estimate_between_group_covariance_and_birge_ratio(
             gain, spread, covariance + scatter, count
         )
         scatter = scatter + grown
-        misfit, common = estimate_common_misfit_and_ratio(
+        misfit, common = estimate_common_misfit_covariance_and_ratio_to_noise(
             gain,
             A,
             self.common_residual(),
@@ -334,20 +334,20 @@ class _InformativeGroups:
     number: list[int]
 
     def scores_per_unit_of_common_residual(
-        self, A: Floats, direction: Floats, group_length: int
+        self, A: Floats, group_signs: Floats, group_length: int
     ) -> Floats:
         """(length, wide) scores caused by a common residual of 1 at each place in the groups."""
         count = self.shape.levels.level_count
         total = np.zeros((group_length, count + A.shape[1] - 1))
         for part, turn, number in zip(self.rows, self.turns, self.number, strict=True):
             inside = part[:group_length]
-            own = A[inside] @ turn.T * direction[part[part.size // 2]]
+            own = A[inside] @ turn.T * group_signs[part[part.size // 2]]
             total[: inside.size, self.shape.levels.membership[number]] += own[:, 0]
             total[: inside.size, count:] += own[:, 1:]
         return total
 
 
-def estimate_between_group_covariance_and_ratio(
+def estimate_between_group_covariance_and_birge_ratio(
     gain: Gain, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
     """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
@@ -368,7 +368,7 @@ def estimate_between_group_covariance_and_ratio(
     return grown, float(np.sqrt(ratio))
 
 
-def estimate_common_misfit_and_ratio(
+def estimate_common_misfit_covariance_and_ratio_to_noise(
     gain: Gain,
     A: Floats,
     common_residual: CommonResidual | None,

@@ -87,7 +87,7 @@ def make_traceability_warnings(document: EvidenceDocument) -> list[str]:
 
 def describe_missing_certificate_statements(document: EvidenceDocument) -> list[str]:
     """Sentence that lists the statements of a certificate that the campaign file lacks, if any."""
-    keys = document.campaign.missing_certificate_keys
+    keys = document.campaign.missing_certificate_entries
     if not keys:
         return []
     return [f"Not stated, and ISO/IEC 17025, 7.8 asks for it: {', '.join(keys)}."]

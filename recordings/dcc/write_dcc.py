@@ -45,8 +45,8 @@ def refuse_campaign_incomplete_for_dcc(campaign: CalibrationCampaign, source: ob
         EvidenceError: names every key that is not stated.
     """
     require_xml_libraries()
-    if campaign.missing_certificate_keys:
-        keys = ", ".join(campaign.missing_certificate_keys)
+    if campaign.missing_certificate_entries:
+        keys = ", ".join(campaign.missing_certificate_entries)
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
 
 

@@ -56,10 +56,10 @@ def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = fill_in_masses_of_certificates(path, content)
     campaign = validate_toml_content(path, content, CalibrationCampaign, CampaignError)
-    if campaign.laboratory is not None and campaign.missing_certificate_keys:
+    if campaign.laboratory is not None and campaign.missing_certificate_entries:
         raise CampaignError(
             f"{path}: [laboratory] makes this a certificate by ISO/IEC 17025, 7.8, which also "
-            f"needs {', '.join(campaign.missing_certificate_keys)}; add them, or leave out "
+            f"needs {', '.join(campaign.missing_certificate_entries)}; add them, or leave out "
             "[laboratory]"
         )
     beside = path.parent / campaign.machine.file

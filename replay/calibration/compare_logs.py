@@ -36,7 +36,7 @@ _IN_WORDS: Final = ("losses", "notes")
 _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 
 
-def replay_and_compare_logs(
+def replay_logs_and_record_differences(
     checked_bundle: CheckedBundle,
     document: EvidenceDocument,
     stored_readings: pl.DataFrame,

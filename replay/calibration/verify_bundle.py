@@ -40,7 +40,7 @@ from recordings.calibration.timestamp import read_authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key_file
-from replay.calibration.compare_logs import replay_and_compare_logs
+from replay.calibration.compare_logs import replay_logs_and_record_differences
 
 #: What the viewer draws of a recording is made of its frames when it is written.
 _DRAWN = (
@@ -151,7 +151,7 @@ def verify_bundle(
             bundle, document, folder, is_calibration_compared=log_folder is not None
         )
     if log_folder is not None and document is not None and bundle.readings is not None:
-        replay_and_compare_logs(bundle, document, bundle.readings, log_folder)
+        replay_logs_and_record_differences(bundle, document, bundle.readings, log_folder)
         done.append(
             f"{format_count(len(document.logs), 'log')} replayed: every reading, and begin, "
             "duration, topics, counts, stamps, losses, notes, speeds and verdict of each log "

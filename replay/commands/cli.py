@@ -126,7 +126,9 @@ def main() -> None:
         _discard_buffered_stdout()
         status = 0
     except (UnpicklingError, EOFError) as error:
-        status = _print_error_and_get_exit_status(remove_unreadable_compile_cache(error))
+        status = _print_error_and_get_exit_status(
+            remove_unreadable_compile_cache_and_make_message(error)
+        )
     except OSError as error:
         _discard_buffered_stdout()
         # a file that was being closed when the signal came may have been closed twice
@@ -215,7 +217,7 @@ def _discard_buffered_stdout() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def remove_unreadable_compile_cache(error: Exception) -> str:
+def remove_unreadable_compile_cache_and_make_message(error: Exception) -> str:
     """Remove compiled code that cannot be read; returns a message, and raises other errors again.
 
     Two processes may have written it at once, or the disk was full.

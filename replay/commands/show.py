@@ -121,7 +121,7 @@ def _print_or_write_frame_rows(
         require_writable_output(output, force=force)
     stage = RecordedStage.read_frame_as_stage(recording, name)
     if calibration is not None:
-        stage = stage.calibrate_masses_of_loads(calibration)
+        stage = stage.apply_calibration_to_masses(calibration)
     stage = (
         stage.select_rows_between(*time_span_s)
         if isinstance(time_span_s, tuple)

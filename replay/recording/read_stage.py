@@ -59,7 +59,7 @@ class RecordedStage:
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
-    def calibrate_masses_of_loads(self, calibration_request: "CalibrationRequest") -> Self:
+    def apply_calibration_to_masses(self, calibration_request: "CalibrationRequest") -> Self:
         """Calibrate the masses of the frame `loads`.
 
         Raises:

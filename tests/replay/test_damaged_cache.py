@@ -11,7 +11,7 @@ from tests.replay.sledge import MACHINE, sledge
 
 #: One compiled function, by which a run stands or falls like by all of them.
 ONE_LOOP = """
-from replay.commands.cli import remove_unreadable_compile_cache
+from replay.commands.cli import remove_unreadable_compile_cache_and_make_message
 import numpy as np
 from estimators.interpreted import force_compilation
 from estimators.methods.ls import compute_mean_sample_weights
@@ -20,7 +20,7 @@ try:
         compute_mean_sample_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")
 except Exception as error:
-    print(remove_unreadable_compile_cache(error))
+    print(remove_unreadable_compile_cache_and_make_message(error))
 """
 
 

@@ -257,7 +257,7 @@ class CalibrationCampaign(BaseModel):
         return last + dt.timedelta(days=self.campaign.valid_days)
 
     @property
-    def missing_certificate_keys(self) -> tuple[str, ...]:
+    def missing_certificate_entries(self) -> tuple[str, ...]:
         """Keys that ISO/IEC 17025, 7.8 asks for of a certificate, and that the file leaves open."""
         found = [name for name in ("laboratory", "customer") if getattr(self, name) is None]
         asked: tuple[tuple[str, BaseModel, tuple[str, ...]], ...] = (

@@ -273,7 +273,7 @@ class Calibration:
             scatters=np.array([float(part.scatters) for part in parts]),
             estimated=np.flatnonzero([part.estimated for part in parts]).astype(np.int64),
             covariance=np.array(self.variance_covariance),
-            extra_kg2=sum_variance_absent_from_points_kg2(
+            extra_kg2=sum_variance_not_in_scatter_of_points_kg2(
                 self.stated, self.common_kg if self.common_counts else 0.0
             ),
             few_dof={} if self.few_days is None else {DAY: self.few_days},
@@ -347,12 +347,12 @@ class Calibration:
             raise DataError(f"calibration: {where}: {what}") from error
 
 
-def sum_variance_absent_from_points_kg2(
-    stated_parts: tuple[StatedPart, ...], common_kg: float
+def sum_variance_not_in_scatter_of_points_kg2(
+    stated_parts: tuple[StatedPart, ...], common_u_kg: float
 ) -> float:
     """Variance of every later m̂ that the points do not show."""
     anew = (one.u_kg for one in stated_parts if not one.absorbed and one.u_kg is not None)
-    return common_kg**2 + sum(u_kg**2 for u_kg in anew)
+    return common_u_kg**2 + sum(u_kg**2 for u_kg in anew)
 
 
 def _make_withheld_mass(reason: str) -> CalibratedMass:

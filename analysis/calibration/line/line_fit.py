@@ -14,7 +14,7 @@ from analysis.calibration.line.calibration import (
     Component,
     LackOfFit,
     Reference,
-    sum_variance_absent_from_points_kg2,
+    sum_variance_not_in_scatter_of_points_kg2,
 )
 from analysis.calibration.line.calibration_budget import make_calibration_budget
 from analysis.calibration.line.calibration_points import Campaign, average_used_readings_by_run
@@ -137,7 +137,7 @@ def fit_calibration_line(
     common_kg = largest_common_u_kg(campaign.readings)
     counted_kg = common_kg if day_unknown else 0.0
     inversion = LineInversion.from_line(
-        line, sum_variance_absent_from_points_kg2(options.stated, counted_kg)
+        line, sum_variance_not_in_scatter_of_points_kg2(options.stated, counted_kg)
     )
     components = list_variance_components(line, campaign)
     low, high = float(points.x_kg.min()), float(points.x_kg.max())

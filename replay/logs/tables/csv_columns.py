@@ -304,9 +304,9 @@ def guess_polars_type_of_cells(cells: Sequence[str]) -> pl.DataType:
     return pl.Float64() if all(map(_FLOAT.fullmatch, cells)) else pl.String()
 
 
-def _remove_temporary_copy(text: Utf8Text) -> None:
-    if text.copy is not None:
-        text.copy.cleanup()
+def _remove_temporary_copy(opened_file: Utf8Text) -> None:
+    if opened_file.copy is not None:
+        opened_file.copy.cleanup()
 
 
 def _does_file_end_with_line_end(path: Path) -> bool:

@@ -63,6 +63,26 @@ def test_a_sound_machine_on_a_cross_slope_in_curves_has_no_finding(seed: int) ->
 
 
 @pytest.mark.parametrize(
+    "seed",
+    mark_slow_after(
+        2,
+        [
+            pytest.param(5_900_172, id="force of the brakes in a slope, and none in motion"),
+            pytest.param(5_900_208, id="more of it than friction would explain"),
+            5_900_040,
+        ],
+    ),
+)
+def test_a_sound_machine_that_its_brakes_hold_on_a_slope_has_no_friction(seed: int) -> None:
+    assert try_fault(None, 0.0, seed, odd=True).causes == []
+
+
+@pytest.mark.parametrize("seed", mark_slow_after(1, [5_900_103, 5_900_211]))
+def test_a_few_milliseconds_of_a_sound_machine_are_no_delay(seed: int) -> None:
+    assert try_fault(None, 0.0, seed).causes == []
+
+
+@pytest.mark.parametrize(
     ("late_s", "seed"), mark_slow_after(1, [(0.1, SIMULATED), (0.04, INDEPENDENT)])
 )
 def test_the_late_one_of_two_torques_is_named_with_its_delay(late_s: float, seed: int) -> None:

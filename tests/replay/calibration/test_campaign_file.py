@@ -72,8 +72,8 @@ def test_a_campaign_of_a_laboratory_names_each_key_that_a_certificate_lacks(camp
 
 def test_a_campaign_of_before_is_read_and_says_what_it_does_not_state(campaign: Path) -> None:
     read, _ = load_campaign_and_machine(campaign)
-    assert "laboratory" in read.missing_certificate_keys
-    assert "conditions.temperature_degC" in read.missing_certificate_keys
+    assert "laboratory" in read.missing_certificate_entries
+    assert "conditions.temperature_degC" in read.missing_certificate_entries
     assert read.untraceable_references_text == ("the machine's empty mass has no certificate",)
 
 
@@ -150,7 +150,7 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     draft.write_text(text)
     campaign, _ = load_campaign_and_machine(draft)
     assert campaign.campaign.author == "Sledges: who made it"
-    assert not campaign.missing_certificate_keys
+    assert not campaign.missing_certificate_entries
     assert str(tmp_path) not in text
     join_to_one_line(
         payscope("init", "--campaign", tmp_path / "none", "-o", tmp_path / "x.toml"), "none"
