@@ -253,6 +253,58 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
     )
 
 
+def find_drift_among_loads(inputs: FindingInputs) -> list[Symptom]:
+    """Find a drift of the force's gain in a log of several loads."""
+    return [*find_drift_of_empty_mass(inputs), *find_steadily_changing_mass(inputs)]
+
+
+def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
+    """Find loads that a mass which changes in proportion to time describes as well.
+
+    The Bayesian information criterion compares the two (Schwarz 1978). Manoeuvres in both
+    directions may differ by a constant, as loads that alternate with them do.
+    """
+    fit = inputs.log_only_fit
+    states = None if fit is None else fit.states
+    if fit is None or states is None or states.unit.size < LIMITS.steady_min_manoeuvres:
+        return []
+    motion, count = fit.motion, states.unit.size
+    inside = np.flatnonzero(motion.is_fittable & np.isin(motion.unit, states.unit))
+    number = np.searchsorted(states.unit, motion.unit[inside])
+    samples = np.bincount(number, minlength=count)
+    middle, direction = (
+        np.bincount(number, each, count) / samples for each in (inside, motion.direction[inside])
+    )
+    along = (middle - middle[0]) / (middle[-1] - middle[0]) - 0.5
+    columns = [along, np.ones(count), *([direction] * motion.drives_both_ways)]
+    noise_kg = float(np.median(states.std_kg))
+    weight = noise_kg / states.std_kg
+    A, y = np.column_stack(columns) * weight[:, None], states.level_kg * weight
+    theta = np.linalg.lstsq(A, y, rcond=None)[0]
+    by_loads = (states.level_kg - states.means_kg[states.membership]) * weight
+    # what fits better than noise allows tells nothing
+    steadily, by_steps = (
+        max(float(each @ each) / count, noise_kg**2) for each in (y - A @ theta, by_loads)
+    )
+    more = float(np.log(count)) * (len(columns) - states.state_count)
+    # two loads are one step, which a line does not come near by chance
+    allowed = LIMITS.indistinguishable_gain if states.state_count > 2 else 0.0
+    if count * float(np.log(steadily / by_steps)) + more >= allowed:
+        return []
+    change_1 = float(theta[0]) / fit.mass_kg
+    variance = steadily * count / (count - len(columns))
+    std_1 = float(np.sqrt(variance * np.linalg.inv(A.T @ A)[0, 0])) / abs(fit.mass_kg)
+    return [
+        Symptom(
+            abs(change_1) / max(LIMITS.trusted_gain_drift_1, LIMITS.named_term_min_std * std_1),
+            f"the masses change evenly, by {change_1:+.1%} ± {std_1:.1%} over the log: the force's "
+            "gain drifts, or the load changes steadily, as in a tank that empties",
+            channel=inputs.force_channel,
+            change=lambda: MassChange(0.0, abs(change_1) / 2.0 * abs(fit.mass_kg)),
+        )
+    ]
+
+
 def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """Find an empty machine whose mass changes over the log by more than fuel."""
     weighing = inputs.check_inputs.weighing

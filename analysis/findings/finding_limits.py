@@ -121,6 +121,8 @@ class FindingLimits:
     growth_min_left_fraction: float = 0.02
     #: Longest drive in s that still loads: after it, the end of the drive would weigh by its time.
     longest_loading_s: float = 15.0
+    #: Fewest manoeuvres that tell a steady change from steps.
+    steady_min_manoeuvres: int = 5
 
     # likelihood_search
     #: Difference of gains (twice the log likelihood) below which causes are indistinguishable.

@@ -9,7 +9,7 @@ import polars as pl
 from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.changing_loads import (
     compare_force_change_with_load_changes,
-    find_drift_of_empty_mass,
+    find_drift_among_loads,
 )
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
@@ -262,7 +262,7 @@ def find_force_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     """Find a force gain that changes over the log, or a load that changes steadily."""
     fit = inputs.log_only_fit
     if fit is None or fit.mass_count > 1:
-        return find_drift_of_empty_mass(inputs)
+        return find_drift_among_loads(inputs)
     fitted = rank_causes_by_likelihood(inputs).get("gain_drift")
     if fitted is None:
         return []
