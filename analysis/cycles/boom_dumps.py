@@ -153,16 +153,16 @@ def find_farthest_reach_rad(
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
-def find_times_with_boom_up_ns(times_ns: Ints, reach_rad: Floats, span: Span) -> Ints:
+def find_times_with_boom_up_ns(times_ns: Ints, boom_angle_rad: Floats, span: Span) -> Ints:
     """Times in a span at which the boom is about as far out as it gets there."""
     first, end = np.searchsorted(times_ns, span[0]), np.searchsorted(times_ns, span[1], "right")
-    inside = reach_rad[first:end]
+    inside = boom_angle_rad[first:end]
     return times_ns[first:end][inside > LIMITS.boom_up_fraction * np.nanmax(inside, initial=0.0)]
 
 
-def find_emptying_time_ns(reach_rad: Floats, t_ns: Ints, span: Span) -> int:
+def find_emptying_time_ns(boom_angle_rad: Floats, t_ns: Ints, span: Span) -> int:
     """Time in ns when the bucket is emptied: soon after the boom's farthest reach in a span."""
-    up_ns = find_times_with_boom_up_ns(t_ns, reach_rad, span)
+    up_ns = find_times_with_boom_up_ns(t_ns, boom_angle_rad, span)
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
@@ -193,7 +193,7 @@ def drop_truncated_dump(spans: list[Span], boom_in_ns: Ints, log_end_ns: int) ->
     return spans if half_empty else spans[:-1]
 
 
-def trim_span_to_standstills(span: Span, standstills_ns: Ints, reach_rad: Floats) -> Span:
+def trim_span_to_standstills(span: Span, standstills_ns: Ints, boom_angle_rad: Floats) -> Span:
     """First to last standstill with the boom up within a span; the whole span if there is none.
 
     The boom may be out long before, on the way to the dump; a machine that stands then dumps while
@@ -202,9 +202,9 @@ def trim_span_to_standstills(span: Span, standstills_ns: Ints, reach_rad: Floats
     Args:
         span: times with the boom out.
         standstills_ns: (n,) times with the boom out at a stand.
-        reach_rad: (n,) how far it is out.
+        boom_angle_rad: (n,) how far it is out.
     """
-    up_ns = find_times_with_boom_up_ns(standstills_ns, reach_rad, span)
+    up_ns = find_times_with_boom_up_ns(standstills_ns, boom_angle_rad, span)
     return (int(up_ns[0]), int(up_ns[-1])) if up_ns.size else span
 
 

@@ -103,13 +103,13 @@ def is_empty_mass_scale_more_certain(
     if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
         return False
 
-    def relative_u_of_sum(table: pl.DataFrame) -> float:
+    def relative_u_of_payload_sum(table: pl.DataFrame) -> float:
         sums = {name: column_values(table, name)[counted] for name in names}
         shared = sums["payload_u_shared_kg"].sum()
         random = np.linalg.norm(sums["payload_u_random_kg"])
         return float(np.hypot(shared, random) / abs(sums["payload_kg"].sum()))
 
-    return relative_u_of_sum(cycles) < relative_u_of_sum(line_payloads)
+    return relative_u_of_payload_sum(cycles) < relative_u_of_payload_sum(line_payloads)
 
 
 def estimate_mean_offset_from_line_and_u_kg(

@@ -299,7 +299,7 @@ class PhaseIntegrals:
     turning_J: Floats
 
 
-def integrate_drive_over_phases(
+def integrate_energy_terms_over_phases(
     samples: EnergySamples,
     spans: list[PhaseSpan],
     mass_kg: Floats,

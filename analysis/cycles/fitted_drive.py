@@ -17,7 +17,7 @@ from analysis.cycles.energy_integrals import (
     compute_centred_speed_and_acceleration,
     count_trailing_mean_delay_rows,
     drop_driving_samples_under_brakes,
-    integrate_drive_over_phases,
+    integrate_energy_terms_over_phases,
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
@@ -61,7 +61,7 @@ class FittedDrive:
 
     def integrate_over_phases(self, spans: list[PhaseSpan]) -> PhaseIntegrals:
         """Integrals over each phase."""
-        return integrate_drive_over_phases(
+        return integrate_energy_terms_over_phases(
             self.samples, spans, self.mass_kg, self.rotating_kg, self.errors, self.ground_N
         )
 

@@ -1,4 +1,4 @@
-"""Limits of the checks that no machine file sets."""
+"""Built-in limits of the checks, which no machine file can set."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class DiagnosisLimits:
-    """Limits of the checks that no machine file sets.
+    """Built-in limits of the checks, which no machine file can set.
 
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """

@@ -46,11 +46,12 @@ class ExcludedStretches:
         if not self.fitted_s:
             return "none of it is among the weighed samples"
         part = f"{self.fitted_s:.1f} s of it among the weighed samples"
+        by = f"by {self.moved_u:.1f} standard uncertainties"
         if self.does_exclusion_keep_mass:
-            return f"{part}, excluded: this moves the mass by {self.moved_u:.1f} u"
+            return f"{part}, excluded: this moves the mass {by}"
         if not np.isfinite(self.moved_u):
             return f"{part}: without it no sample is left"
-        return f"{part}: without it the mass moves by {self.moved_u:.1f} u"
+        return f"{part}: without it the mass moves {by}"
 
 
 @dataclass(frozen=True)

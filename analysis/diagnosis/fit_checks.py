@@ -102,7 +102,7 @@ def _has_wheel_kinematics(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
-def _describe_remedy_of_early_force(inputs: CheckInputs, _motion: AxisMotion) -> str:
+def _describe_remedy_for_early_force(inputs: CheckInputs, _motion: AxisMotion) -> str:
     """Remedy where the force is ahead of the acceleration: that one is late, in all likelihood."""
     limit_s = inputs.machine.settings.verdict.lag_max_s
     if inputs.weighing is None or inputs.weighing.fit.force_lag_s >= -limit_s:
@@ -286,7 +286,7 @@ FIT_CHECKS: Final = (
         maximum="lag_max_s",
         applies=_has_joint_fit,
         remedy="channels.force_x_N.delay_s (or of both torques)",
-        own_remedy=_describe_remedy_of_early_force,
+        own_remedy=_describe_remedy_for_early_force,
     ),
     CheckRow(
         "speed_delay_s",

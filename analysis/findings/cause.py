@@ -1,4 +1,4 @@
-"""A cause, and its symptom in a log."""
+"""A possible fault of the data or the model (`Cause`), and how a log shows it (`Symptom`)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

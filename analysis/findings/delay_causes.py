@@ -222,7 +222,9 @@ def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
         if name.startswith("delay") and not (is_source_late and name == "delay:force")
         if abs(fitted_cause.value) >= LIMITS.min_delay_s
     ]
-    whole = (_make_delay_symptom(inputs, p) for p in found if not is_filter_delay_likelier(p))
+    whole = (
+        _make_delay_symptom(inputs, p) for p in found if not is_likelier_accelerometer_filter(p)
+    )
     return [*of_sources, *whole]
 
 
@@ -267,7 +269,7 @@ def list_force_source_channels(inputs: FindingInputs) -> tuple[str, ...]:
 def find_accelerometer_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer that a filter makes later than its stamps explain."""
     found = rank_causes_by_likelihood(inputs).get("delay:imu")
-    if found is None or not is_filter_delay_likelier(found):
+    if found is None or not is_likelier_accelerometer_filter(found):
         return []
     return [
         replace(
@@ -281,7 +283,7 @@ def is_delay_that_masks_other_causes(cause: str, strength: float | None) -> bool
     return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
 
-def is_filter_delay_likelier(fitted_cause: FittedCause) -> bool:
+def is_likelier_accelerometer_filter(fitted_cause: FittedCause) -> bool:
     """Whether a delay is better explained by a filter of the accelerometer."""
     return fitted_cause.name == "delay:imu" and fitted_cause.value > LIMITS.filter_delay_s
 

@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class FindingLimits:
-    """Limits of the causes that no machine file sets.
+    """Built-in limits of the causes, which no machine file can set.
 
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """

@@ -159,8 +159,8 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * abs(together) / LIMITS.signed_correlation,
-            f"the yaw rate from the wheels correlates by {together:+.2f} with that of the "
-            "gyroscope",
+            f"the yaw rate from the wheels has a correlation of {together:+.2f} with the "
+            "gyroscope's",
             channel=sides[0],
             setting=keys,
             value=fields,

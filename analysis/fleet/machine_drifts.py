@@ -98,16 +98,16 @@ class MachineChart(NamedTuple):
     chart: ControlChart
 
     @property
-    def flagged_change(self) -> float:
+    def flagged_change_in_unit(self) -> float:
         """Change at the flagged stretch, in the quantity's unit; NaN if nothing is flagged."""
         change = self.chart.change
         return float(np.expm1(change) * 100.0) if self.signal.logarithm else change
 
     @property
-    def flagged_change_std(self) -> float:
+    def flagged_change_std_in_unit(self) -> float:
         """Standard deviation of `change`."""
         std = self.chart.change_std
-        return std * (100.0 + self.flagged_change) if self.signal.logarithm else std
+        return std * (100.0 + self.flagged_change_in_unit) if self.signal.logarithm else std
 
 
 def compute_cusum_limit_of_fleet() -> float:

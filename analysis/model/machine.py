@@ -335,7 +335,8 @@ class Machine(BaseModel):
             ]
             if not ready:
                 raise ValueError(
-                    f"these channels are derived from each other in a circle: {', '.join(waiting)}"
+                    "these channels cannot be computed, since some are derived from each other "
+                    f"in a circle: {', '.join(waiting)}"
                 )
             for name in ready:
                 order.append(name)

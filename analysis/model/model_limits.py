@@ -1,4 +1,4 @@
-"""Limits of machine files, names and answers that no file sets."""
+"""Built-in limits of machine files, names and answers, which no file can set."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class ModelLimits:
-    """Limits of machine files, names and answers that no file sets.
+    """Built-in limits of machine files, names and answers, which no file can set.
 
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """

@@ -259,7 +259,8 @@ def cut_topics_to_first_seconds(
 ) -> dict[str, pl.DataFrame] | None:
     """First seconds of every topic, up to a common time; None if one has fewer.
 
-    The cut does not depend on how much was available, so that following again begins equally.
+    The cut does not depend on how much was available, so that following the same
+    log again starts from the same data.
     """
     reached: list[int] = []
     for frame in topics.values():

@@ -275,7 +275,7 @@ TERMS: Final = (
         lambda _: (None, None),
         lambda d, _: LIMITS.spin_centre_moment_std_1 * d.half_track_m**2,
         "first moment times the distance of the point that the machine turns about",
-        "an accelerometer, whose sideways force shows it",
+        "an accelerometer with a sideways axis, which shows the point that the machine turns about",
         "z",
         lambda machine: has_torque_of_sides(machine) and not has_lateral_accelerometer(machine),
         combination=lambda drive: ({}, {_INERTIA: drive.mass_kg}),

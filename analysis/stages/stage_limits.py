@@ -1,4 +1,4 @@
-"""Limits of digging, phases and the quality of a fit that no machine file sets."""
+"""Built-in limits of digging, phases and the quality of a fit, which no machine file can set."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class StageLimits:
-    """Limits of digging, phases and the quality of a fit that no machine file sets.
+    """Built-in limits of digging, phases and the quality of a fit, which no machine file can set.
 
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """

@@ -95,7 +95,7 @@ def estimate_load_squat(
         )
         return LoadSquat(gain, float(np.sqrt(variance)), relative_load)
     widths = np.empty(0) if route is None else compute_grade_prior_stds_m_s2(route)
-    found = estimate_gain_change_with_load_from_wheels(
+    found = estimate_accelerometer_gain_change_by_load(
         make_centred_stretches(motion, wheels, loads, route), widths
     )
     if wheels.squat[0] > 0.0:
@@ -290,7 +290,7 @@ def compute_grade_prior_stds_m_s2(route: Route) -> Floats:
     return np.append(LIMITS.grade_m_s2, np.full(LIMITS.squat_grade_parts, change))
 
 
-def estimate_gain_change_with_load_from_wheels(
+def estimate_accelerometer_gain_change_by_load(
     stretches: list[_Stretch], grade_std: Floats
 ) -> GainChangeByLoad | None:
     """Change of gain with the load from the wheels; None if undetermined.

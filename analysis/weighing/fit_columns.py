@@ -224,7 +224,7 @@ def average_fit_columns(
         motion: the samples.
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
-        mean_samples: length of the longest mean.
+        mean_samples: samples in the longest mean.
         previous_estimates: estimates of earlier rounds.
     """
     pieces = motion.pieces_of_whole_stretches

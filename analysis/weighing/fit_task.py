@@ -103,7 +103,7 @@ class FitTask:
         corrects it (f + τ df/dt).
 
         Args:
-            mean_samples: length of the longest mean.
+            mean_samples: samples in the longest mean.
             rounds: maximum number of rounds.
             advance_force: whether the force is advanced by its delay.
             initial_fit: fit to start from; None starts from `initial_estimates`.

@@ -53,13 +53,15 @@ def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:
     return np.cumsum(begun)
 
 
-def assign_drive_manoeuvre_numbers(stop_count: Ints, max_samples: int) -> Ints:
+def number_manoeuvres_and_split_long_drives(stop_count_of_sample: Ints, max_samples: int) -> Ints:
     """Number the manoeuvres, (n,), and split drives of twice `max_samples` samples or more."""
-    cuts = np.append(True, stop_count[1:] != stop_count[:-1])
+    cuts = np.append(True, stop_count_of_sample[1:] != stop_count_of_sample[:-1])
     drive_begins = np.flatnonzero(cuts)
-    for first, end in zip(drive_begins, np.append(drive_begins[1:], stop_count.size), strict=True):
+    for first, end in zip(
+        drive_begins, np.append(drive_begins[1:], stop_count_of_sample.size), strict=True
+    ):
         cuts[np.arange(first + max_samples, end - max_samples + 1, max_samples)] = True
-    return (np.cumsum(cuts) - 1 + stop_count[0]).astype(np.int64)
+    return (np.cumsum(cuts) - 1 + stop_count_of_sample[0]).astype(np.int64)
 
 
 def assign_fitted_manoeuvre_numbers(

@@ -56,7 +56,10 @@ def differentiate_force_by_widest_parabolas(
 def compute_force_rate_variances(
     noise: ColumnNoiseModel, rate_hz: float, mean_samples: Sequence[int]
 ) -> Floats:
-    """Noise variance of trailing means of each parabola's slope, (lengths, parabolas) in N²/s²."""
+    """Noise variance of the force rate by each parabola, after trailing means of each length.
+
+    (lengths, parabolas), in N²/s².
+    """
     slopes = _list_parabola_slope_weights(rate_hz)
     autocovariance = _list_force_autocovariances_newtons2(
         noise, max(mean_samples) + slopes[-1].size

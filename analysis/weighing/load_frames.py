@@ -169,7 +169,7 @@ def _make_load_row(
     )
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")
-    payload, unknown = make_payload_columns_and_unknown_u_factors(
+    payload, unknown = make_payload_columns_and_sources_without_u(
         weighing, state, empty, empty_std_kg, machine, datum
     )
     friction = fit.viscous_friction_and_std
@@ -203,7 +203,7 @@ def _make_load_row(
     }
 
 
-def make_payload_columns_and_unknown_u_factors(
+def make_payload_columns_and_sources_without_u(
     weighing: Weighing,
     state: int,
     empty: list[int],

@@ -32,7 +32,7 @@ def compute_fraction_of_first_gear_rotating_mass(
     return (1.0 + (speed / speed_of_quarter_fraction_m_s) ** 2) ** -2
 
 
-def differentiate_rotating_mass_fraction_s_m(
+def differentiate_rotating_mass_fraction_by_speed_s_m(
     speed: Floats, speed_of_quarter_fraction_m_s: float
 ) -> Floats:
     """Derivative of the remaining gear inertia by the speed, (n,) in s/m."""
@@ -77,7 +77,9 @@ def _make_low_gear_term(speed_of_quarter_fraction_m_s: float) -> Nuisance:
         "starts at different throttles; driving without a change of gear",
         by_speed=lambda m: (
             m.acceleration
-            * differentiate_rotating_mass_fraction_s_m(m.speed, speed_of_quarter_fraction_m_s)
+            * differentiate_rotating_mass_fraction_by_speed_s_m(
+                m.speed, speed_of_quarter_fraction_m_s
+            )
         ),
         by_acceleration=fraction_in_low_gear,
         applies=do_speeds_span_several_gears,

@@ -29,7 +29,8 @@ from analysis.weighing.weighing_limits import LIMITS
 
 _LINEAR: Final = "a force sensor that is linear over its range; its calibration curve"
 _AT_ALL_SPEEDS: Final = (
-    "a force at the wheels, behind gears and converters; starts that end at other speeds"
+    "a force measured at the wheels, after gears and converters; starts that end at different "
+    "speeds"
 )
 
 

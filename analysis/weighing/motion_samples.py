@@ -20,7 +20,6 @@ from analysis.stages.motion.forces import compute_longitudinal_force, compute_re
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.fitted_stretches import (
     advance_signal_by_delay,
-    assign_drive_manoeuvre_numbers,
     assign_fitted_manoeuvre_numbers,
     assign_one_way_run_numbers,
     clear_stretch_numbers_at_noise_speed,
@@ -34,6 +33,7 @@ from analysis.weighing.fitted_stretches import (
     make_centred_ramp,
     mark_gear_changes,
     mark_rows_without_data,
+    number_manoeuvres_and_split_long_drives,
     read_gear_ratio,
     split_stretches_at_manoeuvres,
 )
@@ -324,7 +324,7 @@ def collect_motion_samples(
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = count_standstills_so_far(excitation)
-    unit = assign_drive_manoeuvre_numbers(
+    unit = number_manoeuvres_and_split_long_drives(
         stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
     )
     longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)

@@ -44,7 +44,7 @@ def compute_wheel_imu_disagreement_over_speed(fit: JointFit) -> float:
     return wheels.disagreement_m_s / fit.motion.speed_95_percentile_m_s
 
 
-def refit_with_wheel_or_imu_motion(
+def refit_with_acceleration_of_other_sensor(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> AlternativeMotion | None:
     """Refit with the other acceleration; None if there is none.

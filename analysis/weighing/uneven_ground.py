@@ -54,7 +54,7 @@ class _DrivingDirection:
         for begin_m, end_m in places:
             name, column = (
                 f"_{begin_m:.0f}_{end_m:.0f}m",
-                _make_ramp_function_between(begin_m, end_m),
+                _make_zero_to_one_ramp_over_distance(begin_m, end_m),
             )
             width = make_random_walk_prior_std_function(end_m - begin_m)
             found.append(
@@ -111,7 +111,9 @@ class _DrivingDirection:
         )
 
 
-def _make_ramp_function_between(begin_m: float, end_m: float) -> Callable[[ColumnInputs], Floats]:
+def _make_zero_to_one_ramp_over_distance(
+    begin_m: float, end_m: float
+) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
     return lambda m: _evaluate_linear_ramp_at_positions(m.travelled_m, begin_m, end_m)
 

@@ -54,7 +54,7 @@ from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
     AlternativeMotion,
     compute_wheel_imu_disagreement_over_speed,
-    refit_with_wheel_or_imu_motion,
+    refit_with_acceleration_of_other_sensor,
 )
 from analysis.weighing.record_places import align_paths_of_bench_records
 from analysis.weighing.weighing_limits import LIMITS
@@ -282,7 +282,7 @@ def _weigh_with_priors(
         grown,
         find_missing_terms(fit, candidates, columns, priors, rows),
         estimate_force_gain_by_driving_direction(fit, columns, priors, machine.machine),
-        refit_with_wheel_or_imu_motion(fit, columns, priors)
+        refit_with_acceleration_of_other_sensor(fit, columns, priors)
         if compute_wheel_imu_disagreement_over_speed(fit) > settings.verdict.wheels_max
         else None,
         alone,

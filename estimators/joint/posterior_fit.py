@@ -86,7 +86,7 @@ class CommonResidual:
     def average_groups(
         cls, rows: list[Ints], residual: Floats, group_signs: Floats
     ) -> "CommonResidual | None":
-        """Average the residuals of groups; None of fewer than three.
+        """Average the residuals of groups; None if there are fewer than three.
 
         Noise averaged over the groups keeps 1/groups of its variance.
         """

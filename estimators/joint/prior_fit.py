@@ -98,7 +98,7 @@ class _SolvedSamples:
         return np.ones(self.solved.residual.size) if given is None else given
 
     def common_residual(self) -> CommonResidual | None:
-        """Residual common to the groups that are compared; None of fewer than three."""
+        """Residual common to the groups that are compared; None if there are fewer than three."""
         rows = [self.sums.rows[i] for i in self.compared_group_numbers]
         return CommonResidual.average_groups(rows, self.solved.residual, self.residual_signs)
 

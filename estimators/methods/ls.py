@@ -345,7 +345,7 @@ def compute_mean_sample_weights(
     return weights, inside
 
 
-def average_window_estimates_and_stds(
+def average_over_windows_with_std(
     A: Floats,
     f: Floats,
     window: int,

@@ -77,7 +77,7 @@ def run_recursion_over_windows(
 
 
 @compiled_unless_short_log
-def propagate_stds_through_recursion(
+def compute_window_stds_of_recursion(
     A: Floats,
     window: int,
     window_ends: Ints,

@@ -300,7 +300,7 @@ def _make_campaign_run_rows(
                 "id": run.id,
                 "stretch": run.log if whole else f"{run.log}, {begin} to {end}",
                 "load": run.load_id,
-                "day": f"{run.day}{' (not provable)' if run in undated else ''}",
+                "day": f"{run.day}{' (stated, not provable)' if run in undated else ''}",
                 "operator": run.operator or _NONE,
                 "conditions": ", ".join(f"{k} {text()}" for k, text in said.items() if text()),
                 "used": f"{count['used']} of {count['all']}",

@@ -53,7 +53,7 @@ def _read_parquet_table_as_json(
 def _describe_table_fault(file: Any, expected_columns: list[tuple[str, ...]]) -> str:
     about = file.metadata
     if about.num_rows > _MOST_ROWS:
-        return f"has {about.num_rows} rows, more than {_MOST_ROWS}"
+        return f"has {about.num_rows:,} rows; at most {_MOST_ROWS:,} are allowed"
     if [(field.name, str(field.type)) for field in file.schema_arrow] != expected_columns:
         return "has other columns than such a table"
     for group in range(about.num_row_groups):

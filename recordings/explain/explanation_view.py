@@ -163,7 +163,7 @@ def iter_lines_of_determined_parameters(
 
 
 def describe_mass_of_manoeuvre(manoeuvre_report: ManoeuvreReport) -> str:
-    """Line on a manoeuvre's mass and that of its load, or why it has no mass."""
+    """Describe a manoeuvre's mass and how far it is from its load's, or why it has none."""
     span = f"{manoeuvre_report.start_s:,.1f} to {manoeuvre_report.end_s:,.1f} s"
     if manoeuvre_report.mass_kg is None:
         return f"{span}: no mass ({manoeuvre_report.reason.replace('_', ' ')})"

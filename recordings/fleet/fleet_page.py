@@ -208,7 +208,9 @@ def _make_machine_row(
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
-        change = None if chart is None or chart.chart.flagged is None else chart.flagged_change
+        change = (
+            None if chart is None or chart.chart.flagged is None else chart.flagged_change_in_unit
+        )
         cells.append(format_sortable_cell(change, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
     cells.append(format_sortable_cell(looks, ",.0f"))
@@ -231,7 +233,7 @@ def format_sortable_cell(value: float | None, number_format: str) -> SortableCel
 
 def _make_drift_sort_key(drift_chart: MachineChart) -> tuple[float, str, str]:
     """Sorting key that puts the change with the largest ratio to its deviation first."""
-    change, std = abs(drift_chart.flagged_change), drift_chart.flagged_change_std
+    change, std = abs(drift_chart.flagged_change_in_unit), drift_chart.flagged_change_std_in_unit
     known = math.isfinite(change) and std > 0.0
     return -(change / std if known else 0.0), drift_chart.machine, drift_chart.signal.name
 
@@ -241,7 +243,7 @@ def _make_drift_cells(drift_chart: MachineChart) -> tuple[str, ...]:
     assert found.flagged is not None
     assert found.since is not None
     unit = drift_chart.signal.unit
-    change, std = drift_chart.flagged_change, drift_chart.flagged_change_std
+    change, std = drift_chart.flagged_change_in_unit, drift_chart.flagged_change_std_in_unit
     return (
         drift_chart.machine,
         drift_chart.signal.name,

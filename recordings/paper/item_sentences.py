@@ -159,8 +159,8 @@ def write_method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
     return ItemSentences(
         (
             _CAMPAIGN,
-            f"The window is held at {PAPER_LIMITS.fixed_window_samples} samples, section 4.3's; "
-            "the paper does not say what its Table 3 holds.",
+            f"The window is fixed at {PAPER_LIMITS.fixed_window_samples} samples, as in section "
+            "4.3; the paper does not say which window its Table 3 uses.",
             *_ERRORS_CHOSEN,
         ),
         (

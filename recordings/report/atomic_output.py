@@ -34,7 +34,7 @@ class AppendedFile:
             self._truncate_after_last_record(self._open_for_appending())
 
     def append_record(self, record_bytes: bytes) -> None:
-        """Append a record.
+        """Append a record; if that fails, cut the file after its last complete record.
 
         Raises:
             OSError: the record does not fit on the disk.

@@ -320,10 +320,11 @@ def list_mean_phase_durations(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     if not whole.height:
         return []
     mean = whole.select(pl.col(parts).mean()).row(0)
+    whole_cycles = format_count(whole.height, "whole cycle")
     words = ", ".join(
         f"{name.removesuffix('_s')} {each:.0f} s" for name, each in zip(parts, mean, strict=True)
     )
-    return [("a cycle", f"{sum(mean):.0f} s on average of {whole.height}: {words}")]
+    return [("a cycle", f"{sum(mean):.0f} s on average over {whole_cycles}: {words}")]
 
 
 def describe_target_check(payload_target: TargetCheck) -> str:

@@ -68,7 +68,7 @@ class WeekShift(NamedTuple):
 
 
 def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
-    """Shifts in the folders that `read_counted_loads_of_reviews` accepts, in order of time."""
+    """Shifts of the folders that `read_counted_loads_of_reviews` accepts, chronologically."""
     states = [
         (folder, state) for folder in folders if (state := read_review_state(folder)) is not None
     ]

@@ -244,7 +244,7 @@ def _iter_view_ids(blueprint: dict[str, Any], entity: str) -> Iterator[str]:
 
 
 class HeadlessViewer(NamedTuple):
-    """Client of a viewer without a display, and the viewer's address."""
+    """A viewer that runs without a display: its client and its address."""
 
     client: "ViewerClient"
     address: str

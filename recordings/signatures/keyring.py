@@ -135,7 +135,7 @@ def load_keyring(path: Path | None = None) -> Keyring:
         raise EvidenceError(f"{path}: is not valid TOML: {error}") from None
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
-        raise EvidenceError(f"{path}: is not a keyring, which contains only [[keys]] tables")
+        raise EvidenceError(f"{path}: is not a keyring: a keyring contains only [[keys]] tables")
     keys = tuple(_parse_keyring_row(path, number, row) for number, row in enumerate(rows, start=1))
     ids = [each.public_key.key_id for each in keys]
     if len(set(ids)) < len(ids):

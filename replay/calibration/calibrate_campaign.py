@@ -93,7 +93,7 @@ class CalibrationOutcome:
 
     @property
     def is_within_limits(self) -> bool:
-        """Whether there is a line within its limits and without drift."""
+        """Whether a line was fitted, meets its limits (if any), and no drift check failed."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
         # a check without a result is not a good one either
@@ -362,7 +362,7 @@ def _make_evidence_document(
         limits=fitted.limits,
         drift=evidence.drift,
         as_found=evaluate_previous_line_as_found(
-            last, recompute_estimator_of_previous(last), estimator, fitted.point_frame
+            last, make_previous_estimator(last), estimator, fitted.point_frame
         ),
         replay_tolerance_kg=LIMITS.replay_tolerance_kg,
         procedure=last.procedure if last and evidence.kind == "check" else PRESENT_NUMBER,
@@ -373,7 +373,7 @@ def _make_evidence_document(
     return document.with_all_settings
 
 
-def recompute_estimator_of_previous(previous_evidence: EvidenceDocument | None) -> Estimator | None:
+def make_previous_estimator(previous_evidence: EvidenceDocument | None) -> Estimator | None:
     """Estimator of the previous evidence, with its digest by this version."""
     if previous_evidence is None:
         return None

@@ -29,12 +29,12 @@ Results = Annotated[
 ]
 Address = Annotated[
     str | None,
-    typer.Option(metavar="HOST:PORT", help="A Ray cluster's head; default: this machine alone."),
+    typer.Option(metavar="HOST:PORT", help="Head node of a Ray cluster; default: this computer."),
 ]
 Workers = Annotated[
     int | None,
     typer.Option(
-        min=1, help="Recordings replayed in parallel on this machine; default: one per processor."
+        min=1, help="Recordings replayed in parallel on this computer; default: one per processor."
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

@@ -225,12 +225,12 @@ def print_week_of_reviews(
     *,
     as_json: bool,
 ) -> None:
-    """Print the sums of reviews by day, machine and product, without a replay.
+    """Print the payloads of reviews, summed by day, machine and product, without a replay.
 
     Args:
         review_folders: folders of the reviews.
         page_path: HTML page to write, if any.
-        friction_limit: limit in N·s/m, if any.
+        friction_limit: viscous friction in N·s/m whose day is predicted, if any.
         as_json: whether to print JSON.
     """
     from recordings.report.shift_text import K

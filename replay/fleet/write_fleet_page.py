@@ -136,8 +136,8 @@ def _convert_drift_to_dict(drift_chart: MachineChart) -> dict[str, Any]:
     return {
         "machine": drift_chart.machine,
         "of": drift_chart.signal.name,
-        "change": drift_chart.flagged_change,
-        "change_std": drift_chart.flagged_change_std,
+        "change": drift_chart.flagged_change_in_unit,
+        "change_std": drift_chart.flagged_change_std_in_unit,
         "unit": drift_chart.signal.unit,
         "since": str(drift_chart.days[found.since]),
         "flagged": str(drift_chart.days[found.flagged]),

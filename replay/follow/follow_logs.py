@@ -169,7 +169,7 @@ def poll_log_until_end(
 
 
 def read_file_sizes(paths: Sequence[Path]) -> dict[Path, int]:
-    """Size of each file, without those that are gone."""
+    """Size of each file in bytes; 0 if it is missing or no regular file."""
     sizes: dict[Path, int] = {}
     for path in paths:
         with suppress(OSError):

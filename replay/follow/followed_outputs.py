@@ -167,7 +167,7 @@ class FollowedOutputs:
         if not online_rows or not self._begins:
             return
         try:
-            recording = self._recording or self._open_recording_at_first_row(following)
+            recording = self._recording or self._create_recording_once_rows_exist(following)
             t0_ns = self._compute_first_row_unix_ns(following)
             recorded_ns = self._recorded_ns if self._from is None or self._from.end else 0
             recording.add_rows_to_write(
@@ -182,7 +182,7 @@ class FollowedOutputs:
                 self._recording.stop_writing_file()
             self._begins = self._server is not None and self._recording is not None
 
-    def _open_recording_at_first_row(self, following: Following) -> GrowingRecording:
+    def _create_recording_once_rows_exist(self, following: Following) -> GrowingRecording:
         basis = following.follower.log.basis
         assert basis is not None, "there are rows"
         end = self._from.end if self._from else None

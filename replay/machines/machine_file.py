@@ -79,7 +79,7 @@ def find_time_axis_of_machine(machine: Machine) -> TimeAxis | None:
 
 
 def find_time_axis_of_section(log_section: LogSection) -> TimeAxis | None:
-    """Time column and dialect of tables by the keys of `[log]`; None if none is given."""
+    """Time column, its unit and the table dialect of `[log]`; None if it gives none of them."""
     given = log_section.model_dump()
     time, unit = given.pop("time", None), given.pop("time_unit", None)
     if time is None and unit is None and not given:

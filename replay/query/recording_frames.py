@@ -54,7 +54,7 @@ class RecordingFrame:
     def make_lazy_frame(self) -> pl.LazyFrame:
         """Lazy frame, read when its rows are collected."""
 
-        def iter_recorded_rows(
+        def yield_selected_frame(
             columns: list[str] | None, predicate: pl.Expr | None, n_rows: int | None
         ) -> Iterator[pl.DataFrame]:
             wanted = list(self.schema) if columns is None else columns
@@ -63,7 +63,7 @@ class RecordingFrame:
             yield (rows if predicate is None else rows.filter(predicate)).select(wanted)
 
         return make_lazy_frame_of_batches(
-            iter_recorded_rows, self.schema, f"{self.recording} {self.stored.name}"
+            yield_selected_frame, self.schema, f"{self.recording} {self.stored.name}"
         )
 
     def _read_needed_columns(self, needed_columns: dict[str, None]) -> pl.DataFrame:

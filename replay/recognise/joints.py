@@ -126,7 +126,8 @@ def _propose_torque_and_speed_of_side(
         recognition, speed, f"{mean} * wheel_radius_m", "a wheel's angular speed; needs its radius"
     )
     recognition.add_question_of_subject(
-        "radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive"
+        "radius",
+        "machine.wheel_radius_m, which makes forces of wheel torques and speeds of wheel rates",
     )
     recognition.add_question_of_subject(
         "unit",

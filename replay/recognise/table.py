@@ -92,7 +92,7 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
         fill_only_candidate_or_add_question(reader, channel, each, recognition)
     _add_question_on_other_driven_wheels(columns, recognition)
     propose_columns_by_unit(columns, recognition)
-    propose_columns_without_unit(columns, recognition)
+    add_proposals_for_columns_without_unit(columns, recognition)
     propose_force_of_drives(columns, recognition)
     propose_speed_of_drives(columns, recognition)
     add_question_on_gear_ratios(columns, recognition)
@@ -254,7 +254,9 @@ _WITHOUT_UNIT: Final = {
 }
 
 
-def propose_columns_without_unit(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+def add_proposals_for_columns_without_unit(
+    columns: Sequence[LogColumn], recognition: Recognition
+) -> None:
     """Propose columns whose names state a quantity but which have no unit."""
     given = {each.column for each in recognition.channels}
     for quantity, channel in _WITHOUT_UNIT.items():

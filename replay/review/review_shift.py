@@ -71,7 +71,10 @@ _WHOLE: Final = (
     *("nuisances", "responses", "learnt_errors", "budget", "masses", "verdict"),
 )
 #: What readers say of a file that ends before it was closed.
-_TORN: Final = ("breaks off", "bytes at the end are lost", "row is torn", "last row (line")
+_TORN: Final = (
+    *("breaks off", "did not finish it", "bytes at the end are lost", "incomplete chunk"),
+    *("row is torn", "last row (line"),
+)
 
 
 @dataclass(frozen=True)

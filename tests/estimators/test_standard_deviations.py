@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm, t
 
 from estimators.methods import ls, pooled, rls, rtls
-from estimators.methods.ls import average_window_estimates_and_stds
+from estimators.methods.ls import average_over_windows_with_std
 from estimators.methods.tls import TlsOptions
 from estimators.numerics.autocorrelation import (
     compute_disjoint_window_residuals,
@@ -69,7 +69,7 @@ def test_the_deviation_of_a_mean_of_overlapping_windows_is_its_spread():
     for seed in range(1000, 1120):
         A, f, _ = campaign(seed)
         traced = ls.estimate_along_log(A, f, 200, accepted_ends(200))
-        theta, std = average_window_estimates_and_stds(
+        theta, std = average_over_windows_with_std(
             A, f, 200, traced.index, traced.theta, traced.std
         )
         means.append(theta)
@@ -117,9 +117,7 @@ def test_the_deviation_of_a_recursion_is_its_spread_from_its_first_window_to_its
 def test_a_mean_of_one_window_is_that_window():
     A, f, _ = campaign(1)
     traced = ls.estimate_along_log(A, f, 320, accepted_ends(320) & (np.arange(f.size) == 319))
-    theta, std = average_window_estimates_and_stds(
-        A, f, 320, traced.index, traced.theta, traced.std
-    )
+    theta, std = average_over_windows_with_std(A, f, 320, traced.index, traced.theta, traced.std)
     np.testing.assert_allclose(theta, traced.theta[0])
     np.testing.assert_allclose(std, traced.std[0], rtol=0.1)
 
@@ -129,16 +127,16 @@ def test_a_mean_leaves_out_windows_without_an_estimate_and_is_nan_without_any():
     traced = ls.estimate_along_log(A, f, 200, accepted_ends(200))
     unsolved = traced.index % 3 == 0
     holes = np.where(unsolved[:, None], np.nan, traced.theta)
-    kept = average_window_estimates_and_stds(
+    kept = average_over_windows_with_std(
         A, f, 200, traced.index[~unsolved], traced.theta[~unsolved], traced.std[~unsolved]
     )
     for given, expected in zip(
-        average_window_estimates_and_stds(A, f, 200, traced.index, holes, traced.std),
+        average_over_windows_with_std(A, f, 200, traced.index, holes, traced.std),
         kept,
         strict=True,
     ):
         np.testing.assert_allclose(given, expected)
-    nothing = average_window_estimates_and_stds(
+    nothing = average_over_windows_with_std(
         A, f, 200, traced.index, np.full_like(holes, np.nan), traced.std
     )
     assert np.isnan(nothing).all()

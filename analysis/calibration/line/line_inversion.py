@@ -81,7 +81,7 @@ class LineInversion:
         )
 
     def invert_mass_estimates(
-        self, y_kg: Floats, readings: Floats, u_random_kg: Floats, confidence_1: float
+        self, y_kg: Floats, reading_counts: Floats, u_random_kg: Floats, confidence_1: float
     ) -> InverseReading:
         """Mass of each later m̂, with its interval.
 
@@ -90,14 +90,14 @@ class LineInversion:
 
         Args:
             y_kg: (n,) m̂.
-            readings: (n,) number of readings in each mean.
+            reading_counts: (n,) number of readings in each mean.
             u_random_kg: (n,) own random standard uncertainty; NaN if unknown.
             confidence_1: confidence of the intervals.
 
         Source:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
-        new = self._make_effect_factors_of_later_value(readings)
+        new = self._make_effect_factors_of_later_value(reading_counts)
         beyond = self._random_variance_beyond_campaign_kg2(new, u_random_kg)
         return self._invert_with_effect_factors(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
@@ -118,10 +118,10 @@ class LineInversion:
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
-    def later_mass_variances_kg2(self, readings: float) -> Floats:
+    def later_mass_variances_kg2(self, reading_count: float) -> Floats:
         """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
         return (
-            self._make_effect_factors_of_later_value(np.array([readings]))[0]
+            self._make_effect_factors_of_later_value(np.array([reading_count]))[0]
             * self.variance_kg2
             / self.slope_1**2
         )
@@ -130,33 +130,42 @@ class LineInversion:
         """Add an uncertainty common to all later masses, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
-    def later_mass_u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
+    def later_mass_u_kg(
+        self, mass_kg: float, reading_count: float, u_random_kg: float = 0.0
+    ) -> float:
         """Standard uncertainty of a later mass, in kg."""
-        return self._half_interval_or_u_kg(mass_kg, None, readings, u_random_kg)
+        return self._half_interval_or_u_kg(mass_kg, None, reading_count, u_random_kg)
 
     def half_interval_kg(
-        self, mass_kg: float, confidence_1: float, readings: float, u_random_kg: float = 0.0
+        self, mass_kg: float, confidence_1: float, reading_count: float, u_random_kg: float = 0.0
     ) -> float:
-        """Half interval of a later mass, without the skew due to the slope's uncertainty.
+        """Half-width of the interval of a mass weighed after the campaign.
+
+        It is without the skew due to the slope's uncertainty.
 
         Args:
-            mass_kg: the mass.
+            mass_kg: calibrated mass.
             confidence_1: confidence of the interval.
-            readings: number of readings in its mean.
+            reading_count: number of readings in its mean.
             u_random_kg: own random standard uncertainty in kg of m̂; 0 if unknown.
         """
-        return self._half_interval_or_u_kg(mass_kg, confidence_1, readings, u_random_kg)
+        return self._half_interval_or_u_kg(mass_kg, confidence_1, reading_count, u_random_kg)
 
     def exceedance_probability(
-        self, distance_kg: float, mass_kg: float, readings: float, u_random_kg: float = 0.0
+        self, distance_kg: float, mass_kg: float, reading_count: float, u_random_kg: float = 0.0
     ) -> float:
         """Probability that a later mass errs to one side by more than a distance; 0.5 at 0."""
         if distance_kg < 0.0:
-            return 1.0 - self.exceedance_probability(-distance_kg, mass_kg, readings, u_random_kg)
+            return 1.0 - self.exceedance_probability(
+                -distance_kg, mass_kg, reading_count, u_random_kg
+            )
 
         def half_interval_excess_kg(tail: float) -> float:
             confidence_1 = 1.0 - 2.0 * tail
-            return self.half_interval_kg(mass_kg, confidence_1, readings, u_random_kg) - distance_kg
+            return (
+                self.half_interval_kg(mass_kg, confidence_1, reading_count, u_random_kg)
+                - distance_kg
+            )
 
         if half_interval_excess_kg(LIMITS.min_tail_probability) <= 0.0:
             return LIMITS.min_tail_probability
@@ -167,11 +176,11 @@ class LineInversion:
         )
 
     def _half_interval_or_u_kg(
-        self, mass_kg: float, confidence_1: float | None, readings: float, u_random_kg: float
+        self, mass_kg: float, confidence_1: float | None, reading_count: float, u_random_kg: float
     ) -> float:
         """Half interval; one standard uncertainty if no confidence is given."""
         away = np.array([1.0, mass_kg - self.centre_kg])
-        new = self._make_effect_factors_of_later_value(np.array([readings]))
+        new = self._make_effect_factors_of_later_value(np.array([reading_count]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
         more_kg2 = (
             self._random_variance_beyond_campaign_kg2(new, np.array([u_random_kg])) + self.extra_kg2
@@ -199,14 +208,14 @@ class LineInversion:
         """Index of the effect that averages out over readings, or of the one that contains it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 
-    def _make_effect_factors_of_later_value(self, readings: Floats) -> Floats:
+    def _make_effect_factors_of_later_value(self, reading_counts: Floats) -> Floats:
         """Factor of each variance component in the variance of a later value, (n, effects)."""
-        new = np.tile(self.scatters, (readings.size, 1))
+        new = np.tile(self.scatters, (reading_counts.size, 1))
         if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
             # more readings than any run had would count on the runs' luck
-            readings = np.minimum(readings, self.most_readings)
+            reading_counts = np.minimum(reading_counts, self.most_readings)
         if REPEATABILITY in self.effects:
-            new[:, self.effects[REPEATABILITY]] /= readings
+            new[:, self.effects[REPEATABILITY]] /= reading_counts
         return new
 
     def _invert_with_effect_factors(

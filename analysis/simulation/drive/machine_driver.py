@@ -32,7 +32,7 @@ class DrivenStart(NamedTuple):
 
     times: ManoeuvreTimes
     filled_kg: float
-    fallen_kg: float
+    spilled_kg: float
 
 
 @dataclass(frozen=True)

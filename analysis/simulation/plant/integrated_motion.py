@@ -206,8 +206,8 @@ def _find_row_before(rows: Floats, time_s: float, first_candidate: int) -> int:
 
 
 @compiled_inline
-def _differentiate_interpolated_column(row: Floats, column: int) -> float:
-    """Rate of an interpolated quantity at a row."""
+def _select_value_to_differentiate(row: Floats, column: int) -> float:
+    """Value at a row whose rate is the slope of a column."""
     if column == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
     if column == FILLING:
@@ -224,8 +224,8 @@ def differentiate_column_at_row(rows: Floats, row_index: int, column: int) -> fl
             span = rows[first + 1, plant.TIME] - rows[first, plant.TIME]
             if span > 0.0:
                 total += (
-                    _differentiate_interpolated_column(rows[first + 1], column)
-                    - _differentiate_interpolated_column(rows[first], column)
+                    _select_value_to_differentiate(rows[first + 1], column)
+                    - _select_value_to_differentiate(rows[first], column)
                 ) / span
                 known += 1.0
     return total / max(known, 1.0)
@@ -242,7 +242,7 @@ def interpolate_rows_into(
         time_s: (m,) times, fastest if ascending.
         out: (16, m) output: values at each time.
         slopes: (4, m) output: at each time, rates of yaw rate, acceleration, ground force without
-            brakes, and mass, as numbered for `_differentiate_interpolated_column`.
+            brakes, and mass, as numbered for `_select_value_to_differentiate`.
         last: (m,) output: row before each time.
     """
     known = 0

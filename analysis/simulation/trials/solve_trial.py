@@ -243,12 +243,12 @@ class DrivenMotion:
     def follow_commands_until(
         self, name: str | None, start_s: float, end_s: float, state: Floats, commands: Commands
     ) -> tuple[list[MotionPhase], Floats]:
-        """Follow the commands until `end_s`.
+        """Integrate the motion under the commands from `start_s` to `end_s`.
 
         Args:
             name: name of the phases.
-            start_s: begin since the trial began.
-            end_s: end since the trial began.
+            start_s: where this begins, since the begin of the trial.
+            end_s: where it ends, likewise.
             state: (7,) v, drive and brake force, ω, drive and brake torque, heading.
             commands: the commands.
 

@@ -179,7 +179,8 @@ class _TrialLimits:
         slowest = max(self.lightest.friction_z_N_m_s, self.lightest.inertia_z_kg_m2 / spin.start_s)
         if full_N_m > LIMITS.top_yaw_rate_rad_s * slowest:
             raise ScenarioError(
-                f"{scenario_key}: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s in start_s"
+                f"{scenario_key}: turns the machine faster than "
+                f"{LIMITS.top_yaw_rate_rad_s:g} rad/s in start_s"
             )
         self._refuse_brakes_weaker_than_slope(0.0)
 
@@ -197,7 +198,8 @@ class _TrialLimits:
         slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excitation.duration_s)
         if highest_N_m > LIMITS.top_yaw_rate_rad_s * slow:
             raise ScenarioError(
-                f"{scenario_key}.torque: turns faster than {LIMITS.top_yaw_rate_rad_s:g} rad/s"
+                f"{scenario_key}.torque: turns the machine faster than "
+                f"{LIMITS.top_yaw_rate_rad_s:g} rad/s"
             )
         self._refuse_brakes_weaker_than_slope(-abs(light.uphill_m_s2))
 

@@ -29,7 +29,7 @@ from analysis.stages.noise.column_noise import (
     estimate_attenuation_errors_of_windows,
 )
 from estimators.arrays import Floats
-from estimators.methods.ls import average_window_estimates_and_stds
+from estimators.methods.ls import average_over_windows_with_std
 
 
 def summarise_masses(
@@ -145,7 +145,7 @@ def estimate_log_parameters_and_stds_by_method(
                 unseen = estimate_attenuation_errors_of_windows(
                     method, A, f, index, windows[0], settings, noise
                 )
-                theta[row], std[row] = average_window_estimates_and_stds(
+                theta[row], std[row] = average_over_windows_with_std(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )
     return theta, std

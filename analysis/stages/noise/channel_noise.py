@@ -269,7 +269,7 @@ def estimate_covariances_and_sources(
                 )
             if power is not None:
                 # one that mostly keeps its reading has the noise of rounding at least
-                level = estimate_fast_change_spectrum(power[0], column_responses[column], samples)
+                level = fit_spectrum_to_fast_band(power[0], column_responses[column], samples)
                 spectra[column, column] = np.maximum(
                     level, estimate_rounding_variance(samples, column)
                 )
@@ -327,7 +327,7 @@ def has_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column:
     return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
 
 
-def estimate_fast_change_spectrum(
+def fit_spectrum_to_fast_band(
     block_power: Floats, column_response: ColumnResponse, samples: NoiseSamples
 ) -> Floats:
     """Spectrum of a column from its fast changes, (frequencies,).

@@ -286,24 +286,24 @@ def make_grid_without_holes(
     start_ns: int,
     end_ns: int,
     step_ns: float,
-    first: int = 0,
+    first_point_number: int = 0,
 ) -> Ints:
     """Grid points (rows,) in ns from start to end, without the inside of long holes.
 
-    `first` is the number of the first point.
+    `first_point_number` is the number of the first point.
     """
     pieces: list[tuple[int, int]] = []
     for opened, closed in find_holes_ns(required_channels, LIMITS.longest_hole_s):
         # a row behind the last sample, and the last one before the next
         left = int((opened - start_ns) // step_ns) + 1
         right = int((closed - start_ns) // step_ns) - 1
-        if right <= max(left, first):
+        if right <= max(left, first_point_number):
             continue
-        if left >= first:
-            pieces.append((first, left + 1))
-        first = max(first, right)
+        if left >= first_point_number:
+            pieces.append((first_point_number, left + 1))
+        first_point_number = max(first_point_number, right)
     # the slack keeps a last row that rounding would put just after the end
-    pieces.append((first, int((end_ns - start_ns) / step_ns + 1e-9) + 1))
+    pieces.append((first_point_number, int((end_ns - start_ns) / step_ns + 1e-9) + 1))
     count = sum(stop - begin for begin, stop in pieces)
     if count > LIMITS.grid_max_rows:
         raise DataError(

@@ -367,8 +367,8 @@ def find_known_times_of_samples_ns(
 
     Args:
         channels: channels as read.
-        picked_channels: the same channels after the filter.
-        series: all channels.
+        picked_channels: the same after the low-pass filter, if one is used.
+        series: these in machine axes, and the derived channels.
         machine: machine file with delays and derived channels.
     """
     filtered = {

@@ -85,7 +85,7 @@ def time_to_nearest_motion_ns(t_ns: Ints, speed: Floats) -> Floats:
 def list_speed_threshold_notes(thresholds_m_s: Mapping[str, float]) -> list[str]:
     """Notes on speeds with a threshold."""
     return [
-        f"{name} reads 0 below {threshold_m_s:.2g} m/s: its readings of 0 beside motion are left "
-        "out, since the speed is not known there"
+        f"{name} reads 0 below {threshold_m_s:.2g} m/s: its readings of 0 right before or after "
+        "motion are left out, since the speed is not known there"
         for name, threshold_m_s in thresholds_m_s.items()
     ]

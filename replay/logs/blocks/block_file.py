@@ -39,7 +39,7 @@ class BlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _record_finders() -> RecordFinders:
+    def _get_record_finders() -> RecordFinders:
         """Functions that find its records in bytes."""
 
     @abstractmethod
@@ -47,7 +47,7 @@ class BlockFile(ABC):
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
-        return BlockStore(self._file, self._record_finders, self._process_non_message_record)
+        return BlockStore(self._file, self._get_record_finders, self._process_non_message_record)
 
     def _make_second_pass_store(self) -> BlockStore:
         """Store for a second pass over the file, with shared damage notes."""

@@ -52,7 +52,7 @@ class GrowingBlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _record_finders() -> RecordFinders:
+    def _get_record_finders() -> RecordFinders:
         """Functions that find its records in bytes."""
 
     @abstractmethod
@@ -115,7 +115,7 @@ class GrowingBlockFile(ABC):
 
     def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
         """Messages in some bytes (n,), and offset of the first incomplete record."""
-        finders = self._record_finders()
+        finders = self._get_record_finders()
         _, whole = finders.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = MessageRowIndex(finders, data, 0)
         index.add_rows_of_span(0, whole)

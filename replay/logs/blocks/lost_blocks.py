@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
+from estimators.errors import format_count
 from replay.logs.blocks.block import Block
 from replay.logs.storage import Damage
 
@@ -96,8 +97,8 @@ def describe_incomplete_end(torn_bytes: int, torn_message_count: int) -> str:
     """
     if torn_message_count:
         return (
-            f"; the last {torn_bytes:,} bytes are a torn chunk, "
-            f"of which {torn_message_count:,} messages are read"
+            f"; the last {torn_bytes:,} bytes are an incomplete chunk, "
+            f"from which {format_count(torn_message_count, 'message')} could be read"
         )
     return f"; {torn_bytes:,} bytes at the end are lost or of a torn record" if torn_bytes else ""
 
@@ -114,7 +115,7 @@ def describe_block_contents(blocks: list[Block], topic_of_connection: Mapping[in
     if not timed:
         return f"lost: {listed}" if listed else "the number of messages in it is unknown"
     first, last = min(b.first_ns for b in timed), max(b.last_ns for b in timed)
-    span = f"from log time {format_log_time(first)}, {(last - first) / 1e9:.3f} s"
+    span = f"from log time {format_log_time(first)} for {(last - first) / 1e9:.3f} s"
     return (
         f"lost {span}: {listed}" if listed else f"it held messages {span}; their number is unknown"
     )

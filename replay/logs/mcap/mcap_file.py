@@ -148,7 +148,7 @@ class McapFile(BlockFile):
         )
 
     @staticmethod
-    def _record_finders() -> RecordFinders:
+    def _get_record_finders() -> RecordFinders:
         from replay.logs.mcap.mcap_grammar import RECORD_FINDERS
 
         return RECORD_FINDERS

@@ -157,13 +157,13 @@ def extract_named_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
     return found.with_columns(pl.lit(None, dtype=pl.String).alias(name) for name in missing)
 
 
-def _make_whole_number_expression(column: pl.Expr) -> pl.Expr:
+def _cast_to_whole_number(column: pl.Expr) -> pl.Expr:
     return column.cast(pl.Int64, strict=False)
 
 
 def convert_time_of_day_to_ns(time_groups: pl.DataFrame) -> pl.Series:
     """Time of day in ns, from hour, minute, second, fraction and zone."""
-    hour, half = _make_whole_number_expression(pl.col("h")), pl.col("half").str.to_lowercase()
+    hour, half = _cast_to_whole_number(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
         pl.when(half == "p").then(hour % 12 + 12).when(half == "a").then(hour % 12).otherwise(hour)
     )
@@ -173,14 +173,14 @@ def convert_time_of_day_to_ns(time_groups: pl.DataFrame) -> pl.Series:
     offset = (
         sign
         * (
-            _make_whole_number_expression(zone.str.slice(1, 2)).fill_null(0) * 3600
-            + _make_whole_number_expression(zone.str.slice(3, 2)).fill_null(0) * 60
+            _cast_to_whole_number(zone.str.slice(1, 2)).fill_null(0) * 3600
+            + _cast_to_whole_number(zone.str.slice(3, 2)).fill_null(0) * 60
         )
     ).fill_null(0)
     seconds = (
         hour * 3600
-        + _make_whole_number_expression(pl.col("min")) * 60
-        + _make_whole_number_expression(pl.col("s")).fill_null(0)
+        + _cast_to_whole_number(pl.col("min")) * 60
+        + _cast_to_whole_number(pl.col("s")).fill_null(0)
         - offset
     )
     return time_groups.select(seconds * 10**9 + fraction).to_series()
@@ -271,7 +271,7 @@ def parse_times_of_day_and_list_notes(
     """Times of day, which continue over midnight."""
     if re.fullmatch(_SINCE, first_clock_time):
         part = extract_named_groups(text, f"^{_SINCE}$")
-        day = part.select(_make_whole_number_expression(pl.col("days"))).to_series()
+        day = part.select(_cast_to_whole_number(pl.col("days"))).to_series()
         return (convert_time_of_day_to_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
     if re.fullmatch(_MINUTES, first_clock_time):

@@ -393,6 +393,6 @@ def _describe_dialect_choices(
 
 
 def read_first_filled_cells(dialect: Dialect, index: int, count: int = 50) -> list[str]:
-    """First cells of a column that are not empty."""
+    """The first `count` non-empty cells of a column."""
     cells = (row[index] for row in dialect.rows if index < len(row) and row[index])
     return list(islice(cells, count))

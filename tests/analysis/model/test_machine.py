@@ -180,11 +180,13 @@ def test_derivations_are_read_with_any_spacing():
                 "speed_x_m_s": {"derive": "d/dt position_x_m"},
                 "position_x_m": {"derive": "d/dt speed_x_m_s"},
             },
-            "these channels are derived from each other in a circle: speed_x_m_s, position_x_m",
+            "these channels cannot be computed, since some are derived from each other in a "
+            "circle: speed_x_m_s, position_x_m",
         ),
         (
             FORCE | IMU | {"speed_x_m_s": {"derive": "d/dt speed_x_m_s"}},
-            "these channels are derived from each other in a circle: speed_x_m_s",
+            "these channels cannot be computed, since some are derived from each other in a "
+            "circle: speed_x_m_s",
         ),
         (
             SPEED | IMU,

@@ -8,7 +8,7 @@ from estimators.methods.attenuation import (
     compute_attenuation_by_noise_source,
     compute_attenuation_corrections_of_windows,
 )
-from estimators.methods.ls import average_window_estimates_and_stds
+from estimators.methods.ls import average_over_windows_with_std
 
 TRUTH, NOISE = np.array([100.0, 20.0]), np.array([0.3, 0.1])
 COVARIANCE = np.diag([*NOISE**2, 0.0])
@@ -58,8 +58,8 @@ def test_the_mean_of_windows_does_not_average_away_what_draws_them_all_alike():
     drawn = compute_attenuation_corrections_of_windows(
         A, f, 200, traced.index, traced.theta, COVARIANCE
     )
-    mean, std = average_window_estimates_and_stds(A, f, 200, traced.index, traced.theta, traced.std)
-    same, wider = average_window_estimates_and_stds(
+    mean, std = average_over_windows_with_std(A, f, 200, traced.index, traced.theta, traced.std)
+    same, wider = average_over_windows_with_std(
         A, f, 200, traced.index, traced.theta, traced.std, drawn
     )
     np.testing.assert_array_equal(mean, same)

@@ -117,7 +117,7 @@ def test_a_cycle_with_a_hole_is_in_no_mean() -> None:
         hole_s=pl.Series([0.0, 1800.0, 0.2, 0.0]),
     )
     [(_, text)] = list_mean_phase_durations(table)
-    assert text.startswith("85 s on average of 3")
+    assert text.startswith("85 s on average over 3 whole cycles: ")
 
 
 @pytest.mark.parametrize(("mean_kg", "shown"), [(22.0, False), (90.0, True), (-90.0, True)])

@@ -318,4 +318,6 @@ def test_of_a_torn_chunk_it_is_said_how_many_messages_are_read(tmp_path: Path) -
         (count,) = log.topics()["messages"]
         (loss,) = log.losses()
     assert 0 < count < 200
-    assert loss.what.endswith(f"bytes are a torn chunk, of which {count} messages are read")
+    assert loss.what.endswith(
+        f"bytes are an incomplete chunk, from which {count} messages could be read"
+    )

@@ -93,7 +93,7 @@ def test_what_cannot_be_simulated_is_refused_with_the_reason(sections, what):
                 "machine": {"friction_z_N_m_s": 1.0, "inertia_z_kg_m2": 700.0},
                 "campaign": {"manoeuvres": [{"kind": "spin"}]},
             },
-            "turns faster than 10 rad/s",
+            "turns the machine faster than 10 rad/s",
         ),
         (
             {
