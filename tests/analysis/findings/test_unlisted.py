@@ -5,6 +5,7 @@ import pytest
 from benchmarks.unlisted_faults import try_fault
 from benchmarks.unlisted_rows import UNLISTED, drawn_log, memory_log
 from replay.pipeline import run
+from tests.analysis.weighing.weighed import RICH, RUNS, merged, weighed
 from tests.twins import mark_slow_after
 
 BY_NAME = {fault.name: fault for fault in UNLISTED}
@@ -80,6 +81,18 @@ def test_a_sound_machine_that_its_brakes_hold_on_a_slope_has_no_friction(seed: i
 @pytest.mark.parametrize("seed", mark_slow_after(1, [5_900_103, 5_900_211]))
 def test_a_few_milliseconds_of_a_sound_machine_are_no_delay(seed: int) -> None:
     assert try_fault(None, 0.0, seed).causes == []
+
+
+@pytest.mark.parametrize("seed", mark_slow_after(1, [6_500_018, 6_500_004]))
+def test_a_gain_that_drifts_as_if_loads_were_taken_one_after_another_is_named(seed: int) -> None:
+    assert try_fault(BY_NAME["gain drifts"], 0.2, seed).is_named(("gain_drift",))
+
+
+def test_loads_that_are_taken_one_after_another_are_no_drift() -> None:
+    three = {"campaign": {"loads_kg": [0, 200, 400], "runs": 3}}
+    replayed = weighed(merged(RUNS, RICH, three)).replayed
+    assert replayed.frames["loads"].height == 3
+    assert replayed.frames["findings"].is_empty()
 
 
 @pytest.mark.parametrize(

@@ -16,12 +16,15 @@ import numpy as np
 import polars as pl
 import pytest
 
+from analysis.simulation import Scenario
 from benchmarks.energy import TrueEnergy
 from estimators.errors import PayscopeError, ReviewError
 from recordings import read_frame
 from recordings.review.review_state import RECORDING, STATE
-from replay.review.review_shift import ReviewOptions, review_shift
+from replay import load_machine, open_log, run
+from replay.review.review_shift import ReviewOptions, find_torn_logs, review_shift
 from replay.review.write_review import ShiftReview
+from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.kept_replays import replays_anew
 from tests.replay.shift_review import SCENARIO, shift_folder, verdict
 
@@ -178,6 +181,23 @@ def test_a_folder_of_other_files_takes_no_review(
     (tmp_path / "thesis.txt").touch()
     with pytest.raises(PayscopeError, match=r"thesis\.txt"):
         review_shift(logs, machine, tmp_path, ReviewOptions())
+
+
+@pytest.mark.parametrize(
+    "share", [pytest.param(0.5, id="within a chunk"), pytest.param(0.97, id="within the index")]
+)
+def test_a_bag_that_is_cut_off_is_told_as_a_log_that_breaks_off(
+    tmp_path: Path, share: float
+) -> None:
+    short = {"campaign": {"loads_kg": [0], "runs": 1}}
+    (bag,) = simulate_scenario_to_logs(Scenario.model_validate(short), tmp_path / "shift.bag")
+    data = bag.read_bytes()
+    bag.write_bytes(data[: int(share * len(data))])
+    with open_log(bag) as log:
+        replayed = run(log, load_machine("cat262c.toml"))
+        (torn,) = find_torn_logs([log], {"/imu/data": []}, replayed.provenance)
+        ends_ns = log.topics().filter(pl.col("topic") == "/imu/data")["end_ns"][0]
+    assert torn.ends_s == pytest.approx((ends_ns - replayed.provenance.t0_unix_ns) / 1e9)
 
 
 def _command(logs: list[Path], machine: Path, folder: Path) -> list[str]:
