@@ -22,6 +22,7 @@ from analysis.findings.refit import mass_change_by_refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_rows_near_flagged_rows
+from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.signals.filters import median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
@@ -116,7 +117,25 @@ def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tup
             and run.end_ns <= end + LIMITS.stand_edge_ns
             for begin, end in signals.standstill_spans
         )
+        and not does_machine_stand_between(inputs, channel, run.begin_ns, run.end_ns)
     ]
+
+
+def does_machine_stand_between(
+    inputs: FindingInputs, channel: str, begin_unix_ns: int, end_unix_ns: int
+) -> bool:
+    """Whether the machine stands all the while; of a speed, which may be stuck, the force tells."""
+    t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
+    edges = begin_unix_ns + LIMITS.stand_edge_ns, end_unix_ns - LIMITS.stand_edge_ns
+    inside = slice(*np.searchsorted(t, edges).tolist())
+    stands = inputs.is_standing_sample[inside]
+    if channel in _FELT[-2:] or not stands.size or not stands.all():
+        return False
+    if channel not in inputs.speed_channels:
+        return True
+    force = np.abs(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
+    idle_N = LIMITS.idle_force_fraction * float(np.nanquantile(force, 0.98))
+    return float(np.nanmedian(force[inside])) < idle_N
 
 
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
