@@ -113,6 +113,8 @@ class CycleLimits:
     period_min_dumps: int = 3
     #: Period over the middling one from which it has idling in it.
     idle_period_ratio: float = 2.5
+    #: Cycles that a gap hides up to which it is taken for work: a longer one is as likely a break.
+    working_gap_max_cycles: float = 5.0
 
     # empty_machine
     #: Quantile of the empty passes that is the clean bucket: the least of many is the noisiest.

@@ -331,17 +331,36 @@ def find_spans_of_missing_channels_ns(
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 
-def estimate_cycles_lost_in_gaps(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
+def mark_gaps_that_may_be_breaks(
+    gaps: list[tuple[int, int]], excitation: pl.DataFrame
+) -> list[bool]:
+    """Whether the machine stands on either side of each gap: it may have stood all the while."""
+    known = excitation.drop_nulls("phase")
+    t_ns, stands = known["t_ns"].to_numpy(), mark_standing_samples(known)
+
+    def may_be_break(begin_ns: int, end_ns: int) -> bool:
+        # samples beside a gap may be of no phase
+        before, after = np.searchsorted(t_ns, begin_ns, "right") - 1, np.searchsorted(t_ns, end_ns)
+        return bool(before >= 0 and after < t_ns.size and stands[before] and stands[after])
+
+    return [may_be_break(*gap) for gap in gaps]
+
+
+def estimate_cycles_lost_in_gaps(
+    cycles: pl.DataFrame, gaps: list[tuple[int, int]], may_be_breaks: list[bool]
+) -> LostCycles:
     """Estimate how many cycles gaps of the log hide: those whose whole haul is inside a gap.
 
     With a period P between dumps and hauls of duration D, a gap G hides (G − D)/P cycles, none if
     hauls are longer; the number of whole periods in a randomly placed span deviates by √(f(1−f)), f
     being the fraction beyond whole ones, and periods differ. Without a completely seen haul nothing
-    is estimated.
+    is estimated. In a gap that may be a break, or that is as long as several cycles, any number
+    from none to all of them is equally likely (JCGM 100, 4.3.7).
 
     Args:
         cycles: the frame `cycles`.
         gaps: gaps from `find_spans_of_missing_channels_ns`.
+        may_be_breaks: of each gap, from `mark_gaps_that_may_be_breaks`.
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()
@@ -352,11 +371,14 @@ def estimate_cycles_lost_in_gaps(cycles: pl.DataFrame, gaps: list[tuple[int, int
     periods = periods[periods < LIMITS.idle_period_ratio * np.median(periods)]
     period, spread = float(np.mean(periods)), float(np.std(periods))
     expected = variance = 0.0
-    for start, end in gaps:
+    for (start, end), may_be_break in zip(gaps, may_be_breaks, strict=True):
         hidden = float(np.mean(np.maximum((end - start) / NS_PER_S - hauls, 0.0))) / period
         part = hidden % 1.0
-        expected += hidden
-        variance += part * (1.0 - part) + hidden * (spread / period) ** 2
+        own = part * (1.0 - part) + hidden * (spread / period) ** 2
+        if may_be_break or hidden > LIMITS.working_gap_max_cycles:
+            expected, variance = expected + hidden / 2.0, variance + own + hidden**2 / 12.0
+        else:
+            expected, variance = expected + hidden, variance + own
     mean_kg, std_kg = float(np.mean(known)), float(np.std(known))
     return LostCycles(
         expected,

@@ -26,6 +26,8 @@ class DiagnosisLimits:
     #: Time in s that a torque takes to fall once the drive is shut: 2.5 time constants of the
     #: slowest drive of `benchmarks/turning.py`.
     falling_torque_s: float = 0.5
+    #: Pull of gravity in m/s², beyond what the machine gains, from which it is driven downhill.
+    driven_downhill_min_m_s2: float = 0.1
 
     # excluded_stretches
     #: Largest change of the answer without a stretch, in its standard uncertainties, that is none.

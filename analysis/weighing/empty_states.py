@@ -37,9 +37,7 @@ def find_empty_states(
     if body.empty_mass_kg is None:
         return []
     lightest = int(np.argmin(fit.masses_kg))
-    difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combine_u(make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest)))
-    u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
+    difference_kg, u_kg = _difference_to_empty_mass_kg(weighing, machine, lightest)
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
@@ -49,10 +47,23 @@ def find_empty_states(
     return _find_equally_light_states(weighing, lightest, machine)
 
 
+def _difference_to_empty_mass_kg(
+    weighing: Weighing, machine: Machine, state: int
+) -> tuple[float, float]:
+    """Distance of a state's mass from the stated empty mass, and its standard uncertainty."""
+    fit, body = weighing.fit, machine.machine
+    assert body.empty_mass_kg is not None
+    u_kg = combine_u(make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(state)))
+    return (
+        abs(float(fit.masses_kg[state]) - body.rotating_mass_kg - body.empty_mass_kg),
+        float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0)),
+    )
+
+
 def _find_equally_light_states(
     weighing: Weighing, lightest_state: int, machine: Machine
 ) -> list[int]:
-    """States whose mass equals the lightest within the random uncertainty."""
+    """States whose mass equals the lightest and the stated one within their uncertainty."""
     fit = weighing.fit
     found = [lightest_state]
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
@@ -60,7 +71,12 @@ def _find_equally_light_states(
             continue
         weights = mass_coefficients_of_payload(weighing, state, found)
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
-        if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
+        difference_kg, u_kg = _difference_to_empty_mass_kg(weighing, machine, state)
+        # each equals the others where masses scatter much
+        if (
+            float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg
+            or difference_kg > LIMITS.empty_state_u * u_kg
+        ):
             break
         found.append(state)
     return sorted(found)

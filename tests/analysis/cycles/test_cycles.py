@@ -12,6 +12,7 @@ from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.cycles_without_mass import (
     estimate_cycles_lost_in_gaps,
     find_spans_of_missing_channels_ns,
+    mark_gaps_that_may_be_breaks,
 )
 from analysis.cycles.payload_target import compare_payloads_with_target
 from analysis.cycles.shift_totals import (
@@ -162,15 +163,38 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
     for length, expected in ((10.0, 0.0), (427.0, 4.0)):
         gap = pl.Series("gap", (t_s > 500.0) & (t_s < 500.0 + length))
         gaps = find_spans_of_missing_channels_ns(frames["excitation"], aligned.with_columns(gap))
-        lost = estimate_cycles_lost_in_gaps(table, gaps)
+        lost = estimate_cycles_lost_in_gaps(table, gaps, [False] * len(gaps))
         assert lost.cycles == pytest.approx(expected, abs=0.02)
         assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)
+
+
+@pytest.mark.parametrize(("length_s", "stood"), [(427.0, True), (1200.0, False)])
+def test_a_hole_that_may_be_a_break_hides_any_number_of_cycles(
+    length_s: float, stood: bool
+) -> None:
+    table = found(drawn_shift([700.0] * 20))
+    gap = [(0, int(length_s * NS))]
+    worked = estimate_cycles_lost_in_gaps(table, [(0, int(427 * NS))], [False]).cycles
+    most = worked + (length_s - 427.0) / float(np.mean(np.diff(table["dump_t_ns"]))) * NS
+    lost = estimate_cycles_lost_in_gaps(table, gap, [stood])
+    assert lost.cycles == pytest.approx(most / 2.0, rel=1e-3)
+    # none and all of them are 1.7 standard uncertainties off
+    assert lost.cycles - 1.8 * lost.u < 0.0 < lost.cycles - 1.6 * lost.u
+
+
+def test_a_machine_that_stands_on_both_sides_of_a_hole_may_have_stood_all_the_while() -> None:
+    rest, drives = "standstill", "accelerating"
+    phases = [drives, rest, None, None, rest, drives, rest]
+    excitation = pl.DataFrame({"t_ns": np.arange(7) * NS, "phase": phases})
+    gaps = [(1 * NS, 3 * NS), (4 * NS, 5 * NS), (5 * NS, 6 * NS), (6 * NS, 9 * NS)]
+    assert mark_gaps_that_may_be_breaks(gaps, excitation) == [True, False, False, False]
 
 
 def test_where_no_haul_was_seen_whole_a_hole_has_no_price_and_no_number_is_missing() -> None:
     frames = drawn_shift([700.0] * 6)
     unseen = found(frames).with_columns(haul_s=pl.lit(None, pl.Float64))
-    assert estimate_cycles_lost_in_gaps(unseen, [(0, int(427 * NS))]) == (0.0, 0.0, 0.0, 0.0)
+    gaps = [(0, int(427 * NS))]
+    assert estimate_cycles_lost_in_gaps(unseen, gaps, [False]) == (0.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
