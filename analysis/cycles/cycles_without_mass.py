@@ -334,14 +334,20 @@ def find_spans_of_missing_channels_ns(
 def mark_gaps_that_may_be_breaks(
     gaps: list[tuple[int, int]], excitation: pl.DataFrame
 ) -> list[bool]:
-    """Whether the machine stands on either side of each gap: it may have stood all the while."""
+    """Whether the machine stands on both sides of each gap, on one of them for long."""
     known = excitation.drop_nulls("phase")
-    t_ns, stands = known["t_ns"].to_numpy(), mark_standing_samples(known)
+    t_ns, moves = known["t_ns"].to_numpy(), ~mark_standing_samples(known)
+    moving_ns = t_ns[moves]
 
     def may_be_break(begin_ns: int, end_ns: int) -> bool:
         # samples beside a gap may be of no phase
         before, after = np.searchsorted(t_ns, begin_ns, "right") - 1, np.searchsorted(t_ns, end_ns)
-        return bool(before >= 0 and after < t_ns.size and stands[before] and stands[after])
+        if before < 0 or after >= t_ns.size or moves[before] or moves[after]:
+            return False
+        at = np.searchsorted(moving_ns, begin_ns)
+        stood_ns = t_ns[before] - (moving_ns[at - 1] if at else t_ns[0])
+        stands_ns = (moving_ns[at] if at < moving_ns.size else t_ns[-1]) - t_ns[after]
+        return bool(max(stood_ns, stands_ns) > LIMITS.idle_s * NS_PER_S)
 
     return [may_be_break(*gap) for gap in gaps]
 
@@ -354,8 +360,8 @@ def estimate_cycles_lost_in_gaps(
     With a period P between dumps and hauls of duration D, a gap G hides (G − D)/P cycles, none if
     hauls are longer; the number of whole periods in a randomly placed span deviates by √(f(1−f)), f
     being the fraction beyond whole ones, and periods differ. Without a completely seen haul nothing
-    is estimated. In a gap that may be a break, or that is as long as several cycles, any number
-    from none to all of them is equally likely (JCGM 100, 4.3.7).
+    is estimated. In gaps that may be breaks, or hide more than a few cycles, any number from none
+    to all of them is equally likely (JCGM 100, 4.3.7), in all of these gaps alike.
 
     Args:
         cycles: the frame `cycles`.
@@ -370,15 +376,16 @@ def estimate_cycles_lost_in_gaps(
     periods = np.diff(dumps)
     periods = periods[periods < LIMITS.idle_period_ratio * np.median(periods)]
     period, spread = float(np.mean(periods)), float(np.std(periods))
-    expected = variance = 0.0
+    expected = variance = in_breaks = 0.0
     for (start, end), may_be_break in zip(gaps, may_be_breaks, strict=True):
         hidden = float(np.mean(np.maximum((end - start) / NS_PER_S - hauls, 0.0))) / period
         part = hidden % 1.0
-        own = part * (1.0 - part) + hidden * (spread / period) ** 2
+        variance += part * (1.0 - part) + hidden * (spread / period) ** 2
         if may_be_break or hidden > LIMITS.working_gap_max_cycles:
-            expected, variance = expected + hidden / 2.0, variance + own + hidden**2 / 12.0
+            in_breaks += hidden
         else:
-            expected, variance = expected + hidden, variance + own
+            expected += hidden
+    expected, variance = expected + in_breaks / 2.0, variance + in_breaks**2 / 12.0
     mean_kg, std_kg = float(np.mean(known)), float(np.std(known))
     return LostCycles(
         expected,

@@ -134,9 +134,10 @@ def _opposing_torque_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
 def _driving_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of accelerating samples whose force acts along the motion."""
     rate = motion.speed_or_yaw_rate
-    # downhill gravity drives, and the force holds back
-    driven = motion.A[:, 0] * np.sign(rate) > -LIMITS.driven_downhill_min_m_s2
-    return fit_quality.force_fraction_along_motion(rate, motion.f, motion.speeding & driven)
+    # where gravity drives downhill, the force holds back
+    chosen = motion.speeding & (motion.A[:, 0] * np.sign(rate) > -LIMITS.driven_downhill_min_m_s2)
+    chosen = chosen if chosen.any() else motion.speeding
+    return fit_quality.force_fraction_along_motion(rate, motion.f, chosen)
 
 
 def _imu_to_wheel_acceleration_slope(inputs: CheckInputs, motion: AxisMotion) -> float:

@@ -1,4 +1,4 @@
-"""Loads that change: one that grows during a manoeuvre, or two that alternate.
+"""Loads that change: during a manoeuvre, from start to start, or steadily over the log.
 
 A growing load obeys f = (m + g t) a + (b + g) v, with g in kg/s: accelerating the incoming material
 to the machine's speed takes g v. Each manoeuvre has its own mass and growth; friction and constant
@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.findings.cause import MassChange, Symptom
+from analysis.findings.cause import MassChange, Symptom, list_only_strongest_symptom
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -25,6 +25,7 @@ from analysis.findings.whitened_rows import (
     compute_whitened_row_noise_variance,
     list_indices_of_samples_in_whole_blocks,
 )
+from analysis.model.physical_units import NS_PER_S
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import format_count
 from estimators.numerics.fit_loss import list_rows_by_group
@@ -255,7 +256,9 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
 
 def find_drift_among_loads(inputs: FindingInputs) -> list[Symptom]:
     """Find a drift of the force's gain in a log of several loads."""
-    return [*find_drift_of_empty_mass(inputs), *find_steadily_changing_mass(inputs)]
+    return list_only_strongest_symptom(
+        [*find_drift_of_empty_mass(inputs), *find_steadily_changing_mass(inputs)]
+    )
 
 
 def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
@@ -268,15 +271,21 @@ def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
     states = None if fit is None else fit.states
     if fit is None or states is None or states.unit.size < LIMITS.steady_min_manoeuvres:
         return []
+    if not (fit.mass_kg and (states.std_kg > 0.0).all()):
+        return []
     motion, count = fit.motion, states.unit.size
     inside = np.flatnonzero(motion.is_fittable & np.isin(motion.unit, states.unit))
     number = np.searchsorted(states.unit, motion.unit[inside])
+    t_s = inputs.aligned["t_ns"].to_numpy()[inside] / NS_PER_S
     samples = np.bincount(number, minlength=count)
-    middle, direction = (
-        np.bincount(number, each, count) / samples for each in (inside, motion.direction[inside])
+    if not samples.all():
+        return []
+    middle_s, direction = (
+        np.bincount(number, each, count) / samples for each in (t_s, motion.direction[inside])
     )
-    along = (middle - middle[0]) / (middle[-1] - middle[0]) - 0.5
-    columns = [along, np.ones(count), *([direction] * motion.drives_both_ways)]
+    along = (middle_s - middle_s[0]) / (middle_s[-1] - middle_s[0]) - 0.5
+    both_ways = bool(np.ptp(np.sign(direction)) > 0.0)
+    columns = [along, np.ones(count), *([direction] * both_ways)]
     noise_kg = float(np.median(states.std_kg))
     weight = noise_kg / states.std_kg
     A, y = np.column_stack(columns) * weight[:, None], states.level_kg * weight

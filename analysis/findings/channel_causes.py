@@ -26,9 +26,9 @@ from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.signals.filters import median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
+_ACCELERATIONS: Final = (ACC, "acc_x_m_s2")
 #: Force and acceleration, which a stop or a knock moves at once.
-_FELT: Final = (*FORCES, ACC, "acc_x_m_s2")
-
+_FELT: Final = (*FORCES, *_ACCELERATIONS)
 #: Causes that a dead channel explains: it has neither a sign nor a zero.
 _OF_DEAD: Final = ("unsigned", "offset")
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
@@ -124,18 +124,18 @@ def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tup
 def does_machine_stand_between(
     inputs: FindingInputs, channel: str, begin_unix_ns: int, end_unix_ns: int
 ) -> bool:
-    """Whether the machine stands all the while; of a speed, which may be stuck, the force tells."""
+    """Whether the machine stands all the while; for a speed, which may be stuck, by the force."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     edges = begin_unix_ns + LIMITS.stand_edge_ns, end_unix_ns - LIMITS.stand_edge_ns
     inside = slice(*np.searchsorted(t, edges).tolist())
     stands = inputs.is_standing_sample[inside]
-    if channel in _FELT[-2:] or not stands.size or not stands.all():
+    if channel in _ACCELERATIONS or not stands.size or not stands.all():
         return False
     if channel not in inputs.speed_channels:
         return True
     force = np.abs(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
     idle_N = LIMITS.idle_force_fraction * float(np.nanquantile(force, 0.98))
-    return float(np.nanmedian(force[inside])) < idle_N
+    return bool((force[inside] < idle_N).mean() > LIMITS.idle_samples_fraction)
 
 
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:

@@ -94,6 +94,8 @@ class ChannelLimits:
     stand_edge_ns: int = 200_000_000
     #: Fraction of the largest force that a machine has at a stand, by drag of its drive.
     idle_force_fraction: float = 0.05
+    #: and fraction of the samples of a stand that have no more.
+    idle_samples_fraction: float = 0.9
     #: Fraction of the log for which a channel repeats itself from which it is dead.
     dead_fraction: float = 0.5
 

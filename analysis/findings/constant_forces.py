@@ -37,6 +37,7 @@ class ConstantForces:
             it.
         tilt: whether the accelerometer's error also acts in motion; None if undetermined.
         motion: the motion without the constant forces that act.
+        is_rest_significant: whether the force at rest is one, beyond noise and resolution.
     """
 
     rest_N: tuple[float, float]
@@ -44,6 +45,12 @@ class ConstantForces:
     offset: bool | None
     tilt: bool | None
     motion: MotionSamples | None
+    is_rest_significant: bool = False
+
+    @property
+    def acts_only_at_rest(self) -> bool:
+        """Whether motion does not show the force at rest, such as one that brakes hold."""
+        return self.is_rest_significant and self.offset is False
 
 
 def has_pitch_channel(inputs: FindingInputs) -> bool:
@@ -129,6 +136,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         is_cause_in_best_explanation(cost, best, 0),
         is_cause_in_best_explanation(cost, best, 1),
         _subtract_force_and_accelerometer_offsets(motion, of_rest, of_error),
+        offset,
     )
 
 
@@ -136,10 +144,14 @@ def _does_standing_force_hold_slope(
     inputs: FindingInputs, force_at_rest_N: float, mass_kg: float
 ) -> bool:
     """Whether the force at rest may be the drive's or the brakes' part of what gravity pulls."""
-    if ACC not in inputs.aligned.columns:
+    if has_pitch_channel(inputs):
+        gravity = compute_gravity_by_pitch_m_s2(inputs)
+    elif ACC in inputs.aligned.columns:
+        gravity = column_values(inputs.aligned, ACC)
+    else:
         return False
-    gravity_m_s2, _ = inputs.signal_mean_and_std_at_rest(column_values(inputs.aligned, ACC))
-    return 0.0 < force_at_rest_N * gravity_m_s2 <= mass_kg * gravity_m_s2**2
+    pull_N = mass_kg * inputs.signal_mean_and_std_at_rest(gravity)[0]
+    return 0.0 < force_at_rest_N * pull_N <= pull_N**2
 
 
 def _subtract_force_and_accelerometer_offsets(

@@ -28,7 +28,7 @@ class FindingLimits:
     # delay_causes
     #: Square root of the likelihood gain that chance stays below.
     likelihood_gain_root: float = 3.45
-    #: Delay in s that stamps are trusted to, by which short delays rank after other causes.
+    #: Delay in s that stamps are trusted to: the strength of a short delay is measured by it.
     trusted_stamp_s: float = 0.002
     #: Smallest delay in s that is reported: half a period at 100 Hz. A bus makes as much, and less
     #: than that, which 10 of 250 sound machines seemed to have, moved no mass by 0.4 u.

@@ -185,10 +185,9 @@ def read_fitted_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> F
     if fit is None or term_name not in names or not np.isfinite(seen.rest_N[0]):
         return None
     value, std = (float(each[names.index(term_name)]) for each in fit.term_posteriors)
-    if term_name == "const" and seen.offset is not False:
-        value -= seen.rest_N[0]
-    if term_name == "const" and seen.tilt is not False and np.isfinite(seen.error_m_s2[0]):
-        value += fit.mass_kg * seen.error_m_s2[0]
+    if term_name == "const":
+        value -= 0.0 if seen.acts_only_at_rest else seen.rest_N[0]
+        value += fit.mass_kg * float(np.nan_to_num(seen.error_m_s2[0]))
     return FittedCause(term_name, value, std, (value / std) ** 2, ())
 
 

@@ -30,7 +30,7 @@ from analysis.weighing.motion_samples import MotionSamples
 Equations = tuple[EquationRows, EquationRows | None]
 #: Parameters below these are no causes.
 _LEAST: Final = {
-    **{f"delay:{channel}": 0.002 for channel in ("force", "speed", "imu")},
+    **{f"delay:{channel}": LIMITS.min_delay_s for channel in ("force", "speed", "imu")},
     "wheel_radius": 0.003,
     "driveline": 0.01,
     "braking": 0.002,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.model.machine import Machine
-from analysis.model.uncertainty_sources import combine_u
+from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.mass_budget import make_mass_budget
@@ -37,7 +37,9 @@ def find_empty_states(
     if body.empty_mass_kg is None:
         return []
     lightest = int(np.argmin(fit.masses_kg))
-    difference_kg, u_kg = _difference_to_empty_mass_kg(weighing, machine, lightest)
+    difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
+    u_kg = combine_u(make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest)))
+    u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
@@ -47,23 +49,10 @@ def find_empty_states(
     return _find_equally_light_states(weighing, lightest, machine)
 
 
-def _difference_to_empty_mass_kg(
-    weighing: Weighing, machine: Machine, state: int
-) -> tuple[float, float]:
-    """Distance of a state's mass from the stated empty mass, and its standard uncertainty."""
-    fit, body = weighing.fit, machine.machine
-    assert body.empty_mass_kg is not None
-    u_kg = combine_u(make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(state)))
-    return (
-        abs(float(fit.masses_kg[state]) - body.rotating_mass_kg - body.empty_mass_kg),
-        float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0)),
-    )
-
-
 def _find_equally_light_states(
     weighing: Weighing, lightest_state: int, machine: Machine
 ) -> list[int]:
-    """States whose mass equals the lightest and the stated one within their uncertainty."""
+    """States as light as the lightest within the random uncertainty, and as the stated mass."""
     fit = weighing.fit
     found = [lightest_state]
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
@@ -71,15 +60,51 @@ def _find_equally_light_states(
             continue
         weights = mass_coefficients_of_payload(weighing, state, found)
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
-        difference_kg, u_kg = _difference_to_empty_mass_kg(weighing, machine, state)
-        # each equals the others where masses scatter much
-        if (
-            float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg
-            or difference_kg > LIMITS.empty_state_u * u_kg
-        ):
+        if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
+            break
+        # where masses scatter much, each is as light as those before it
+        if _is_heavier_than_stated_empty_mass(weighing, machine, state, found):
             break
         found.append(state)
     return sorted(found)
+
+
+def _is_heavier_than_stated_empty_mass(
+    weighing: Weighing, machine: Machine, state: int, empty: list[int]
+) -> bool:
+    """Whether a state is heavier than the stated mass, beyond what it has in common with others."""
+    fit, body = weighing.fit, machine.machine
+    assert body.empty_mass_kg is not None
+    weights = fit.mass_coefficients_of_state(state), weights_of_mean_mass_over_states(fit, empty)
+    own, others = (make_mass_budget(weighing, machine, each) for each in weights)
+    if list_scale_sources_without_u(own):
+        return False
+    stated_kg = body.empty_mass_kg + body.rotating_mass_kg
+    excess_kg, of_others_kg = (float(each @ fit.masses_kg) - stated_kg for each in weights)
+    common_kg = float(np.hypot(combine_u(own, "common", "scale"), body.empty_mass_u_kg or 0.0))
+    return excess_kg > compute_largest_excess_of_empty_state_kg(
+        of_others_kg, combine_u(others, "random"), combine_u(own, "random"), common_kg
+    )
+
+
+def compute_largest_excess_of_empty_state_kg(
+    excess_of_others_kg: float, random_of_others_kg: float, random_kg: float, common_kg: float
+) -> float:
+    """Largest mass of an empty state beyond the stated one, in kg.
+
+    The error that all states have in common is estimated from those that are empty (normal prior
+    and measurement), so that a scale that is off parts no two of them.
+
+    Args:
+        excess_of_others_kg: mean mass of the empty states beyond the stated one.
+        random_of_others_kg: random standard uncertainty of that mean.
+        random_kg: random standard uncertainty of the state.
+        common_kg: standard uncertainty of what all have in common.
+    """
+    square_kg2 = common_kg**2 + random_of_others_kg**2
+    share = common_kg**2 / square_kg2 if square_kg2 else 1.0
+    left_kg = float(np.hypot(random_kg, np.sqrt(share) * random_of_others_kg))
+    return share * excess_of_others_kg + LIMITS.equally_light_std * left_kg
 
 
 def estimate_std_of_empty_masses_kg(

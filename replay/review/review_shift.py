@@ -73,7 +73,7 @@ _WHOLE: Final = (
 #: What readers say of a file that ends before it was closed.
 _TORN: Final = (
     *("breaks off", "did not finish it", "bytes at the end are lost", "incomplete chunk"),
-    *("row is torn", "last row (line"),
+    "is cut off and was not read",
 )
 
 

@@ -187,7 +187,18 @@ def test_a_machine_that_stands_on_both_sides_of_a_hole_may_have_stood_all_the_wh
     phases = [drives, rest, None, None, rest, drives, rest]
     excitation = pl.DataFrame({"t_ns": np.arange(7) * NS, "phase": phases})
     gaps = [(1 * NS, 3 * NS), (4 * NS, 5 * NS), (5 * NS, 6 * NS), (6 * NS, 9 * NS)]
-    assert mark_gaps_that_may_be_breaks(gaps, excitation) == [True, False, False, False]
+    assert mark_gaps_that_may_be_breaks(gaps, excitation) == [False] * 4
+    long = excitation.with_columns(t_ns=pl.Series([0, 1, 2, 3, 4, 5, 6]) * 40 * NS)
+    gaps = [(40 * begin, 40 * end) for begin, end in gaps]
+    assert mark_gaps_that_may_be_breaks(gaps, long) == [True, False, False, False]
+
+
+def test_many_breaks_are_all_work_or_none_alike() -> None:
+    table = found(drawn_shift([700.0] * 20))
+    one = estimate_cycles_lost_in_gaps(table, [(0, int(227 * NS))], [True])
+    ten = estimate_cycles_lost_in_gaps(table, [(0, int(227 * NS))] * 10, [True] * 10)
+    assert ten.cycles == pytest.approx(10.0 * one.cycles)
+    assert ten.cycles - 1.8 * ten.u < 0.0
 
 
 def test_where_no_haul_was_seen_whole_a_hole_has_no_price_and_no_number_is_missing() -> None:

@@ -1,9 +1,13 @@
 """A small twin of the campaign of unlisted faults: named first, and no wrong mass is shown."""
 
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
 import pytest
 
 from benchmarks.unlisted_faults import try_fault
-from benchmarks.unlisted_rows import UNLISTED, drawn_log, memory_log
+from benchmarks.unlisted_rows import TORQUES, UNLISTED, drawn_log, memory_log
 from replay.pipeline import run
 from tests.analysis.weighing.weighed import RICH, RUNS, merged, weighed
 from tests.twins import mark_slow_after
@@ -76,6 +80,24 @@ def test_a_sound_machine_on_a_cross_slope_in_curves_has_no_finding(seed: int) ->
 )
 def test_a_sound_machine_that_its_brakes_hold_on_a_slope_has_no_friction(seed: int) -> None:
     assert try_fault(None, 0.0, seed, odd=True).causes == []
+
+
+@pytest.mark.parametrize("seed", mark_slow_after(1, [3_300_001, 3_300_002]))
+def test_an_engine_that_is_off_at_a_stand_is_no_frozen_channel(seed: int) -> None:
+    log = drawn_log(seed)
+    speed, torque = log.topics["speed"], log.topics["torque"]
+    moves_ns = speed.filter(pl.col("speed_left_m_s").abs() > 0.05)["header_stamp_ns"].to_numpy()
+    stands = np.flatnonzero(np.diff(moves_ns) > 2e9)
+    begins_ns, ends_ns = moves_ns[stands[1]] + 700_000_000, moves_ns[stands[1] + 1] - 300_000_000
+    is_off = pl.col("header_stamp_ns").is_between(begins_ns, ends_ns)
+    switched = torque.with_columns(
+        pl.when(is_off).then(0.0).otherwise(pl.col(name)).alias(name) for name in TORQUES
+    )
+    assert switched.filter(pl.col(TORQUES[0]) == 0.0).height > 100
+    replayed = run(
+        [memory_log(replace(log, topics={**log.topics, "torque": switched}))], log.machine
+    )
+    assert replayed.frames["findings"].is_empty()
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, [5_900_103, 5_900_211]))
