@@ -26,6 +26,7 @@ from analysis.findings.whitened_rows import (
     list_indices_of_samples_in_whole_blocks,
 )
 from analysis.model.physical_units import NS_PER_S
+from analysis.weighing.load_changes import find_manoeuvre_of_fitted_samples
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import format_count
 from estimators.numerics.fit_loss import list_rows_by_group
@@ -274,14 +275,11 @@ def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
     if not (fit.mass_kg and (states.std_kg > 0.0).all()):
         return []
     motion, count = fit.motion, states.unit.size
-    inside = np.flatnonzero(motion.is_fittable & np.isin(motion.unit, states.unit))
-    number = np.searchsorted(states.unit, motion.unit[inside])
-    t_s = inputs.aligned["t_ns"].to_numpy()[inside] / NS_PER_S
-    samples = np.bincount(number, minlength=count)
-    if not samples.all():
-        return []
+    number = np.searchsorted(states.unit, find_manoeuvre_of_fitted_samples(motion))
+    t_s = inputs.aligned["t_ns"].to_numpy()[motion.is_fittable] / NS_PER_S
     middle_s, direction = (
-        np.bincount(number, each, count) / samples for each in (t_s, motion.direction[inside])
+        np.bincount(number, each, count) / np.bincount(number)
+        for each in (t_s, motion.direction[motion.is_fittable])
     )
     along = (middle_s - middle_s[0]) / (middle_s[-1] - middle_s[0]) - 0.5
     both_ways = bool(np.ptp(np.sign(direction)) > 0.0)

@@ -17,18 +17,16 @@ from analysis.diagnosis.measured_channels import find_unexplained_repeats
 from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, list_only_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
-from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
+from analysis.findings.finding_inputs import ACCELERATIONS, FORCES, FindingInputs
 from analysis.findings.refit import mass_change_by_refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_rows_near_flagged_rows
-from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.signals.filters import median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
-_ACCELERATIONS: Final = (ACC, "acc_x_m_s2")
 #: Force and acceleration, which a stop or a knock moves at once.
-_FELT: Final = (*FORCES, *_ACCELERATIONS)
+_FELT: Final = (*FORCES, *ACCELERATIONS)
 #: Causes that a dead channel explains: it has neither a sign nor a zero.
 _OF_DEAD: Final = ("unsigned", "offset")
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
@@ -125,17 +123,16 @@ def does_machine_stand_between(
     inputs: FindingInputs, channel: str, begin_unix_ns: int, end_unix_ns: int
 ) -> bool:
     """Whether the machine stands all the while; for a speed, which may be stuck, by the force."""
-    t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
-    edges = begin_unix_ns + LIMITS.stand_edge_ns, end_unix_ns - LIMITS.stand_edge_ns
-    inside = slice(*np.searchsorted(t, edges).tolist())
+    edges_ns = inputs.convert_unix_to_aligned_ns(
+        begin_unix_ns + LIMITS.stand_edge_ns, end_unix_ns - LIMITS.stand_edge_ns
+    )
+    inside = slice(*np.searchsorted(inputs.aligned["t_ns"].to_numpy(), edges_ns).tolist())
     stands = inputs.is_standing_sample[inside]
-    if channel in _ACCELERATIONS or not stands.size or not stands.all():
+    if channel in ACCELERATIONS or not stands.size or not stands.all():
         return False
     if channel not in inputs.speed_channels:
         return True
-    force = np.abs(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
-    idle_N = LIMITS.idle_force_fraction * float(np.nanquantile(force, 0.98))
-    return bool((force[inside] < idle_N).mean() > LIMITS.idle_samples_fraction)
+    return bool(inputs.is_idle_sample[inside].mean() > LIMITS.idle_samples_fraction)
 
 
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:

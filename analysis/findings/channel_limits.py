@@ -92,9 +92,7 @@ class ChannelLimits:
     #: Time in ns by which a channel may come to its reading of a stand before the speed does, or
     #: leave it after it.
     stand_edge_ns: int = 200_000_000
-    #: Fraction of the largest force that a machine has at a stand, by drag of its drive.
-    idle_force_fraction: float = 0.05
-    #: and fraction of the samples of a stand that have no more.
+    #: Fraction of the samples of a stand whose force is that of an idle drive.
     idle_samples_fraction: float = 0.9
     #: Fraction of the log for which a channel repeats itself from which it is dead.
     dead_fraction: float = 0.5

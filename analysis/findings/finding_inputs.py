@@ -16,6 +16,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import flag_rows_near_flagged_rows
+from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.copied_rows import Copy
 from analysis.weighing.joint_result import JointFit
@@ -28,6 +29,8 @@ from estimators.interpreted import compiled_unless_short_log
 FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 ACC: Final = "specific_force_x_m_s2"
+#: Channels of an accelerometer along x.
+ACCELERATIONS: Final = (ACC, "acc_x_m_s2")
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,12 @@ class FindingInputs:
         return self.check_inputs.mark_samples_in_phases("standstill")
 
     @cached_property
+    def is_idle_sample(self) -> Bools:
+        """Grid samples, (n,), whose force is no more than the drag of a drive at a stand."""
+        force = np.abs(compute_longitudinal_force(self.aligned, self.machine.machine))
+        return force < LIMITS.idle_force_fraction * float(np.nanquantile(force, 0.98))
+
+    @cached_property
     def is_resting_sample(self) -> Bools:
         """Standstill samples, (n,), away from motion, since a machine swings after a stop."""
         near = ~self.is_standing_sample
@@ -119,12 +128,12 @@ class FindingInputs:
     @property
     def equation_channels_in_log(self) -> tuple[str, ...]:
         """The channels of the equation that are read from the log."""
-        return self.select_measured_channels(*FORCES, *SPEEDS, "position_x_m", ACC, "acc_x_m_s2")
+        return self.select_measured_channels(*FORCES, *SPEEDS, "position_x_m", *ACCELERATIONS)
 
     @property
     def has_accelerometer(self) -> bool:
         """Whether an accelerometer is read from the log, rather than derived from the speed."""
-        return bool(self.select_measured_channels(ACC, "acc_x_m_s2"))
+        return bool(self.select_measured_channels(*ACCELERATIONS))
 
     @property
     def force_channel(self) -> str | None:

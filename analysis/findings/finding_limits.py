@@ -63,6 +63,8 @@ class FindingLimits:
     stand_block_s: float = 0.5
     #: and their fewest.
     stand_min_blocks: int = 6
+    #: Fraction of the largest force that a machine has at a stand, by drag of its drive.
+    idle_force_fraction: float = 0.05
 
     # fit_causes
     #: Standard deviations from 0 from which a term of the fit shows.

@@ -76,9 +76,10 @@ def _is_heavier_than_stated_empty_mass(
     fit, body = weighing.fit, machine.machine
     assert body.empty_mass_kg is not None
     weights = fit.mass_coefficients_of_state(state), weights_of_mean_mass_over_states(fit, empty)
-    own, others = (make_mass_budget(weighing, machine, each) for each in weights)
+    own = make_mass_budget(weighing, machine, weights[0])
     if list_scale_sources_without_u(own):
         return False
+    others = make_mass_budget(weighing, machine, weights[1])
     stated_kg = body.empty_mass_kg + body.rotating_mass_kg
     excess_kg, of_others_kg = (float(each @ fit.masses_kg) - stated_kg for each in weights)
     common_kg = float(np.hypot(combine_u(own, "common", "scale"), body.empty_mass_u_kg or 0.0))
