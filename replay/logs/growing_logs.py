@@ -1,6 +1,7 @@
 """Logs that are still being recorded: the follower by suffix, and several files as one log."""
 
 import re
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError
 from replay.logs.log import TimeAxis
+from replay.logs.log_limits import LIMITS
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import Connection, Tail
 
@@ -43,6 +45,8 @@ class TailParts:
         self._files, self._open_tail, self._is_closed = files, open_tail, is_closed
         self._tail: Tail | None = None
         self._losses: list[Loss] = []
+        #: when a poll could not read the part for the first time since one that could
+        self._unreadable_since_s: float | None = None
         #: numbers of connections here, by file and number there
         self._numbers: dict[tuple[int, int], int] = {}
 
@@ -51,12 +55,17 @@ class TailParts:
         """Damage found so far."""
         return [*self._losses, *(self._tail.losses if self._tail else ())]
 
+    @property
+    def read_error(self) -> str:
+        """See `Tail.read_error`."""
+        return self._tail.read_error if self._tail else ""
+
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`."""
         # before the files are read: what is written afterwards belongs to the next call
         closed, files = self._is_closed(), self._files()
         batches = self._read_new_batches_of_part() if self._tail else []
-        while not batches:
+        while not batches and not self._must_part_be_read_again():
             following = [path for path in files if not _has_file_been_read(path, self.paths)]
             if not following:
                 self.is_finished = self._tail is not None and (closed or self._tail.is_finished)
@@ -75,13 +84,23 @@ class TailParts:
         if self._tail is not None:
             self._tail.close()
 
+    def _must_part_be_read_again(self) -> bool:
+        """Whether the part could not be read just now, as while its recorder locks it."""
+        if not self.read_error:
+            self._unreadable_since_s = None
+            return False
+        now_s = time.monotonic()
+        if self._unreadable_since_s is None:
+            self._unreadable_since_s = now_s
+        return now_s - self._unreadable_since_s < LIMITS.unreadable_part_s
+
     def _open_part(self, path: Path) -> None:
         if self._tail is not None:
             self._tail.note_incomplete_end()
             self._losses += self._tail.losses
             self._tail.close()
         self.paths.append(path)
-        self._tail = self._open_tail(path)
+        self._tail, self._unreadable_since_s = self._open_tail(path), None
 
     def _read_new_batches_of_part(self) -> list[RawBatch]:
         assert self._tail is not None

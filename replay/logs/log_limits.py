@@ -15,6 +15,11 @@ class LogLimits:
     #: Digits of an index: lists count in 32 bits.
     index_digits: int = 9
 
+    # growing_logs
+    #: Time in s for which a part that cannot be read is tried again before the next one is read:
+    #: longer than a recorder takes to close it.
+    unreadable_part_s: float = 2.0
+
     # json_types
     #: Depth of nested objects beyond which a schema is refused,
     json_depth: int = 32

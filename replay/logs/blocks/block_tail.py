@@ -43,6 +43,7 @@ class GrowingBlockFile(ABC):
     def __init__(self, path: Path) -> None:
         self.connections: dict[int, Connection] = {}
         self.is_finished = False
+        self.read_error = ""
         self._file = FileBytes(path)
         self._losses = LossList()
         #: where the first record begins that is not taken yet; 0 before the head of the file

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from analysis.model.loss import Loss
+from estimators.errors import LogError
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.raw_batch import RawBatch, make_batch_of_messages
 from replay.logs.sqlite.row_query import LEAST_ID, Row, convert_sqlite_errors, fetch_all_rows
@@ -15,6 +16,8 @@ from replay.logs.storage import Connection, LossList
 
 #: Rows of one poll.
 _POLL_ROWS: Final = 16_384
+#: Time in ms that a poll waits for a lock of the recorder: about as long as two polls are apart.
+_LOCKED_MS: Final = 50
 _MESSAGES: Final = (
     "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? ORDER BY rowid LIMIT ?"
 )
@@ -26,12 +29,10 @@ class Db3Tail:
     def __init__(self, path: Path) -> None:
         self.connections: dict[int, Connection] = {}
         self.is_finished = False
+        self.read_error = ""
         self._path = path
-        self._journal = path.with_name(f"{path.name}-wal")
         self._losses = LossList()
         self._last_id = LEAST_ID
-        #: size and time of the files when they last had no new rows
-        self._idle_states: tuple[tuple[int, int], ...] = ()
 
     @property
     def losses(self) -> Sequence[Loss]:
@@ -40,16 +41,15 @@ class Db3Tail:
 
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`; a locked or half-written database is left for a later call."""
-        looks = self._read_sizes_and_change_times()
-        if looks == self._idle_states:
-            return []
+        # always a query, even of files whose size and time are as before: a transaction has its
+        # bytes in them before readers see it
         try:
             with closing(open_database_for_reading(self._path, is_unfinished=True)) as database:
                 rows = self._read_new_rows(database)
-        except (BrokenBytesError, sqlite3.Error):
+        except (BrokenBytesError, LogError) as error:
+            self.read_error = str(error)
             return []
-        if len(rows) < _POLL_ROWS:
-            self._idle_states = looks
+        self.read_error = ""
         messages: dict[int, tuple[list[int], list[bytes]]] = {}
         for number, topic, time, message in rows:
             self._last_id = number
@@ -62,18 +62,19 @@ class Db3Tail:
         return [make_batch_of_messages(topic, *parts) for topic, parts in messages.items()]
 
     def note_incomplete_end(self) -> None:
-        """Do nothing, since transactions are never partial."""
+        """See `Tail.note_incomplete_end`; transactions are never partial."""
+        if self.read_error:
+            what = f"its rows after {max(self._last_id, 0):,} cannot be read: {self.read_error}"
+            self._losses.add_loss(self._path, what)
 
     def close(self) -> None:
         """Do nothing; the file is closed between polls so that a recorder may checkpoint it."""
 
-    def _read_sizes_and_change_times(self) -> tuple[tuple[int, int], ...]:
-        return tuple(
-            (stat.st_size, stat.st_mtime_ns)
-            for stat in (path.stat() for path in (self._path, self._journal) if path.exists())
-        )
-
     def _read_new_rows(self, database: sqlite3.Connection) -> list[Row]:
+        with convert_sqlite_errors():
+            database.execute(f"PRAGMA busy_timeout = {_LOCKED_MS}")
+            # one state of the database, or messages come of topics that are not there yet
+            database.execute("BEGIN")
         known = len(self.connections)
         (count,) = fetch_all_rows(database, "SELECT count(*) FROM topics")[0]
         if count > known:

@@ -111,6 +111,11 @@ class Tail(Protocol):
     is_finished: bool
 
     @property
+    def read_error(self) -> str:
+        """Why the last poll could not read the log; empty after one that could."""
+        ...
+
+    @property
     def losses(self) -> Sequence[Loss]:
         """Damage found so far."""
         ...
