@@ -75,8 +75,8 @@ class FindingLimits:
     max_slip_1: float = 0.5
     #: Error of an IMU that rocks on its mount, as a fraction of the acceleration.
     rocking_imu_fraction: float = 0.03
-    #: Smallest error of a gain: no accelerometer scale is trusted to less,
-    trusted_gain_1: float = 0.003
+    #: Smallest error of a gain: no accelerometer scale is trusted to less, and MEMS drift so far,
+    trusted_gain_1: float = 0.005
     #: nor Coulomb friction to a smaller fraction of the largest force,
     trusted_coulomb_fraction: float = 0.002
     #: nor the measured share of the force to a smaller change, per m/s²,

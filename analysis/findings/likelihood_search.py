@@ -31,7 +31,7 @@ Equations = tuple[EquationRows, EquationRows | None]
 #: Parameters below these are no causes.
 _LEAST: Final = {
     **{f"delay:{channel}": LIMITS.min_delay_s for channel in ("force", "speed", "imu")},
-    "wheel_radius": 0.003,
+    "wheel_radius": LIMITS.trusted_gain_1,
     "driveline": 0.01,
     "braking": 0.002,
     "gain_drift": 0.03,

@@ -105,21 +105,42 @@ def estimate_by_instrumental_variables_with_covariance(
 
 
 def estimate_pitch_gravity_per_acceleration_and_std(
-    gravity: Floats, motion: MotionSamples
+    gravity: Floats, motion: MotionSamples, excess_by_wheels: tuple[float, float] | None = None
 ) -> tuple[float, float] | None:
     """Fraction of the acceleration that appears as gravity through the pitch.
+
+    Args:
+        gravity: (n,) gravity along x by the pitch, in m/s².
+        motion: the samples, with a pitch.
+        excess_by_wheels: fraction by which the accelerometer exceeds the wheels until this gravity
+            is taken off it, and its standard deviation; None if it does not.
 
     Returns:
         The fraction, and the standard uncertainty of its effect on the accelerometer; None without
         a squat.
     """
     found = sum_products_of_pitch_gravity_and_speed(gravity, motion)
-    if found.first.size < LIMITS.pitch_min_stretches:
-        return None
     solved = estimate_by_instrumental_variables_with_covariance(found.columns, found.response)
     if solved is None:
         return None
     share, std = float(solved[0][0]), float(np.sqrt(solved[1][0, 0]))
-    if not share > max(LIMITS.min_pitch_squat_fraction, LIMITS.pitch_squat_min_std * std):
-        return None
+    few = found.first.size < LIMITS.pitch_min_stretches
+    if few or not _is_squat(share, std):
+        # a few starts do not part it from hills, unless the wheels show the same
+        if excess_by_wheels is None or not _agree(excess_by_wheels, (share, std)):
+            return None
+        weights = np.array([std, excess_by_wheels[1]]) ** -2.0
+        share = float(weights @ [share, excess_by_wheels[0]] / weights.sum())
+        std = float(weights.sum() ** -0.5)
+        if not _is_squat(share, std):
+            return None
     return share, float(np.hypot(std, LIMITS.spring_swing_u * share))
+
+
+def _is_squat(share: float, std: float) -> bool:
+    return share > max(LIMITS.min_pitch_squat_fraction, LIMITS.pitch_squat_min_std * std)
+
+
+def _agree(first: tuple[float, float], second: tuple[float, float]) -> bool:
+    """Whether two estimates, each with its standard deviation, are within two of their difference."""
+    return abs(first[0] - second[0]) < 2.0 * float(np.hypot(first[1], second[1]))

@@ -117,8 +117,10 @@ def compare_wheels_with_or_without_gravity(
     level = _fit_wheel_comparison(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
+    pitch_explains_gain = found.gain_counts and not level.gain_counts
+    excess = (-found.gain[0], found.gain[1]) if pitch_explains_gain else None
     squat = estimate_pitch_gravity_per_acceleration_and_std(
-        motion.specific_force - motion.without_gravity, motion
+        motion.specific_force - motion.without_gravity, motion, excess
     )
     if squat is not None:
         # on even ground what is left of gravity is less than the noise of the pitch

@@ -88,3 +88,16 @@ def test_hills_and_noise_of_the_pitch_are_no_squat() -> None:
 def test_few_starts_tell_none() -> None:
     gravity, motion = starts(0.04, 0.0, 1, count=5)
     assert estimate_pitch_gravity_per_acceleration_and_std(gravity, motion) is None
+
+
+def test_few_starts_tell_it_where_the_wheels_show_the_same() -> None:
+    gravity, motion = starts(0.04, 0.0, 1, count=5)
+    found = estimate_pitch_gravity_per_acceleration_and_std(gravity, motion, (0.04, 0.005))
+    assert found is not None
+    assert found[0] == pytest.approx(0.04, abs=0.004)
+    assert not estimate_pitch_gravity_per_acceleration_and_std(gravity, motion, (0.1, 0.005))
+
+
+def test_wheels_alone_tell_none_where_the_pitch_does_not_follow_the_force() -> None:
+    flat, motion = starts(0.0, 0.0, 1, count=5)
+    assert not estimate_pitch_gravity_per_acceleration_and_std(flat, motion, (0.04, 0.005))
