@@ -142,5 +142,5 @@ def _is_squat(share: float, std: float) -> bool:
 
 
 def _agree(first: tuple[float, float], second: tuple[float, float]) -> bool:
-    """Whether two estimates, each with its standard deviation, are within two of their difference."""
+    """Whether two estimates differ by less than two standard deviations of their difference."""
     return abs(first[0] - second[0]) < 2.0 * float(np.hypot(first[1], second[1]))
