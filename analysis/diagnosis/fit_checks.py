@@ -10,6 +10,7 @@ from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.schema import column_values
 from analysis.weighing.mass_budget import relative_load_mass_u
+from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.other_motion import compute_wheel_imu_disagreement_over_speed
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
@@ -134,31 +135,29 @@ def _describe_missing_answer(inputs: CheckInputs, _motion: AxisMotion) -> str:
 
 
 def _name_term_farthest_from_prior(inputs: CheckInputs, _motion: AxisMotion) -> str:
-    widths = (
-        {}
-        if inputs.weighing is None
-        else inputs.weighing.fit_without_learnt_priors.prior_deviations_by_term
+    fit = inputs.weighing and inputs.weighing.fit_without_learnt_priors
+    return fit.term_farthest_from_prior[0] if fit else ""
+
+
+def _describe_remedy_of_term_beyond_prior(inputs: CheckInputs, _motion: AxisMotion) -> str:
+    if inputs.weighing is None:
+        return ""
+    name, widths = inputs.weighing.fit_without_learnt_priors.term_farthest_from_prior
+    keys = next((each.prior_keys for each in NUISANCES if each.name == name), ())
+    if not keys or widths <= inputs.machine.settings.verdict.beyond_prior_max:
+        return ""
+    settings = " or ".join(f"settings.priors.{key}" for key in keys)
+    return f"the cause that findings name; if the machine or its ground has so much, {settings}"
+
+
+def _describe_remedy_without_pitch(inputs: CheckInputs, _motion: AxisMotion) -> str:
+    """Remedy where no pitch is measured: grades that change are in the accelerometer alone."""
+    if inputs.weighing is None or inputs.weighing.fit.motion.without_gravity is not None:
+        return ""
+    return (
+        "on uneven ground, channels.pitch_rad; else channels.speed_x_m_s and "
+        "channels.specific_force_x_m_s2: one machine, one time"
     )
-    return max(widths, key=widths.__getitem__, default="")
-
-
-def viscous_friction_t_value(weighing: Weighing) -> float:
-    """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
-    fit = weighing.fit
-    value, std = fit.viscous_friction_and_std
-    share = value * fit.motion.speed_95_percentile_m_s / fit.motion.force_95_percentile_newtons
-    return value / std if share < -WEIGHING_LIMITS.falling_friction_1 else max(value / std, 0.0)
-
-
-def _relative_mass_change_by_braking(weighing: Weighing) -> float:
-    """Change of the mass by braking, over the mass."""
-    return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
-
-
-def _manoeuvre_scatter_over_noise(weighing: Weighing) -> float:
-    """Scatter of manoeuvres over that which their noise explains."""
-    states = weighing.fit.states
-    return np.nan if states is None else states.birge_ratio
 
 
 def _mass_change_by_other_motion_sensor_over_uncertainty(
@@ -237,9 +236,7 @@ FIT_CHECKS: Final = (
         "term_beyond_prior",
         "mass",
         _make_joint_fit_quantity_function(
-            lambda weighing: max(
-                weighing.fit_without_learnt_priors.prior_deviations_by_term.values()
-            )
+            lambda weighing: weighing.fit_without_learnt_priors.term_farthest_from_prior[1]
         ),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
@@ -247,6 +244,7 @@ FIT_CHECKS: Final = (
         applies=_has_joint_fit,
         subject_text=_name_term_farthest_from_prior,
         remedy="the cause that findings name, or settings.priors: what the machine may have",
+        own_remedy=_describe_remedy_of_term_beyond_prior,
     ),
     CheckRow(
         "filling",
@@ -261,7 +259,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "friction_sign",
         "mass",
-        _make_joint_fit_quantity_function(viscous_friction_t_value),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.viscous_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical. Friction "
         f"that falls with the speed by at most {WEIGHING_LIMITS.falling_friction_1:.0%} of the "
         "largest force counts as 0",
@@ -321,16 +319,17 @@ FIT_CHECKS: Final = (
         subject_text=_describe_fit_by_other_motion_sensor,
         moved_u=_mass_change_by_other_motion_sensor_over_uncertainty,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
+        own_remedy=_describe_remedy_without_pitch,
     ),
     CheckRow(
         "manoeuvre_scatter",
         "mass",
-        _make_joint_fit_quantity_function(_manoeuvre_scatter_over_noise),
+        _make_joint_fit_quantity_function(lambda weighing: weighing.manoeuvre_scatter_over_noise),
         "scatter of manoeuvres about their load over what their noise explains",
         maximum="scatter_max",
         applies=lambda inputs, _: (
             inputs.weighing is not None
-            and np.isfinite(_manoeuvre_scatter_over_noise(inputs.weighing))
+            and np.isfinite(inputs.weighing.manoeuvre_scatter_over_noise)
         ),
         consequence="widen",
         remedy="machine.repeatability_kg, where it is known; starts that are alike",
@@ -360,7 +359,9 @@ FIT_CHECKS: Final = (
     CheckRow(
         "braking_bias",
         "mass",
-        _make_joint_fit_quantity_function(_relative_mass_change_by_braking),
+        _make_joint_fit_quantity_function(
+            lambda weighing: weighing.relative_mass_change_by_braking
+        ),
         "relative change of the mass when braking is included; the force may not see all brakes",
         maximum="braking_max",
         optional=True,

@@ -203,16 +203,15 @@ class JointFit:
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
-    def prior_deviations_by_term(self) -> dict[str, float]:
-        """Distance of each term from its prior mean, in prior standard deviations.
+    def term_farthest_from_prior(self) -> tuple[str, float]:
+        """The term that is farthest from its prior mean, and how many prior standard deviations.
 
         The lag is excluded, and so are terms of single places of the ground.
         """
         apart = np.abs(self._estimates_of_terms - self.prior_means.mean) / self.prior_std
-        by_term = zip(self.terms, apart.tolist(), strict=True)
-        return {
-            term.name: widths for term, widths in by_term if term.name != "lag" and not term.source
-        }
+        counted = [term.name != "lag" and not term.source for term in self.terms]
+        farthest = int(np.where(counted, apart, -1.0).argmax())
+        return self.terms[farthest].name, float(apart[farthest])
 
     @property
     def most_frequent_state(self) -> int:

@@ -35,6 +35,7 @@ class Nuisance:
         applies: whether it applies to a log.
         by_load: whether it needs several load states.
         source: budget entry that combines it with other terms; else empty.
+        prior_keys: keys of `settings.priors` that set `width`.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Nuisance:
     applies: Callable[[MotionSamples], bool] = lambda _: True
     by_load: bool = False
     source: str = ""
+    prior_keys: tuple[str, ...] = ()
 
 
 def constant_force_prior_std_newtons(
@@ -171,6 +173,7 @@ def _make_warming_term(name: str) -> Nuisance:
         applies=lambda e: e.manoeuvre_count > shape.degree,
         # one load for all starts takes too little of a cubic to be told from it
         by_load=shape.degree > 2,
+        prior_keys=("viscous_drift_share",),
     )
 
 
@@ -184,6 +187,7 @@ NUISANCES: Final = (
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
         "starts in both directions, or at different throttles",
+        prior_keys=("const_share", "const_weight_share"),
     ),
     Nuisance(
         "lag",
@@ -192,6 +196,7 @@ NUISANCES: Final = (
         lambda _, s: s.lag_s,
         "how late the force is, against the motion",
         "sharper starts, or clocks that are synchronised",
+        prior_keys=("lag_s",),
         by_force_rate=lambda m: -np.ones(m.speed.size),
     ),
     Nuisance(
@@ -202,6 +207,7 @@ NUISANCES: Final = (
         "how much later the force becomes over the log: clocks that drift apart",
         "clocks that are synchronised",
         by_force_rate=lambda m: -m.progress,
+        prior_keys=("lag_drift_s",),
     ),
     Nuisance(
         "slip",
@@ -212,6 +218,7 @@ NUISANCES: Final = (
         "an accelerometer beside the wheel speed, or starts at different throttles",
         by_speed=lambda m: np.sign(m.speed) * m.force,
         by_force=lambda m: np.abs(m.speed),
+        prior_keys=("wheel_slip",),
     ),
     Nuisance(
         "slip_acceleration",
@@ -233,6 +240,7 @@ NUISANCES: Final = (
             -(1.0 + m.relative_load) * m.ground_speed_ratio**2 * np.abs(m.speed)
         ),
         applies=lambda e: e.wheel_acceleration is not None,
+        prior_keys=("wheel_slip",),
     ),
     Nuisance(
         "quadratic",
@@ -244,6 +252,7 @@ NUISANCES: Final = (
         "resistance that grows with the square of the speed",
         "cruising at several speeds",
         by_speed=lambda m: 2.0 * np.abs(m.speed),
+        prior_keys=("quadratic_share",),
     ),
     Nuisance(
         "direction",
@@ -253,6 +262,7 @@ NUISANCES: Final = (
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.drives_both_ways,
+        prior_keys=("direction_share", "direction_weight_share"),
     ),
     Nuisance(
         "load_transfer",
@@ -264,6 +274,7 @@ NUISANCES: Final = (
         by_force=lambda m: m.acceleration,
         by_acceleration=lambda m: m.force,
         applies=lambda e: e.force_share < 1.0,
+        prior_keys=("load_transfer_s2_m",),
     ),
     Nuisance(
         "offset",
@@ -288,6 +299,7 @@ NUISANCES: Final = (
         "loads that come back: empty, loaded, empty",
         by_force=lambda m: m.progress,
         applies=lambda e: e.manoeuvre_count > 1,
+        prior_keys=("gain_drift",),
     ),
     Nuisance(
         "weight_const",
@@ -298,6 +310,7 @@ NUISANCES: Final = (
         "the accelerometer, slope), beside what is expected of it",
         "starts at different throttles with each load; an accelerometer that is zeroed",
         by_load=True,
+        prior_keys=("sag_weight_share", "const_weight_share"),
     ),
     Nuisance(
         "weight_direction",
@@ -309,6 +322,7 @@ NUISANCES: Final = (
         "starts at different throttles with each load",
         applies=lambda e: e.drives_both_ways,
         by_load=True,
+        prior_keys=("direction_weight_share",),
     ),
     Nuisance(
         "weight_viscous",
@@ -320,6 +334,7 @@ NUISANCES: Final = (
         "cruising at several speeds with each load",
         by_speed=lambda m: m.relative_load,
         by_load=True,
+        prior_keys=("viscous_weight_share_s_m",),
     ),
 )
 

@@ -122,6 +122,24 @@ class Weighing:
         """The fit from this log alone, without learnt priors."""
         return self.fit if self.alone is None else self.alone
 
+    @property
+    def viscous_friction_t_value(self) -> float:
+        """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
+        value, std = self.fit.viscous_friction_and_std
+        motion = self.fit.motion
+        share = value * motion.speed_95_percentile_m_s / motion.force_95_percentile_newtons
+        return value / std if share < -LIMITS.falling_friction_1 else max(value / std, 0.0)
+
+    @property
+    def relative_mass_change_by_braking(self) -> float:
+        """Change of the mass by braking, over the mass."""
+        return abs(self.braking_kg) / abs(self.fit.mass_kg)
+
+    @property
+    def manoeuvre_scatter_over_noise(self) -> float:
+        """Scatter of manoeuvres over that which their noise explains; NaN without load states."""
+        return np.nan if self.fit.states is None else self.fit.states.birge_ratio
+
 
 @dataclass(frozen=True)
 class _DerivativeNoise:
@@ -233,9 +251,7 @@ def _weigh_with_priors(
                 fitted, fit.states and fit.states.reassign_to_manoeuvres_of_motion(driving)
             )
             # driving that its own model does not fit is no witness against braking
-            beyond = (
-                max(alone.prior_deviations_by_term.values()) > settings.verdict.beyond_prior_max
-            )
+            beyond = alone.term_farthest_from_prior[1] > settings.verdict.beyond_prior_max
             if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
                 braking_kg = compute_mean_mass_a_minus_b_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))

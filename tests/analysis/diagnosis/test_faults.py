@@ -10,7 +10,9 @@ import pytest
 from analysis.diagnosis import CHECKS, CheckInputs, judge_log_by_checks
 from analysis.diagnosis.fit_checks import compare_methods_with_joint_fit
 from analysis.diagnosis.measured_channels import RawSignals
+from analysis.model.prior_settings import PriorSettings
 from analysis.stages.estimation.masses import summarise_masses
+from analysis.weighing.nuisances import NUISANCES
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS
 from tests.twins import mark_slow_after
@@ -141,7 +143,19 @@ def test_a_term_beyond_its_prior_is_named():
     transfer = {"machine": {"force_share": 0.5}, "defects": {"force_share_s2_m": 0.08}}
     log = weighed(merged(RICH, transfer))
     assert log.load["withheld_for"] == "term_beyond_prior"
-    assert log.check("term_beyond_prior").meaning.endswith("(load_transfer)")
+    check = log.check("term_beyond_prior")
+    assert check.meaning.endswith("(load_transfer)")
+    assert check.remedy.endswith("has so much, settings.priors.load_transfer_s2_m")
+
+
+def test_keys_of_a_nuisance_are_settings_of_its_prior():
+    assert {key for each in NUISANCES for key in each.prior_keys} <= {*PriorSettings.model_fields}
+    assert all(each.prior_keys for each in NUISANCES if each.name != "offset")
+
+
+def test_on_uneven_ground_the_remedy_is_a_pitch_that_is_measured():
+    remedy = situation("hills").check("wheel_imu_residual").remedy
+    assert remedy.startswith("on uneven ground, channels.pitch_rad; else ")
 
 
 @pytest.mark.parametrize("topic", mark_slow_after(1, ["IMU", "speed", "force"]))
