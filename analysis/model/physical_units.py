@@ -179,7 +179,7 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
         is_word = words[-1].lower() in _WORDS_BEHIND
         unit = None if is_word else find_pint_unit_name("_".join(words[-count:]))
         # a lone letter at the end is an axis or a side more often than tonnes
-        if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
+        if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg%"):
             return "_".join(words[:-count]), unit
     for hump in _HUMP.finditer(name):
         last = name[hump.start() :]

@@ -347,6 +347,7 @@ def test_a_torque_in_percent_needs_the_rated_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "unit"),
     [("SpeedMetersPerSec", "m/s"), ("wheelRPM", "rpm"), ("torqueNm", "N*m"), ("torquekNm", None),
+     ("motor_torque_%", "percent"), ("load %", "percent"),
      ("speedMin", None), ("TimeUS", None), ("Pull (mN)", None)],
 )  # fmt: skip
 def test_a_unit_behind_a_capital(name: str, unit: str | None) -> None:
