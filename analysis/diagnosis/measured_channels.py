@@ -1,7 +1,7 @@
 """The raw channels before any filter: signs, frozen readings and clipped readings."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, NamedTuple
@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.diagnosis.diagnosis_limits import LIMITS
+from analysis.model.machine import FORCES, Machine
 from analysis.model.windows import find_flagged_runs, flag_rows_near_flagged_rows
 from analysis.stages.signals.filters import median_period_ns
 from analysis.stages.signals.speed_threshold import SPEEDS, estimate_zero_speed_threshold_m_s
@@ -23,8 +24,7 @@ from estimators.arrays import Floats, Ints
 Series = tuple[Ints, Floats]
 Spans = list[tuple[int, int]]
 
-#: What may freeze or clip.
-_FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
+#: What may freeze, beside forces.
 _MOTION: Final = (*SPEEDS, "specific_force_x_m_s2")
 #: What else tells that something changes; a position repeats itself where a machine stands.
 _BESIDE: Final = ("position_x_m", "acc_x_m_s2")
@@ -46,11 +46,13 @@ class RawSignals:
         channels: Unix stamps in ns and unfiltered readings in SI units, by channel.
         drift: the two clocks that drift apart most clearly; None if undetermined.
         span_s: duration of the log.
+        force_channels: those that the force is computed from (`Machine.recorded_force_channels`).
     """
 
     channels: Mapping[str, Series]
     drift: RelativeDrift | None
     span_s: float
+    force_channels: tuple[str, ...] = FORCES
 
     @property
     def clock_drift_over_log_s(self) -> float:
@@ -62,10 +64,12 @@ class RawSignals:
     @cached_property
     def _repeated_readings_by_channel(self) -> dict[str, list[RepeatedReading]]:
         """Stretches in which a force or motion channel repeats itself while another changes."""
-        told = (*_FORCES, *_MOTION, *_BESIDE)
+        told = (*self.force_channels, *_MOTION, *_BESIDE)
         looked = {name: series for name, series in self.channels.items() if name in told}
         return {
-            name: find_repeated_readings(name, looked) for name in looked if name not in _BESIDE
+            name: find_repeated_readings(name, looked, self.force_channels)
+            for name in looked
+            if name not in _BESIDE
         }
 
     @cached_property
@@ -81,12 +85,16 @@ class RawSignals:
                 **find_fraction_at_clipping_levels(self._repeated_readings_by_channel[name], x),
             }
             for name, (_, x) in self.channels.items()
-            if name in _FORCES
+            if name in self.force_channels
         }
 
     @cached_property
     def frozen_spans(self) -> dict[str, Spans]:
-        """Spans in ns in which a force or motion channel is frozen, limits excluded, by channel."""
+        """Spans in ns in which a force or motion channel is frozen, limits excluded, by channel.
+
+        Of several pressures or currents that make the force, one may rest while others work.
+        """
+        rests = set(self.force_channels) - {*FORCES} if len(self.force_channels) > 1 else set()
         return {
             name: [
                 (run.begin_ns, run.end_ns)
@@ -94,6 +102,7 @@ class RawSignals:
                 if run.value not in self.fraction_by_clipping_level_of_channel.get(name, {})
             ]
             for name, runs in self._repeated_readings_by_channel.items()
+            if name not in rests
         }
 
     @cached_property
@@ -140,7 +149,7 @@ class RawSignals:
 
     def interpolate_force(self, unix_ns: Ints) -> Floats | None:
         """Unfiltered force or sum of both torques at the stamps, (n,); None if it is derived."""
-        names = [name for name in _FORCES if name in self.channels]
+        names = [name for name in FORCES if name in self.channels]
         if not names:
             return None
         return np.sum(
@@ -150,19 +159,21 @@ class RawSignals:
 
 
 def collect_raw_signals(
-    raw_frames: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]
+    raw_frames: Mapping[str, pl.DataFrame], channels: Mapping[str, Series], machine: Machine
 ) -> RawSignals:
     """Collect the raw channels of a log.
 
     Args:
         raw_frames: frames by topic, with log times and header stamps.
-        channels: readings as `analysis.stages.signals.derive.measured` returns them.
+        channels: readings as `analysis.stages.signals.derive.read_measured_channels` returns them.
+        machine: machine file.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
     return RawSignals(
         channels,
         find_largest_relative_clock_drift(measure_clock_drifts_by_topic(raw_frames)),
         span_ns / 1e9,
+        machine.recorded_force_channels,
     )
 
 
@@ -259,12 +270,15 @@ def intersect_spans(spans_a: Spans, spans_b: Spans) -> Spans:
     return [(begin, end) for begin, end in pairs if begin < end]
 
 
-def find_repeated_readings(channel: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+def find_repeated_readings(
+    channel: str, channels: Mapping[str, Series], force_channels: Sequence[str]
+) -> list[RepeatedReading]:
     """Stretches in which a channel repeats itself while others change."""
     t, x = channels[channel]
     runs, never = find_unexplained_repeats(t, x)
     if runs and float(np.ptp(x)) == 0.0:
-        return runs if should_constant_channel_have_changed(channel, channels) else []
+        changes = should_constant_channel_have_changed(channel, channels, force_channels)
+        return runs if changes else []
     # a machine that stands has no speed, one that coasts no force
     runs = [run for run in runs if run.value != 0.0 or channel == "specific_force_x_m_s2"]
     if not runs:
@@ -285,11 +299,13 @@ def find_repeated_readings(channel: str, channels: Mapping[str, Series]) -> list
     return runs if surely and never else surely
 
 
-def should_constant_channel_have_changed(channel: str, channels: Mapping[str, Series]) -> bool:
+def should_constant_channel_have_changed(
+    channel: str, channels: Mapping[str, Series], force_channels: Sequence[str]
+) -> bool:
     """Whether a constant channel should have changed, since its own or the other side drives."""
     of_motion = channel in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != channel]
-    forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != channel]
+    forces = [x for key, (_, x) in channels.items() if key in force_channels and key != channel]
     # a machine that stands has no speed, whatever its force and its accelerometer read
     beside = speeds if of_motion else [*speeds, *forces]
     return any(float(np.ptp(x)) > 0.0 for x in beside)

@@ -40,7 +40,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
         name: spans
-        for name in inputs.equation_channels_in_log
+        for name in inputs.sensors_in_log
         if not _do_readings_repeat_by_resolution(inputs, name)
         and (spans := signals.frozen_spans.get(name) or find_noiseless_stretches_ns(inputs, name))
     }
@@ -144,10 +144,13 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     share, extreme = clipped[name]
     if not share:
         return []
-    at = inputs.force_newtons_per_channel_unit(name) * abs(extreme)
-    count = sum(1 for each, _ in clipped.values() if each > 0.0)
+    if name in FORCES:
+        count = sum(1 for each, _ in clipped.values() if each > 0.0)
+        at = inputs.force_newtons_per_channel_unit(name) * abs(extreme) * max(count, 1)
+    else:
+        at = inputs.median_force_newtons_in_spans(signals.clipped_spans[name])
+    limit_N = 0.98 * at
     found = inputs.check_inputs.left_out.get("clipped_share")
-    limit_N = 0.98 * at * max(count, 1)
 
     def refit_without_saturated_rows() -> MassChange | None:
         if inputs.log_only_fit is None:
@@ -161,8 +164,8 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             f"{share:.1%} of its readings are clipped at {extreme:.4g}"
             f"{_format_mass_change_by_exclusion(found)}",
             channel=name,
-            setting="settings.gate.saturation_force_N",
-            value=f"{limit_N:.1f}",
+            setting="settings.gate.saturation_force_N" if np.isfinite(limit_N) else None,
+            value=f"{limit_N:.1f}" if np.isfinite(limit_N) else None,
             change=refit_without_saturated_rows,
             harmless=does_exclusion_keep_answer(inputs, found),
         )

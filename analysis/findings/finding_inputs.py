@@ -9,10 +9,11 @@ import numpy as np
 import polars as pl
 
 from analysis.diagnosis.check_inputs import CheckInputs
-from analysis.diagnosis.measured_channels import Series
+from analysis.diagnosis.excluded_stretches import mark_grid_rows_in_spans
+from analysis.diagnosis.measured_channels import Series, Spans
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
-from analysis.model.machine import Machine
+from analysis.model.machine import FORCES, Machine
 from analysis.model.schema import column_values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import flag_rows_near_flagged_rows
@@ -26,7 +27,6 @@ from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 
 #: Channels of the force and of the speed, as a machine file may have them.
-FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 ACC: Final = "specific_force_x_m_s2"
 #: Channels of an accelerometer along x.
@@ -129,6 +129,20 @@ class FindingInputs:
     def equation_channels_in_log(self) -> tuple[str, ...]:
         """The channels of the equation that are read from the log."""
         return self.select_measured_channels(*FORCES, *SPEEDS, "position_x_m", *ACCELERATIONS)
+
+    @property
+    def sensors_in_log(self) -> tuple[str, ...]:
+        """These, and the channel that the force is computed from alone, if there is one."""
+        forces = self.machine.recorded_force_channels
+        alone = self.select_measured_channels(*forces) if len(forces) == 1 else ()
+        return tuple(dict.fromkeys((*self.equation_channels_in_log, *alone)))
+
+    def median_force_newtons_in_spans(self, spans_unix_ns: Spans) -> float:
+        """Median size of the grid's force in some spans; NaN without samples in them."""
+        t_ns = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
+        inside = mark_grid_rows_in_spans({"": spans_unix_ns}, t_ns, self.machine)
+        force = np.abs(compute_longitudinal_force(self.aligned, self.machine.machine)[inside])
+        return float(np.nanmedian(force)) if np.isfinite(force).any() else float("nan")
 
     @property
     def has_accelerometer(self) -> bool:

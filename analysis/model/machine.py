@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, Self
 
 from pydantic import (
@@ -22,6 +23,7 @@ from analysis.expressions.parse import (
 )
 from analysis.model.machine_body import BODY_NUMBERS, Body
 from analysis.model.model_limits import LIMITS
+from analysis.model.physical_units import split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
 from analysis.model.strict_config import STRICT
@@ -33,6 +35,9 @@ _MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
 #: Channels of wheels: in rad/s their scale is the wheel's radius.
 _WHEEL_SPEEDS = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 _WHEEL_RADIUS = "wheel_radius_m"
+#: Channels of the equation's force, and units of what one may be computed from.
+FORCES = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
+_FORCE_UNITS = ("N", "N*m", "A", "Pa")
 #: Units of speed in m/s, which are no radius: km/h, mile/h, knot, ft/s.
 _SPEED_UNITS_M_S = (1.0 / 3.6, 0.44704, 0.514444, 0.3048)
 _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
@@ -309,6 +314,31 @@ class Machine(BaseModel):
             self.differentiates_speed
             and self.channels["speed_x_m_s"].differentiated_channel is None
         )
+
+    @cached_property
+    def recorded_force_channels(self) -> tuple[str, ...]:
+        """Recorded channels that the force is computed from: forces, torques, currents, pressures.
+
+        A speed or a gear in its arithmetic is none.
+        """
+        found: list[str] = []
+        waiting = [name for name in FORCES if name in self.channels]
+        for name in waiting:
+            channel = self.channels[name]
+            waiting += [each for each in channel.direct_source_channels if each not in waiting]
+            if channel.fields and (name in FORCES or self._measures_force(name)):
+                found.append(name)
+        return tuple(found)
+
+    def _measures_force(self, channel_name: str) -> bool:
+        """Whether a channel of arithmetic is in the unit of a force, or a torque in per cent."""
+        unit = self.channels[channel_name].unit or split_unit_from_name(channel_name)[1]
+        if unit is None:
+            return False
+        registry = unit_registry()
+        if registry.is_compatible_with(unit, "percent"):
+            return "torque" in channel_name
+        return any(registry.is_compatible_with(unit, each) for each in _FORCE_UNITS)
 
     def is_piecewise_constant(self, channel_name: str) -> bool:
         """Whether a channel is constant between steps: as recorded, or of such channels alone."""

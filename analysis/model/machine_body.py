@@ -132,6 +132,11 @@ class Body(BaseModel):
         return self.wheel_radius_u_m / self.wheel_radius_m
 
     @property
+    def empty_inertia_kg(self) -> float | None:
+        """Empty mass with what rotates, which the force accelerates; None if it is not stated."""
+        return None if self.empty_mass_kg is None else self.empty_mass_kg + self.rotating_mass_kg
+
+    @property
     def time_zone(self) -> ZoneInfo:
         """The time zone that a person reads times in."""
         return ZoneInfo(self.timezone)

@@ -34,10 +34,10 @@ def find_empty_states(
         ]
         most = int(np.argmax(shared))
         return inside or ([most] if shared[most] > 0 else [])
-    if body.empty_mass_kg is None:
+    if body.empty_inertia_kg is None:
         return []
     lightest = int(np.argmin(fit.masses_kg))
-    difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
+    difference_kg = abs(float(fit.masses_kg[lightest]) - body.empty_inertia_kg)
     u_kg = combine_u(make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
@@ -74,13 +74,13 @@ def _is_heavier_than_stated_empty_mass(
 ) -> bool:
     """Whether a state is heavier than the stated mass, beyond what it has in common with others."""
     fit, body = weighing.fit, machine.machine
-    assert body.empty_mass_kg is not None
+    stated_kg = body.empty_inertia_kg
+    assert stated_kg is not None
     weights = fit.mass_coefficients_of_state(state), weights_of_mean_mass_over_states(fit, empty)
     own = make_mass_budget(weighing, machine, weights[0])
     if list_scale_sources_without_u(own):
         return False
     others = make_mass_budget(weighing, machine, weights[1])
-    stated_kg = body.empty_mass_kg + body.rotating_mass_kg
     excess_kg, of_others_kg = (float(each @ fit.masses_kg) - stated_kg for each in weights)
     common_kg = float(np.hypot(combine_u(own, "common", "scale"), body.empty_mass_u_kg or 0.0))
     return excess_kg > compute_largest_excess_of_empty_state_kg(

@@ -218,12 +218,12 @@ def mark_manoeuvres_of_heavier_direction(states: LoadStates, is_forward: Bools) 
 
 def does_empty_mass_confirm_two_loads(fit: JointFit, body: Body) -> bool:
     """Whether the lighter direction has the stated empty mass, and the heavier one has not."""
-    if body.empty_mass_kg is None:
+    empty_kg = body.empty_inertia_kg
+    if empty_kg is None:
         return False
     assert fit.states is not None
     forwards = mark_forward_manoeuvres(fit.motion)
     light_kg, heavy_kg = sorted(compute_mean_mass_in_reverse_and_forwards_kg(fit.states, forwards))
-    empty_kg = body.empty_mass_kg + body.rotating_mass_kg
     gain_u_kg = (body.force_gain_u or 0.0) * empty_kg
     u_kg = float(np.linalg.norm([fit.u_kg, body.empty_mass_u_kg or 0.0, gain_u_kg]))
     return (

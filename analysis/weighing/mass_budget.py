@@ -234,10 +234,9 @@ def estimate_mass_change_without_friction_kg(fit: JointFit, coefficients: Floats
 
 def compute_relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
     """(masses,) mass of each state over the empty machine's, or the lightest state's, less 1."""
-    body = machine.machine
-    empty_kg = float(np.min(fit.masses_kg))
-    if body.empty_mass_kg is not None:
-        empty_kg = body.empty_mass_kg + body.rotating_mass_kg
+    empty_kg = machine.machine.empty_inertia_kg
+    if empty_kg is None:
+        empty_kg = float(np.min(fit.masses_kg))
     # to a machine without a mass no load is relative
     return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.mass_count)
 

@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from analysis.model.machine import Channel
 from benchmarks.unlisted_faults import try_fault
 from benchmarks.unlisted_rows import TORQUES, UNLISTED, drawn_log, memory_log
 from replay.pipeline import run
@@ -98,6 +99,31 @@ def test_an_engine_that_is_off_at_a_stand_is_no_frozen_channel(seed: int) -> Non
         [memory_log(replace(log, topics={**log.topics, "torque": switched}))], log.machine
     )
     assert replayed.frames["findings"].is_empty()
+
+
+@pytest.mark.parametrize("seed", mark_slow_after(1, [INDEPENDENT, SIMULATED]))
+def test_a_torque_that_clips_is_found_where_arithmetic_makes_the_force_of_it(seed: int) -> None:
+    log = drawn_log(seed)
+    torque = log.topics["torque"]
+    limits = [0.7 * float(np.abs(torque[name].to_numpy()).max()) for name in TORQUES]
+    clipped = torque.with_columns(
+        pl.col(name).clip(-limit, limit) for name, limit in zip(TORQUES, limits, strict=True)
+    )
+    topics = [memory_log(replace(log, topics={**log.topics, "torque": clipped}))]
+    direct = run(topics, log.machine).frames["findings"]
+    channels = {name: each for name, each in log.machine.channels.items() if name not in TORQUES}
+    channels |= {
+        f"{side}_motor_N_m": Channel(topic="torque", field=f"torque_{side}_N_m")
+        for side in ("left", "right")
+    }
+    channels["force_x_N"] = Channel(derive="(left_motor_N_m + right_motor_N_m) / wheel_radius_m")
+    machine = log.machine.model_copy(update={"channels": channels})
+    computed = run(topics, machine).frames["findings"]
+    for found in (direct, computed):
+        assert found["cause"][0] == "saturated"
+    assert computed["channel"][0] in ("left_motor_N_m", "right_motor_N_m")
+    limits_N = [float(found["value"][0]) for found in (direct, computed)]
+    assert limits_N[1] == pytest.approx(limits_N[0], rel=0.02)
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, [5_900_103, 5_900_211]))
