@@ -123,7 +123,7 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
             Symptom(
                 spring.t / LIMITS.named_term_min_std,
                 f"the mass swings at {1.0 / (2.0 * np.pi * np.sqrt(spring.value)):.1f} Hz against "
-                "the place where its motion is measured: something between them gives way; with "
+                "the place where its motion is measured: something between them flexes; with "
                 f"it the mass changes by {effect_kg:+.3g} kg, and it is not corrected",
                 channel=next(iter(inputs.speed_channels), None),
                 change=lambda: MassChange(0.0, abs(effect_kg)),
