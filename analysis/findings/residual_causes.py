@@ -193,7 +193,7 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     if fit is None or fit.hysteresis_kg is None:
         return []
     half_N = fit.estimate_of_term(HYSTERESIS.name)
-    std_N = abs(half_N) / fit.term_t_values[HYSTERESIS.name]
+    std_N = abs(half_N) / fit.abs_t_by_term[HYSTERESIS.name]
     u_kg = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))[
         HYSTERESIS.name
     ]
