@@ -29,8 +29,8 @@ from analysis.calibration.use.apply_calibration import calibrate_loads, collect_
 from analysis.calibration.use.learnt_priors import (
     copy_machine_estimating_learnt_mean_errors,
     copy_machine_with_learnt_priors,
+    list_learnable_term_estimates,
     pool_learnt_terms_over_logs,
-    select_learnable_terms,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -204,7 +204,7 @@ def calibrated(
         term
         for number, (each, _) in enumerate(raw)
         if not each.frames["loads"]["withheld"].any()
-        for term in select_learnable_terms(str(number), each.frames["nuisances"])
+        for term in list_learnable_term_estimates(str(number), each.frames["nuisances"])
     ]
     machine = copy_machine_with_learnt_priors(raw[0][1], pool_learnt_terms_over_logs(said))
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]

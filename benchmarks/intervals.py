@@ -18,7 +18,7 @@ from analysis.simulation import simulate_campaign
 from analysis.stages.estimation.masses import summarise_masses
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import number_manoeuvres_for_pooling
+from analysis.stages.gating.segments import assign_pooled_manoeuvre_numbers_to_samples
 from analysis.stages.motion.smooth import compute_trailing_mean
 from benchmarks.page import markdown, put
 from benchmarks.simulated import coloured, cut, excitation, scenario
@@ -64,7 +64,7 @@ def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
     """Masses and deviations (rows, 2) of everything that the log gives."""
     settings = machine.settings
     gated = gate_windows(frame, settings)
-    ids = number_manoeuvres_for_pooling(frame, gated, settings)
+    ids = assign_pooled_manoeuvre_numbers_to_samples(frame, gated, settings)
     A, f = make_straight_regressor_and_force(frame, settings)
     segments = pooled.estimate_along_log(A, f, ids)
     mass = segments.theta[:, 0]

@@ -24,8 +24,8 @@ from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.calibration.use.apply_calibration import calibrate_loads, collect_later_log_facts
 from analysis.calibration.use.learnt_priors import (
     copy_machine_with_learnt_priors,
+    list_learnable_term_estimates,
     pool_learnt_terms_over_logs,
-    select_learnable_terms,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -136,7 +136,7 @@ def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
     said = [
         term
         for load_kg, each in zip(LOADS_KG, raw, strict=False)
-        for term in select_learnable_terms(f"{load_kg:g}", each.frames["nuisances"])
+        for term in list_learnable_term_estimates(f"{load_kg:g}", each.frames["nuisances"])
     ]
     narrow = replays(
         logs, copy_machine_with_learnt_priors(machine, pool_learnt_terms_over_logs(said))

@@ -74,8 +74,8 @@ def find_boom_dumps(
     Args:
         aligned: frame with `boom_rad`, if measured.
         excitation: frame with phases and speed.
-        unloading_spans: spans that each contain a dump according to the masses; None if unknown,
-            and the boom dumps where it reaches up.
+        unloading_spans: spans that each contain a dump according to the masses; None if unknown:
+            the typical reach of a dump is then that of the boom while the machine is slow.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), column_values(aligned, "boom_rad")
     slow = mark_standing_or_creeping_samples(excitation)

@@ -167,7 +167,7 @@ def compute_energy_changes_by_term_u_joules(
         # where the machine stands behind one end, only the other one changes anything
         np.where(abs(later) >= abs(earlier), later, -earlier),
         compute_energy_change_by_slope_joules(integrals, model),
-        distribute_mean_residual_work_joules(integrals, energy_J, model),
+        compute_energy_change_by_mean_residual_force_joules(integrals, energy_J, model),
         drive.speed_u_1 * compute_energy_change_by_speed_error_joules(energy_J),
     ]
 
@@ -284,10 +284,10 @@ def shift_viscous_to_coulomb_friction(
     )
 
 
-def distribute_mean_residual_work_joules(
+def compute_energy_change_by_mean_residual_force_joules(
     integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel
 ) -> Floats:
-    """Mean residual work of the fit without digging, (phases, parts) in J."""
+    """Change of the energy by the mean force that stays unexplained, (phases, parts) in J."""
     left_N = compute_unexplained_work_by_phase_joules(integrals, energy_J, model).sum() / max(
         integrals.drive["direction"].sum(), 1.0
     )

@@ -202,11 +202,11 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
             if now is not None:
                 now.empty_pass_after = number
             now, empty = None, number
-    return _add_nearest_empty_passes(cycles, passes)
+    return _set_nearest_empty_passes(cycles, passes)
 
 
-def _add_nearest_empty_passes(cycles: list[CycleParts], passes: Passes) -> list[CycleParts]:
-    """Add the nearest empty passes to cycles that lack their own."""
+def _set_nearest_empty_passes(cycles: list[CycleParts], passes: Passes) -> list[CycleParts]:
+    """Set the nearest empty passes before and after the loaded pass of each cycle with one."""
     empties = np.flatnonzero(~passes.loaded)
     for cycle in cycles:
         if cycle.loaded_pass is None:
@@ -244,14 +244,14 @@ def fill_in_dump_times(
         if not dumped and cycle.loaded_pass is None and over and not passes.dumps.shows_dumps:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
-            cycle.dump_ns = find_longest_standstill_ns(stops[inside], t_ns[inside])
+            cycle.dump_ns = find_longest_non_idle_standstill_ns(stops[inside], t_ns[inside])
             cycle.bucket_emptied_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded_pass is None or not over):
             continue
         first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
         if dumped:
-            cycle.dump_ns = extend_span_to_standstills(dumped[0][:2], stands[part], t_ns[part])
+            cycle.dump_ns = extend_span_over_standstills(dumped[0][:2], stands[part], t_ns[part])
             cycle.bucket_emptied_ns = dumped[0].bucket_emptied_ns
             continue
         stand = choose_standstill_of_dump(stands[part], boom[part], t_ns[part])
@@ -274,10 +274,10 @@ def find_last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
     return cycle.dig_ns[1]
 
 
-def extend_span_to_standstills(
+def extend_span_over_standstills(
     span: tuple[int, int], is_standstill: Bools, t_ns: Ints
 ) -> tuple[int, int]:
-    """Extend a span to include the standstills at its ends."""
+    """Extend a span over the standstills that adjoin its ends."""
     first, last = (int(k) for k in np.searchsorted(t_ns, span))
     last = min(last, t_ns.size - 1)
     while first > 0 and is_standstill[first - 1]:
@@ -296,8 +296,8 @@ def find_longest_data_gap_ns(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def find_longest_standstill_ns(is_standstill: Bools, t_ns: Ints) -> tuple[int, int] | None:
-    """Longest standstill or creep, without idling; None if there is none."""
+def find_longest_non_idle_standstill_ns(is_standstill: Bools, t_ns: Ints) -> tuple[int, int] | None:
+    """Longest standstill or creep of at most `idle_s`, in ns; None if there is none."""
     begins, ends = find_flagged_runs(is_standstill)
     length = t_ns[ends] - t_ns[begins]
     length[length > LIMITS.idle_s * NS_PER_S] = 0

@@ -76,16 +76,16 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def common_shared_u_kg(self, coefficients: Floats, payload_kg: float) -> tuple[float, float]:
+    def common_and_shared_u_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
-            coefficients: (passes,) weight of each pass in the payload.
+            weights: (passes,) weight of each pass in the payload.
             payload_kg: the payload.
         """
-        coefficients = coefficients + payload_kg * self.empty
-        moved = self.factor @ coefficients
-        own = float(moved @ moved + max(coefficients @ self.covariance @ coefficients, 0.0))
+        weights = weights + payload_kg * self.empty
+        moved = self.factor @ weights
+        own = float(moved @ moved + max(weights @ self.covariance @ weights, 0.0))
         shared_kg = self.shared_1 * abs(payload_kg)
         return max(float(np.hypot(np.sqrt(own), self.other_1 * payload_kg)), shared_kg), shared_kg
 
@@ -128,7 +128,7 @@ def weigh_cycles(
     empty = weigh_empty_machine(weighing, machine, found, fuel)
     withheld = withheld or (empty.empty_mass_contradiction_text if empty else "")
     share = compute_tare_coefficient_before_each_pass(found)
-    worth = compute_payload_uncertainty_by_scale(
+    worth = compute_common_payload_u_on_own_and_empty_scale(
         weighing, machine, found, sum_pass_weights_of_payloads(found, parts, share), empty
     )
     clean = estimate_clean_machine_mass_and_u_kg(found)
@@ -239,10 +239,10 @@ def make_payload_uncertainty_columns(
     own_kg, random_kg = cycle_row["payload_kg"], cycle_row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = uncertainty.own.common_shared_u_kg(coefficients, own_kg)
+    own_common_kg, own_shared_kg = uncertainty.own.common_and_shared_u_kg(coefficients, own_kg)
     common_kg, shared_kg = (
         uncertainty.scale_1 * u
-        for u in uncertainty.on_empty_scale.common_shared_u_kg(coefficients, own_kg)
+        for u in uncertainty.on_empty_scale.common_and_shared_u_kg(coefficients, own_kg)
     )
     random_kg *= uncertainty.scale_1
     return {
@@ -306,7 +306,7 @@ def sum_pass_weights_of_payloads(
 
 @dataclass(frozen=True)
 class _CommonUncertaintyByScale:
-    """Uncertainty shared by payloads.
+    """Uncertainty common to payloads, on two scales.
 
     Attributes:
         own: by the log alone, for uncalibrated payloads.
@@ -321,14 +321,14 @@ class _CommonUncertaintyByScale:
     scale: ShiftScale
 
 
-def compute_payload_uncertainty_by_scale(
+def compute_common_payload_u_on_own_and_empty_scale(
     weighing: Weighing | None,
     machine: Machine,
     passes: Passes,
     coefficients: Floats,
     empty: EmptyMachine | None,
 ) -> _CommonUncertaintyByScale:
-    """Compute the uncertainty shared by the payloads.
+    """Uncertainty common to the payloads, on the log's own and on the empty machine's scale.
 
     Args:
         weighing: the joint fit.

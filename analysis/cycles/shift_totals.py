@@ -57,7 +57,7 @@ def make_shift_totals_frame(
         excitation: frame with the phases.
         aligned: frame with the gaps of the recording.
         scale: source of the payloads' scale.
-        min_detectable_kg: smallest load that one start tells from none, if known.
+        min_detectable_kg: smallest load that one start distinguishes from no load, if known.
     """
     gaps = find_spans_of_missing_channels_ns(excitation, aligned)
     lost, more = (

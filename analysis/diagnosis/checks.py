@@ -52,20 +52,20 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
     judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
     limits = machine.settings.verdict.model_dump()
 
-    def float_series(each: list[float | None]) -> pl.Series:
-        return pl.Series(each, dtype=pl.Float64)
+    def make_float_series(values: list[float | None]) -> pl.Series:
+        return pl.Series(values, dtype=pl.Float64)
 
     frame = pl.DataFrame(
         {
             "check": [row.name for row, _ in judged],
             "about": [row.about for row, _ in judged],
-            "value": float_series([row.number(inputs, motion) for row, motion in judged]).fill_nan(
-                None
-            ),
-            "minimum": float_series(
+            "value": make_float_series(
+                [row.number(inputs, motion) for row, motion in judged]
+            ).fill_nan(None),
+            "minimum": make_float_series(
                 [limits[row.minimum] if row.minimum else None for row, _ in judged]
             ),
-            "maximum": float_series(
+            "maximum": make_float_series(
                 [limits[row.maximum] if row.maximum else None for row, _ in judged]
             ),
             "meaning": [row.describe_measured_quantity(inputs, motion) for row, motion in judged],
@@ -83,18 +83,18 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
     return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-def _signed_force_acceleration_correlation(_inputs: CheckInputs, motion: AxisMotion) -> float:
+def _force_acceleration_partial_correlation(_inputs: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def driving_force_correlation(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """Partial correlation; NaN if the machine moves too briefly."""
+def force_acceleration_correlation_unless_brief(inputs: CheckInputs, motion: AxisMotion) -> float:
+    """Partial correlation of force and acceleration; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
     fewest = count_rows_in_duration(
         LIMITS.correlation_min_moving_s, rate_hz, SIGNAL_LIMITS.window_min_readings
     )
     few = np.count_nonzero(motion.moving) < fewest
-    return np.nan if few else _signed_force_acceleration_correlation(inputs, motion)
+    return np.nan if few else _force_acceleration_partial_correlation(inputs, motion)
 
 
 def _relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> float:
@@ -106,14 +106,14 @@ def _explained_force_variance_fraction(_inputs: CheckInputs, motion: AxisMotion)
     return motion.ungated_fit.r_squared
 
 
-def _opposing_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
+def _share_of_braking_with_force_against_motion(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of samples braked by the drive whose force opposes the motion."""
     return fit_quality.force_fraction_against_motion(
         motion.A, motion.f, motion.braking, motion.speeding
     )
 
 
-def _opposing_torque_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _share_of_braking_with_torque_against_spin(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of samples of spins braked by the drive whose yaw torque opposes the spin.
 
     Tyres that scrub stop a spin while the torque that drove it still falls.
@@ -131,7 +131,7 @@ def _opposing_torque_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
     )
 
 
-def _driving_force_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
+def _share_of_speeding_with_force_along_motion(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of accelerating samples whose force acts along the motion."""
     rate = motion.speed_or_yaw_rate
     # where gravity drives downhill, the force holds back
@@ -171,7 +171,7 @@ def _count_accepted_stretches(inputs: CheckInputs, _motion: AxisMotion) -> float
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 
-def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _ungated_mass_to_empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
     empty_kg = inputs.machine.machine.empty_mass_kg
     return motion.ungated_fit.value / empty_kg if empty_kg else np.nan
 
@@ -232,7 +232,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}partial_correlation",
             subject,
-            _signed_force_acceleration_correlation,
+            _force_acceleration_partial_correlation,
             f"correlation of {wording.acceleration} and {force} with "
             f"the {wording.speed}'s share taken "
             "out of both",
@@ -256,7 +256,9 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}opposing_share",
             subject,
-            _opposing_torque_fraction if subject == "inertia" else _opposing_force_fraction,
+            _share_of_braking_with_torque_against_spin
+            if subject == "inertia"
+            else _share_of_braking_with_force_against_motion,
             f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
             f"the {force} has no sign",
             minimum="opposing_share_min",
@@ -267,7 +269,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}driving_share",
             subject,
-            _driving_force_fraction,
+            _share_of_speeding_with_force_along_motion,
             f"fraction of accelerating samples whose {force} acts along the {moves}; 0.5: the "
             f"{force} has no sign",
             minimum="driving_share_min",
@@ -280,7 +282,7 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        driving_force_correlation,
+        force_acceleration_correlation_unless_brief,
         "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,
@@ -308,7 +310,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass_ratio",
         "mass",
-        _empty_mass_ratio,
+        _ungated_mass_to_empty_mass_ratio,
         "mass without gating over the machine's empty mass",
         minimum="empty_mass_ratio_min",
         maximum="empty_mass_ratio_max",

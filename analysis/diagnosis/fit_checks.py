@@ -39,7 +39,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     fit = weighing.fit
     modelled = list_nuisances_shared_with_methods(inputs)
     shows = any(
-        t > LIMITS.term_min_std for term, t in fit.term_t_values.items() if term not in modelled
+        t > LIMITS.term_min_std for term, t in fit.abs_t_by_term.items() if term not in modelled
     )
     shows = shows or bool(fit.posterior_fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.has_excess_scatter)
@@ -208,13 +208,13 @@ def make_term_presence_check(name: str, term: str, meaning: str) -> CheckRow:
         name,
         "mass",
         _make_joint_fit_quantity_function(
-            lambda weighing: weighing.fit_without_learnt_priors.term_t_values.get(term, np.nan)
+            lambda weighing: weighing.fit_without_learnt_priors.abs_t_by_term.get(term, np.nan)
         ),
         meaning,
         maximum="term_t_max",
         applies=lambda inputs, _: (
             inputs.weighing is not None
-            and term in inputs.weighing.fit_without_learnt_priors.term_t_values
+            and term in inputs.weighing.fit_without_learnt_priors.abs_t_by_term
         ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",

@@ -165,7 +165,7 @@ CAUSES: Final = (
     ),
     Cause(
         "imu_loose",
-        "the IMU rocks on its mount: its scale is off, and it rings after starts",
+        "the IMU rocks on its mount: its scale factor is wrong, and it rings after starts",
         f"{_STILL}, and three starts from there whose force rises fast",
         accelerometer_causes.find_loose_imu,
         explains=(*_OF_FIT, "imu_misaligned", "spikes"),
@@ -216,7 +216,8 @@ CAUSES: Final = (
     ),
     Cause(
         "wheel_radius",
-        "the wheels are larger or smaller than stated, or the accelerometer's scale is off",
+        "the wheels are larger or smaller than stated, or the accelerometer's scale factor is "
+        "wrong",
         _BOTH,
         fit_causes.find_wrong_wheel_radius,
     ),

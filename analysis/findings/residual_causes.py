@@ -123,7 +123,7 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
             Symptom(
                 spring.t / LIMITS.named_term_min_std,
                 f"the mass swings at {1.0 / (2.0 * np.pi * np.sqrt(spring.value)):.1f} Hz against "
-                "the place where its motion is measured: something between them gives way; with "
+                "the place where its motion is measured: something between them flexes; with "
                 f"it the mass changes by {effect_kg:+.3g} kg, and it is not corrected",
                 channel=next(iter(inputs.speed_channels), None),
                 change=lambda: MassChange(0.0, abs(effect_kg)),
@@ -193,7 +193,7 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     if fit is None or fit.hysteresis_kg is None:
         return []
     half_N = fit.estimate_of_term(HYSTERESIS.name)
-    std_N = abs(half_N) / fit.term_t_values[HYSTERESIS.name]
+    std_N = abs(half_N) / fit.abs_t_by_term[HYSTERESIS.name]
     u_kg = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))[
         HYSTERESIS.name
     ]

@@ -46,11 +46,11 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def braking_to_driving_mass_ratio(evidence: CheckInputs) -> float:
+def braking_to_driving_mass_ratio(inputs: CheckInputs) -> float:
     """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
-    motion = evidence.straight_motion
+    motion = inputs.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed_or_yaw_rate)])
-    driving = motion.complete & evidence.mark_samples_in_phases("accelerating", "cruising")
+    driving = motion.complete & inputs.mark_samples_in_phases("accelerating", "cruising")
     found = [_fit_mass_and_std(A, motion.f, of) for of in (driving, motion.braking)]
     if not all(std_kg < LIMITS.braking_mass_u * abs(kg) for kg, std_kg in found):
         return float("nan")

@@ -11,10 +11,10 @@ class FleetComparison(NamedTuple):
     """Comparison of the results A and B.
 
     Attributes:
-        logs: a row a log that both have, the largest change first: machine, day, source, key and
+        logs: a row per log that both have, the largest change first: machine, day, source, key and
             key_b, payload_kg, payload_b_kg, change_kg, loads, loads_b, and whether A and B can
             weigh.
-        machines: a row a machine: logs, payload_kg, payload_b_kg, change_kg, loads, loads_b.
+        machines: a row per machine: logs, payload_kg, payload_b_kg, change_kg, loads, loads_b.
         only_a: logs that only A has.
         only_b: logs that only B has.
     """

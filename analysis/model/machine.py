@@ -230,7 +230,10 @@ class Machine(BaseModel):
         }
         for name, channel in self.channels.items():
             if name not in known:
-                raise ValueError(f"channels.{name}: no such column; {suggest_choice(name, known)}")
+                raise ValueError(
+                    f"channels.{name}: there is no channel of this name; "
+                    f"{suggest_choice(name, known)}"
+                )
             if (
                 channel.angle_and_quaternion_field
                 and name != f"{channel.angle_and_quaternion_field[0]}_rad"

@@ -225,7 +225,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 make_float_column("torque_z_N_m", "N·m", "yaw torque (18), smoothed"),
                 make_float_column(
-                    "regressor_acc_x_m_s2", "m/s²", "what multiplies the mass in (7): with gravity"
+                    "regressor_acc_x_m_s2", "m/s²", "regressor of the mass in (7), gravity included"
                 ),
                 make_float_column(
                     "regressor_acc_y_m_s2", "m/s²", "specific force of the origin to the left"
@@ -664,7 +664,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 make_float_column("total_kg", "kg", "dumped: counted, uncounted and lost loads"),
                 make_float_column("total_u_kg", "kg", "standard uncertainty of that"),
                 make_float_column(
-                    "min_detectable_kg", "kg", "smallest load that one start tells from none"
+                    "min_detectable_kg",
+                    "kg",
+                    "smallest load that one start distinguishes from no load",
                 ),
                 Column("scale_from", pl.String, "1", "what determines the scale, as in cycles"),
                 Column(
@@ -890,7 +892,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("day", pl.String, "1", "day of the run"),
                 Column("log", pl.String, "1", "its log"),
                 Column("reading", pl.Int64, "1", "number of the reading in its run"),
-                make_float_column("start_s", "s", "its begin, from the log's first aligned sample"),
+                make_float_column(
+                    "start_s", "s", "its begin, relative to the log's first aligned sample"
+                ),
                 make_float_column("end_s", "s", "its end, likewise"),
                 make_float_column("mass_kg", "kg", "estimate by this manoeuvre"),
                 make_float_column("std_kg", "kg", "its standard deviation by this manoeuvre alone"),

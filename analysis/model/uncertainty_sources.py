@@ -155,7 +155,7 @@ TRACK_WIDTH: Final = Scale(
         machine.machine.track_width_u_m, machine.machine.track_width_m
     ),
     "machine.track_width_u_m",
-    "track width, which makes a yaw torque of the torques of both sides",
+    "track width, which converts the torques of the two sides to a yaw torque",
     remedy="measuring it",
 )
 #: Where the accelerometer sits.

@@ -130,8 +130,8 @@ class Claims:
     """Claims, and the result for each.
 
     Attributes:
-        frame: a row a finding: `claim` (buffer, rms, simulation, experiment, reduction), `of` (what
-            the error is of: constant, window, trial, cruise), `method`, `fed`, `directional`,
+        frame: a row per finding: `claim` (buffer, rms, simulation, experiment, reduction), `of`
+            (what the error is of: constant, window, trial, cruise), `method`, `fed`, `directional`,
             `windows` (that gave a mass), of the claim about the buffer `window_samples` and
             `buffer_bytes`, `found_kg` with its 95 % interval, `smaller_percent` (than RLS
             without the criterion), `of_mass_percent`, `of_load_range_percent`.
@@ -238,7 +238,7 @@ def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
         experiment_mass_percent=_min_and_max_of_column(experiment["of_mass_percent"]),
         experiment_range_percent=_min_and_max_of_column(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
-        saved_by=find_best_remedy_of_rls(means),
+        saved_by=find_gate_rule_that_reduces_rls_error(means),
         buffer=_compare_ls_buffer_with_rls(frame.filter(pl.col("claim") == "buffer")),
     )
 
@@ -274,9 +274,9 @@ def _compare_ls_buffer_with_rls(frame: pl.DataFrame) -> BufferErrors:
 
 
 def make_claim_row(
-    claim: str, sample_kind: str, means_row: Mapping[str, Any], number_name: str
+    claim: str, sample_kind: str, means_row: Mapping[str, Any], value_column: str
 ) -> dict[str, Any]:
-    """Row of a finding whose number and interval are in `means_row` under `number_name`."""
+    """Row of a finding whose value and interval are in `means_row` under `value_column`."""
     return {
         "claim": claim,
         "of": sample_kind,
@@ -286,9 +286,9 @@ def make_claim_row(
         "windows": means_row.get("trials") if sample_kind == "window" else None,
         "window_samples": means_row.get("window_samples"),
         "buffer_bytes": means_row.get("buffer_bytes"),
-        "found_kg": means_row[number_name],
-        "found_kg_low": means_row.get(f"{number_name}_low"),
-        "found_kg_high": means_row.get(f"{number_name}_high"),
+        "found_kg": means_row[value_column],
+        "found_kg_low": means_row.get(f"{value_column}_low"),
+        "found_kg_high": means_row.get(f"{value_column}_high"),
         "smaller_percent": means_row.get("smaller_percent"),
     }
 
@@ -342,11 +342,15 @@ def _compute_reduction_percent(error_kg: float, ungated_kg: float) -> float:
     return 100.0 * (1.0 - error_kg / ungated_kg)
 
 
-def find_best_remedy_of_rls(
-    means: pl.DataFrame,
+def find_gate_rule_that_reduces_rls_error(
+    mean_errors: pl.DataFrame,
 ) -> Literal["nothing", "refusing braking", "the index"]:
-    """Compare RLS on short starts: gated, without braking, ungated."""
-    rls = means.filter(pl.col("method") == "rls")
+    """Rule of the gate that reduces the error of RLS on short starts, or "nothing".
+
+    Args:
+        mean_errors: mean errors by method and by what it is fed.
+    """
+    rls = mean_errors.filter(pl.col("method") == "rls")
     by_fed = dict(rls.select("fed", "rms_left_out_kg").iter_rows())
     if by_fed["gated"] > (1.0 - printed_numbers.REDUCTION) * by_fed["ungated"]:
         return "nothing"

@@ -37,7 +37,7 @@ from analysis.planar.planar_samples import (
 from analysis.planar.planar_terms import TERMS
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_for_pooling
-from analysis.stages.gating.segments import number_manoeuvres
+from analysis.stages.gating.segments import assign_manoeuvre_numbers_to_samples
 from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
 from estimators.planar.base_estimate import BaseEstimate, Prior
@@ -80,7 +80,7 @@ def make_planar_frames(
     machine: Machine,
     noise: pl.DataFrame | None = None,
 ) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """Make `planar`: a row an arc, one for all arcs together, and one for all motion together.
+    """Make `planar`: a row per arc, one for all arcs together, and one for all motion together.
 
     Args:
         excitation: motion, forces and phases.
@@ -120,7 +120,7 @@ def iter_fit_rows_of_arcs_and_all_arcs(
     """Each arc that lasts a window, and all of them as one fit."""
     plane, settings = log.plane, log.machine.settings
     steady = plane.usable & (log.excitation["phase"] == "arc").fill_null(False).to_numpy()
-    arc_id = np.where(steady, number_manoeuvres(log.excitation, settings), -1)
+    arc_id = np.where(steady, assign_manoeuvre_numbers_to_samples(log.excitation, settings), -1)
     ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
     lasting = counts >= settings.gate.window_samples
     if not lasting.any():

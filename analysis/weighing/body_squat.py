@@ -133,7 +133,7 @@ def estimate_gain_change_by_squat_and_variance(
 ) -> tuple[float, float]:
     """Change of gain with the load, and its variance, from the squat of the loaded body.
 
-    Linear springs give way in proportion to the mass that they hold.
+    Linear springs deflect in proportion to the mass that they hold.
 
     Args:
         load_transfer_fraction: squat at the reference mass, as a fraction of the acceleration.

@@ -189,7 +189,7 @@ class FitColumns:
         terms: tuple[Nuisance, ...],
         previous_estimates: PreviousEstimates,
     ) -> Self:
-        """Make the columns; the arguments are those of `average_fit_columns`."""
+        """Make the columns; the arguments are those of `average_and_weight_fit_columns`."""
 
         def make_columns(piece: MotionSamples) -> _PieceColumns:
             fitted = find_fitted_samples_after_lag(piece, previous_estimates.lag_s)
@@ -198,56 +198,58 @@ class FitColumns:
         pieces = map_in_threads(make_columns, list(motion.pieces_of_whole_stretches))
         return cls(pieces, terms, previous_estimates, motion.rate_hz)
 
-    def average_to_rows(self, noise: ColumnNoiseModel, mean_samples: int) -> FitRows:
-        """Average the columns over so many samples."""
-        return average_columns_of_pieces(
+    def average_and_weight_columns(
+        self, noise: ColumnNoiseModel, max_samples_per_mean: int
+    ) -> FitRows:
+        """Average the columns over up to `max_samples_per_mean` samples and weight the means."""
+        return average_and_weight_columns_of_pieces(
             self.pieces.__getitem__,
             [piece.group for piece in self.pieces],
             noise,
             self.terms,
-            mean_samples,
+            max_samples_per_mean,
             self.found.uneven_1_s,
             self.rate_hz,
         )
 
 
-def average_fit_columns(
+def average_and_weight_fit_columns(
     motion: MotionSamples,
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
-    mean_samples: int,
+    max_samples_per_mean: int,
     previous_estimates: PreviousEstimates,
 ) -> FitRows:
-    """Average the columns, with the force advanced by its delay.
+    """Average and weight the columns, with the force advanced by its delay.
 
     Args:
         motion: the samples.
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
-        mean_samples: samples in the longest mean.
+        max_samples_per_mean: number of samples in the longest mean.
         previous_estimates: estimates of earlier rounds.
     """
     pieces = motion.pieces_of_whole_stretches
     fitted = [find_fitted_samples_after_lag(piece, previous_estimates.lag_s) for piece in pieces]
-    return average_columns_of_pieces(
-        lambda number: make_columns_of_piece(
-            pieces[number], fitted[number], noise, terms, previous_estimates
+    return average_and_weight_columns_of_pieces(
+        lambda piece_index: make_columns_of_piece(
+            pieces[piece_index], fitted[piece_index], noise, terms, previous_estimates
         ),
         [piece.group[own] for piece, own in zip(pieces, fitted, strict=True)],
         noise,
         terms,
-        mean_samples,
+        max_samples_per_mean,
         previous_estimates.uneven_1_s,
         motion.rate_hz,
     )
 
 
-def average_columns_of_pieces(
+def average_and_weight_columns_of_pieces(
     make_columns: Callable[[int], "_PieceColumns"],
     groups: list[Ints],
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
-    samples: int,
+    max_samples_per_mean: int,
     uneven_1_s: float,
     rate_hz: float,
 ) -> FitRows:
@@ -258,21 +260,25 @@ def average_columns_of_pieces(
         groups: stretch of each fitted sample of each piece.
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
-        samples: length of the longest mean.
+        max_samples_per_mean: number of samples in the longest mean.
         uneven_1_s: see `PreviousEstimates`.
         rate_hz: rate of the grid.
     """
-    stride = compute_samples_between_fitted_means(samples)
+    stride = compute_samples_between_fitted_means(max_samples_per_mean)
     kept = [np.flatnonzero(select_every_nth_sample(group, stride)) for group in groups]
     ends = np.cumsum([each.size for each in kept]).tolist()
     places = [slice(end - each.size, end) for each, end in zip(kept, ends, strict=True)]
     A, f = np.empty((ends[-1], 2 + len(terms))), np.empty(ends[-1])
     counts = np.empty(f.size, np.int64)
 
-    def average_piece(number: int) -> tuple[Ints, ColumnInputs]:
-        piece, own, rows = make_columns(number), kept[number], places[number]
-        counts[rows] = fill_trailing_group_means(piece.A, piece.group, samples, own, A[rows])
-        fill_trailing_group_means(piece.f[None], piece.group, samples, own, f[rows, None])
+    def average_piece(piece_index: int) -> tuple[Ints, ColumnInputs]:
+        piece, own, rows = make_columns(piece_index), kept[piece_index], places[piece_index]
+        counts[rows] = fill_trailing_group_means(
+            piece.A, piece.group, max_samples_per_mean, own, A[rows]
+        )
+        fill_trailing_group_means(
+            piece.f[None], piece.group, max_samples_per_mean, own, f[rows, None]
+        )
         return piece.group[own], piece.raw.select_rows(own)
 
     pieces = map_in_threads(average_piece, range(len(places)))
@@ -286,14 +292,14 @@ def average_columns_of_pieces(
     )
     weight = compute_square_roots_of_row_weights(A[:, :2], f, covariances, which)
 
-    def weigh_rows(number: int) -> tuple[Floats, Floats]:
-        (group, raw), rows = pieces[number], places[number]
+    def weight_rows_and_sum_noise_moments(piece_index: int) -> tuple[Floats, Floats]:
+        (group, raw), rows = pieces[piece_index], places[piece_index]
         A[rows] *= weight[rows, None]
         return sum_noise_moments_by_stretch(
             terms, group, raw, covariances, rate_variances, which[rows], weight[rows]
         )
 
-    added = map_in_threads(weigh_rows, range(len(places)))
+    added = map_in_threads(weight_rows_and_sum_noise_moments, range(len(places)))
     f *= weight
     group = np.concatenate([group for group, _ in pieces])
     if uneven_1_s:
@@ -361,7 +367,7 @@ def make_columns_of_piece(
     zeros = np.zeros(motion.speed.size)
     relative_load = zeros if loads is None else loads.look_up_relative_loads(motion.unit)
     if previous_estimates.swing.lever_s2 and motion.specific_force is not None:
-        # springs give way in proportion to the mass
+        # springs deflect in proportion to the mass
         swing_m_s2 = previous_estimates.swing.compute_swing_acceleration_m_s2(
             motion.specific_force, motion.rate_hz
         )
@@ -405,9 +411,9 @@ def make_columns_of_piece(
     return _PieceColumns(A, force[fitted_samples], motion.group[fitted_samples], raw)
 
 
-def compute_samples_between_fitted_means(mean_samples: int) -> int:
+def compute_samples_between_fitted_means(max_samples_per_mean: int) -> int:
     """Stride in samples between the means that are fitted."""
-    return max(1, mean_samples // LIMITS.rows_per_mean)
+    return max(1, max_samples_per_mean // LIMITS.rows_per_mean)
 
 
 def route_positions_and_length_m(
@@ -439,15 +445,15 @@ def select_every_nth_sample(stretch_of_sample: Ints, stride: int) -> Bools:
 
 
 def compute_square_roots_of_row_weights(
-    A: Floats, force: Floats, covariances: Floats, row_indices: Ints
+    A: Floats, force: Floats, covariances: Floats, covariance_index_of_row: Ints
 ) -> Floats:
     """Square root of each row's weight, (rows,); a start's first means hold few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
     variances = np.array([gradient @ covariance @ gradient for covariance in covariances])
     if not variances[-1] > 0.0:  # noise that adds up to none is that of every row
-        return np.ones(row_indices.size)
-    return np.sqrt(variances[-1] / np.maximum(variances[row_indices], variances[-1]))
+        return np.ones(covariance_index_of_row.size)
+    return np.sqrt(variances[-1] / np.maximum(variances[covariance_index_of_row], variances[-1]))
 
 
 def sum_noise_moments_by_stretch(
@@ -456,7 +462,7 @@ def sum_noise_moments_by_stretch(
     column_inputs: ColumnInputs,
     covariances: Floats,
     force_rate_variances: Floats | None,
-    row_indices: Ints,
+    covariance_index_of_row: Ints,
     weight_roots: Floats,
 ) -> tuple[Floats, Floats]:
     """Noise terms of AᵀA and Aᵀf by acceleration, speed, force and its derivative, by stretch.
@@ -470,7 +476,7 @@ def sum_noise_moments_by_stretch(
         covariances: (kinds, 3, 3) noise covariance of means of each length.
         force_rate_variances: (kinds, parabolas) noise variance of those of the force's derivative;
             None if it has none.
-        row_indices: (rows,) kind of each row.
+        covariance_index_of_row: (rows,) which of the kinds each row has.
         weight_roots: (rows,) factor of each row.
     """
     ids, index = np.unique(stretch_of_row, return_inverse=True)
@@ -481,7 +487,7 @@ def sum_noise_moments_by_stretch(
         covariances = np.repeat(covariances, parabolas, axis=0)
         covariances = np.insert(np.insert(covariances, 2, 0.0, 1), 2, 0.0, 2)
         covariances[:, 2, 2] = force_rate_variances.ravel()
-        row_indices = row_indices * parabolas + parabola
+        covariance_index_of_row = covariance_index_of_row * parabolas + parabola
     # derivatives of the columns by the channels; the others are 0
     slopes, places = [weight_roots, weight_roots], [(0, 0), (1, 1)]
     for j, term in enumerate(terms, start=2):
@@ -495,7 +501,7 @@ def sum_noise_moments_by_stretch(
         np.stack(slopes),
         np.array(places, np.int64),
         covariances,
-        row_indices,
+        covariance_index_of_row,
         index,
         (ids.size, 2 + len(terms)),
     )

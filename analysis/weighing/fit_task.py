@@ -10,7 +10,7 @@ from analysis.weighing.fit_columns import (
     FitRows,
     PreviousEstimates,
     RelativeLoads,
-    average_fit_columns,
+    average_and_weight_fit_columns,
 )
 from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (
@@ -130,7 +130,7 @@ class FitTask:
             if number or fit_rows is None:
                 # of a shift each holds hundreds of megabytes
                 fit_rows = solution = None
-                fit_rows = average_fit_columns(
+                fit_rows = average_and_weight_fit_columns(
                     self.motion, self.noise, self.terms, mean_samples, known
                 )
             solution = prior_fit.solve_with_priors(

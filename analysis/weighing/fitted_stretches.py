@@ -12,7 +12,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import column_values
 from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_pooling
-from analysis.stages.gating.segments import number_manoeuvres
+from analysis.stages.gating.segments import assign_manoeuvre_numbers_to_samples
 from analysis.stages.motion.phases import mark_speed_falls_beyond_noise, mark_stopping_samples
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.weighing_limits import LIMITS
@@ -80,7 +80,7 @@ def assign_fitted_manoeuvre_numbers(
     settings = machine.settings
     without = settings.gate.exclude_braking or not braking
     accepted = mark_samples_for_pooling(excitation, gated, settings)
-    segment_id = number_manoeuvres(excitation, settings)
+    segment_id = assign_manoeuvre_numbers_to_samples(excitation, settings)
     informative = np.unique(segment_id[accepted & (segment_id >= 0)])
     phase = excitation["phase"]
     driving = phase.is_in(["accelerating", "cruising", "braking"]).fill_null(False).to_numpy()

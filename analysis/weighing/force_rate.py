@@ -1,4 +1,4 @@
-"""Derivative of the force, by parabolas as wide as it allows, and the noise that is left in it."""
+"""Derivative of the force by parabolas as wide as the force allows, and its noise variance."""
 
 from collections.abc import Sequence
 

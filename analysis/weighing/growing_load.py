@@ -23,7 +23,7 @@ from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import (
     FitRows,
-    average_fit_columns,
+    average_and_weight_fit_columns,
     compute_samples_between_fitted_means,
 )
 from analysis.weighing.joint_fit import refit_with_extra_terms
@@ -176,7 +176,7 @@ def find_manoeuvres_with_growing_load(
     if fit.states is None or not np.isfinite(fit.solution.residual_rms):
         return ()
     motion = fit.motion if motion is None else motion
-    rows = average_fit_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
+    rows = average_and_weight_fit_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
     unit = np.where(
         rows.group >= 0, find_manoeuvre_of_stretches(motion)[np.maximum(rows.group, 0)], -1
     )

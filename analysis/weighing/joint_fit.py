@@ -13,7 +13,7 @@ from analysis.weighing.fit_columns import (
     FitRows,
     PreviousEstimates,
     RelativeLoads,
-    average_fit_columns,
+    average_and_weight_fit_columns,
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
@@ -91,7 +91,9 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     columns = FitColumns.from_motion(part.motion, inputs.noise, terms, part.initial_estimates)
     first = [
         part.fit_over_sample_means(
-            samples, LIMITS.pilot_rounds, fit_rows=columns.average_to_rows(inputs.noise, samples)
+            samples,
+            LIMITS.pilot_rounds,
+            fit_rows=columns.average_and_weight_columns(inputs.noise, samples),
         )
         for samples in lengths
     ]
@@ -273,7 +275,7 @@ def make_refit_rows(
 ) -> FitRows:
     """Rows of the first round of a refit from `earlier_fit`, with additional terms if any."""
     terms = (*earlier_fit.terms, *extra_terms)
-    return average_fit_columns(
+    return average_and_weight_fit_columns(
         earlier_fit.motion, noise, terms, earlier_fit.mean_samples, earlier_fit.found
     )
 

@@ -171,10 +171,8 @@ class JointFit:
         wheels = self.kinematics
         if wheels is not None and wheels.mean_u.any():
             each = np.eye(self.theta.size)[: self.mass_count]
-            by_wheels = (
-                np.array([self._mass_sum_changes_per_wheel_term_kg(weights) for weights in each])
-                * wheels.mean_u
-            )
+            changes = map(self._mass_sum_changes_per_unit_slip_gain_and_delay, each)
+            by_wheels = np.array(list(changes)) * wheels.mean_u
             names += TERMS
             moved_kg = np.vstack([moved_kg, by_wheels.T])
         return tuple(names), moved_kg
@@ -196,8 +194,8 @@ class JointFit:
         return self.theta[self.mass_count + 1 :]
 
     @property
-    def term_t_values(self) -> dict[str, float]:
-        """Estimate over its standard deviation from the log alone, by term."""
+    def abs_t_by_term(self) -> dict[str, float]:
+        """Absolute estimate over its posterior standard deviation, by term."""
         value, std = self.term_posteriors
         found = np.abs(value) / std
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
@@ -252,8 +250,8 @@ class JointFit:
             if self.effects is None
             else self.effects.mass_sum_u_by_effect_choice_kg(coefficients),
             "squat": math.hypot(
-                self._pitch_mass_sum_u_kg(coefficients),
-                self._squat_mass_sum_u_kg(coefficients),
+                self._mass_sum_u_by_squat_in_pitch_kg(coefficients),
+                self._mass_sum_u_by_load_dependent_gain_kg(coefficients),
                 0.0 if by_motion is None else float(coefficients @ by_motion.swing_kg),
             ),
             "misfit": weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
@@ -263,7 +261,7 @@ class JointFit:
         if self.hysteresis_kg is not None:
             shape_kg = LIMITS.hysteresis_shape_u_1 * float(self.hysteresis_kg @ coefficients)
             parts[HYSTERESIS.name] = math.hypot(parts[HYSTERESIS.name], shape_kg)
-        parts |= self._wheel_mass_sum_u_parts_kg(wide, parts["slip"])
+        parts |= self._mass_sum_u_by_slip_gain_and_delay_kg(wide, parts["slip"])
         learnt_kg = self.learnt_terms_and_mass_changes_per_mean_u[1] @ coefficients
         if learnt_kg.any():
             parts["learnt"] = float(np.linalg.norm(learnt_kg))
@@ -275,15 +273,15 @@ class JointFit:
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
-    def _squat_mass_sum_u_kg(self, coefficients: Floats) -> float:
+    def _mass_sum_u_by_load_dependent_gain_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to a gain that changes with the load, in kg."""
         return 0.0 if self.squat is None else self.squat.mass_sum_u_kg(coefficients, self.masses_kg)
 
-    def _pitch_mass_sum_u_kg(self, coefficients: Floats) -> float:
+    def _mass_sum_u_by_squat_in_pitch_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to the squat that the pitch shows, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
-        # springs give way in proportion to the mass
+        # springs deflect in proportion to the mass
         by_load = 1.0 if self.squat is None else 1.0 + self.squat.relative_load
         return self.kinematics.squat[1] * abs(float(coefficients @ (self.masses_kg * by_load)))
 
@@ -302,7 +300,9 @@ class JointFit:
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
-    def _wheel_mass_sum_u_parts_kg(self, coefficients: Floats, slip_kg: float) -> dict[str, float]:
+    def _mass_sum_u_by_slip_gain_and_delay_kg(
+        self, coefficients: Floats, slip_kg: float
+    ) -> dict[str, float]:
         """Uncertainty of a sum of masses due to slip, gain and delay, in kg.
 
         The three are correlated; each part is what remains once those before are known.
@@ -310,7 +310,7 @@ class JointFit:
         wheels, friction = self.kinematics, self.resistance_speed_slope
         if wheels is None or not wheels.is_consistent:
             return {}
-        moves = self._mass_sum_changes_per_wheel_term_kg(coefficients)
+        moves = self._mass_sum_changes_per_unit_slip_gain_and_delay(coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
         found = moves @ factor_covariance(wheels.covariance)
         of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
@@ -320,7 +320,7 @@ class JointFit:
             parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
         return parts
 
-    def _mass_sum_changes_per_wheel_term_kg(self, coefficients: Floats) -> Floats:
+    def _mass_sum_changes_per_unit_slip_gain_and_delay(self, coefficients: Floats) -> Floats:
         """(3,) response of a sum of masses to one unit of slip, gain and delay of the wheels."""
         friction = self.resistance_speed_slope
         slip = self.mass_count + 1 + find_term_index("slip", self.terms)

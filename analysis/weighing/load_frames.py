@@ -70,10 +70,10 @@ def make_load_frame(
         filter(
             None,
             (
-                _write_load_states_note(fit, machine),
+                _describe_load_states(fit, machine),
                 against,
-                _write_empty_mass_drift_note(weighing, empty),
-                _write_growing_loads_note(weighing, excitation),
+                _describe_empty_mass_drift(weighing, empty),
+                _describe_manoeuvres_with_changing_load(weighing, excitation),
             ),
         )
     )
@@ -243,7 +243,7 @@ def make_payload_columns_and_sources_without_u(
     return found, list_scale_sources_without_u(sources)
 
 
-def _write_load_states_note(fit: JointFit, machine: Machine) -> str:
+def _describe_load_states(fit: JointFit, machine: Machine) -> str:
     """Note about the load states for the reader."""
     states = fit.states
     assert states is not None
@@ -273,7 +273,7 @@ def _write_load_states_note(fit: JointFit, machine: Machine) -> str:
     return "; ".join(said)
 
 
-def _write_empty_mass_drift_note(weighing: Weighing, empty: list[int]) -> str:
+def _describe_empty_mass_drift(weighing: Weighing, empty: list[int]) -> str:
     """Note that payloads are differences to the empty states nearby; "" without a drift."""
     drift = weighing.significant_empty_mass_drift
     if drift is None or not empty:
@@ -284,7 +284,7 @@ def _write_empty_mass_drift_note(weighing: Weighing, empty: list[int]) -> str:
     )
 
 
-def _write_growing_loads_note(weighing: Weighing, excitation: pl.DataFrame) -> str:
+def _describe_manoeuvres_with_changing_load(weighing: Weighing, excitation: pl.DataFrame) -> str:
     """Note that names the manoeuvres whose load changes; "" if none does."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [

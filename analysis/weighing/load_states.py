@@ -140,7 +140,7 @@ class LoadStates:
         return float(np.sqrt(self.other.probability * variance))
 
     def assign_random_intercepts_to_stretches(self, motion: MotionSamples) -> RandomIntercepts:
-        """States of the motion's stretches, as random intercepts."""
+        """Random intercepts of the motion's stretches: load state and manoeuvre of each."""
         number = np.searchsorted(self.unit, find_manoeuvre_of_stretches(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
         return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)

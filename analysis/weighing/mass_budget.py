@@ -40,7 +40,8 @@ _PARTS: Final = {
     "other_reading": _FitPart(
         "common",
         "masses that change or that scatter: the log cannot distinguish them",
-        "more starts with each load; a boom or bucket channel; machine.repeatability_kg",
+        "more starts with each load; a boom or bucket channel; the scatter of one load's starts: "
+        "machine.repeatability_kg",
     ),
     BY_PLACE: _FitPart(
         "common",
@@ -140,7 +141,7 @@ _PARTS: Final = {
     ),
     "elasticity": _FitPart(
         "common",
-        "something that gives way between the mass and the place where its motion is measured, by "
+        "something that flexes between the mass and the place where its motion is measured, by "
         "which it swings: this log shows one",
         "the motion of the mass itself, by an accelerometer or encoder on it; starts without jerks",
     ),

@@ -2,7 +2,7 @@
 
 A sensor may saturate softly, a gear or a converter may lose another share of its force at low
 speed, a wheel's radius may grow with the speed, a filter may follow a rising force faster than a
-falling one, a belt may give way between the mass and the encoder that tells its motion. The fit
+falling one, a belt may flex between the mass and the encoder that tells its motion. The fit
 takes such a force for mass, friction and drag, which are then wrong by more than their uncertainty,
 with residuals that look like noise. A term that is significant and would move the mass widens it by
 as much: which of the terms is the true one, the log does not tell.
@@ -41,8 +41,7 @@ ELASTICITY: Final = Nuisance(
     "s²",
     lambda m: -m.force_bend,
     lambda _, __: LIMITS.elasticity_prior_std_s2,
-    "a belt, rope, coupling or frame that gives way between the mass and where its motion is "
-    "measured",
+    "a belt, rope, coupling or frame that flexes between the mass and where its motion is measured",
     "the motion of the mass itself; starts without jerks",
     source="elasticity",
 )

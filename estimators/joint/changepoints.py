@@ -25,8 +25,8 @@ from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.numerics.in_order import sum_in_order
 
-#: Bytes of the (units,) levels of a partition, by which equal ones are found.
-PackedLabels = bytes
+#: Bytes of the (units,) level numbers of a partition, by which equal ones are found.
+PackedPartition = bytes
 #: A change is said where it is at least so much likelier than none, as a logarithm.
 _SURE: Final = float(np.log(20.0))
 
@@ -79,8 +79,8 @@ def find_best_partitions(
         noise_alone.estimate_shared_effects(one),
         noise_alone.estimate_shared_effects(np.arange(n)),
     ]
-    found: dict[PackedLabels, tuple[Partition, PartitionPosterior]] = {}
-    stretches: dict[PackedLabels, Stretches] = {}
+    found: dict[PackedPartition, tuple[Partition, PartitionPosterior]] = {}
+    stretches: dict[PackedPartition, Stretches] = {}
     for tau in scatters:
         posterior = PartitionPosterior(
             unit_values,
@@ -90,7 +90,7 @@ def find_best_partitions(
         )
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
-            tried |= _propose_segment_labels(posterior, effects)
+            tried |= _propose_partitions(posterior, effects)
         # in an order that does not change from process to process, as sums depend on it
         for key in sorted(tried):
             if key not in stretches:
@@ -185,30 +185,30 @@ def _merge_states_at_boundaries(state_of_unit: Ints, boundaries: Ints) -> Ints:
     return np.cumsum(changes)
 
 
-def _propose_segment_labels(
+def _propose_partitions(
     posterior: PartitionPosterior, initial_effects: Floats
-) -> set[PackedLabels]:
+) -> set[PackedPartition]:
     """Candidates for the most probable partition, starting from given effects."""
     units, spread = posterior.units, posterior.spread
     level = units.y - units.x @ initial_effects
-    tried = {assign_two_alternating_levels(level, posterior.variance, units.kind).tobytes()}
+    tried = {partition_into_two_alternating_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
-        tried |= propose_fill_cycle_labels(posterior, initial_effects)
+        tried |= propose_fill_cycle_partitions(posterior, initial_effects)
     for probability in LIMITS.candidate_probabilities:
         for window in LIMITS.candidate_windows:
-            tried |= _propose_labels_by_iterating_effects(
+            tried |= _propose_partitions_by_iterating_effects(
                 posterior, window * spread, probability, initial_effects
             )
     return tried
 
 
-def propose_fill_cycle_labels(
+def propose_fill_cycle_partitions(
     posterior: PartitionPosterior, initial_effects: Floats
-) -> set[PackedLabels]:
+) -> set[PackedPartition]:
     """Candidates with alternate filling and emptying, iterated with their effects."""
-    units, tried = posterior.units, set[PackedLabels]()
+    units, tried = posterior.units, set[PackedPartition]()
     for _ in range(LIMITS.partition_max_rounds):
-        state = assign_fill_cycle_levels(
+        state = partition_by_fill_cycles(
             units.y - units.x @ initial_effects, posterior.variance, units.kind
         )
         if state.tobytes() in tried:
@@ -218,17 +218,17 @@ def propose_fill_cycle_labels(
     return tried
 
 
-def _propose_labels_by_iterating_effects(
+def _propose_partitions_by_iterating_effects(
     posterior: PartitionPosterior,
     max_level_distance: float,
     change_probability: float,
     initial_effects: Floats,
-) -> set[PackedLabels]:
+) -> set[PackedPartition]:
     """Candidates from iterating between partition and effects until nothing changes."""
     units, weight = posterior.units, 1.0 / posterior.variance
     cost = np.full(units.y.size - 1, -2.0 * np.log(change_probability / (1.0 - change_probability)))
     cost[units.kind == 0] = LIMITS.impossible_change_cost
-    tried: set[PackedLabels] = set()
+    tried: set[PackedPartition] = set()
     for _ in range(LIMITS.partition_max_rounds):
         state = find_least_cost_partition(
             units.y - units.x @ initial_effects, weight, cost, max_level_distance
@@ -241,13 +241,18 @@ def _propose_labels_by_iterating_effects(
     return tried
 
 
-def assign_two_alternating_levels(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
-    """Assign the units to two alternating levels with the least sum of squares.
+def partition_into_two_alternating_levels(
+    values: Floats, variance: Floats, change_kinds: Ints
+) -> Ints:
+    """Partition the units by two alternating levels with the least sum of squares.
 
     Args:
         values: (n,) level of each unit, for given effects.
         variance: (n,) variance of each level.
         change_kinds: (n - 1,) kind of each boundary.
+
+    Returns:
+        (n,) numbers of the levels, from 0: one more at each change.
     """
     order = np.argsort(values, kind="stable")
     weight = (1.0 / variance)[order]
@@ -261,13 +266,16 @@ def assign_two_alternating_levels(values: Floats, variance: Floats, change_kinds
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (change_kinds > 0)))
 
 
-def assign_fill_cycle_levels(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
-    """Assign two levels: heavy after each filling, until the light level fits better.
+def partition_by_fill_cycles(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
+    """Partition by two levels: heavy after each filling, until the light level fits better.
 
     Args:
         values: (n,) level of each unit, for given effects.
         variance: (n,) variance of each level.
         change_kinds: (n - 1,) kind of each boundary.
+
+    Returns:
+        (n,) numbers of the levels, from 0: one more at each change.
     """
     weight = 1.0 / variance
     part = np.append(0, np.cumsum(change_kinds == FILLED))
@@ -313,7 +321,7 @@ def mark_heavy_units(gain_if_heavy: Floats, first_unit_of_stretch: Ints) -> NDAr
 
 @compiled_unless_short_log
 def find_least_cost_partition(
-    values: Floats, weights: Floats, change_costs: Floats, level_spread: float
+    values: Floats, weights: Floats, change_costs: Floats, max_level_distance: float
 ) -> Ints:
     """Partition that minimises Σ w (y - ȳ)² + log(W L²/2π) per level plus the changes' cost.
 
@@ -321,7 +329,7 @@ def find_least_cost_partition(
         values: (n,) y.
         weights: (n,) w, reciprocal variance of each value; W is its sum over a level.
         change_costs: (n - 1,) cost of a change between neighbours; may be negative.
-        level_spread: L, largest plausible distance between levels.
+        max_level_distance: L, largest plausible distance between levels.
 
     Returns:
         (n,) numbers of the levels, from 0.
@@ -330,7 +338,7 @@ def find_least_cost_partition(
     y = values - sum_in_order(values) / n
     w, wy, wyy = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     w[1:], wy[1:], wyy[1:] = np.cumsum(weights), np.cumsum(weights * y), np.cumsum(weights * y * y)
-    area = level_spread * level_spread / (2.0 * np.pi)
+    area = max_level_distance * max_level_distance / (2.0 * np.pi)
     # what one level more costs: at least, and at most
     least_level, most_level = math.log(weights.min() * area), math.log(w[n] * area)
     before, begins = np.zeros(n + 1, np.int64), np.zeros(n, np.int64)
@@ -359,15 +367,19 @@ def find_least_cost_partition(
                 begins[kept] = begins[k]
                 kept += 1
         alive = kept
-    return number_levels_of_units(before)
+    return find_level_number_of_each_unit(before)
 
 
 @compiled_unless_short_log
-def number_levels_of_units(first_unit_of_level: Ints) -> Ints:
-    """Level number of each unit (n,), from the first unit of the level that ends there."""
-    end = first_unit_of_level.size - 1
+def find_level_number_of_each_unit(first_unit_of_level_by_end: Ints) -> Ints:
+    """Number of the level of each unit, (n,) from 0.
+
+    Args:
+        first_unit_of_level_by_end: (n + 1,) first unit of the level that ends before each unit.
+    """
+    end = first_unit_of_level_by_end.size - 1
     begins = np.zeros(end, np.int64)
     while end > 0:
-        end = first_unit_of_level[end]
+        end = first_unit_of_level_by_end[end]
         begins[end] = 1
     return np.cumsum(begins) - 1

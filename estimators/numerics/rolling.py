@@ -28,7 +28,7 @@ class Workspace(NamedTuple):
     """Reusable arrays of a loop over pairs of blocks, for q columns of [A f].
 
     Attributes:
-        z: (q, 2 window) samples of the two blocks, a row a column of [A f].
+        z: (q, 2 window) samples of the two blocks, a row per column of [A f].
         centre: (q,) values subtracted from the samples.
         terms: (lanes, 2 window) summands: deviations, then their packed products.
         moments: (lanes, window) sums of the terms over the requested windows.

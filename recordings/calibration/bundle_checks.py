@@ -50,8 +50,8 @@ from recordings.calibration.evidence_document import (
 )
 from recordings.calibration.notary_stretch import check_notary_list_range
 from recordings.calibration.recomputation import compare_bundle_with_recomputed
-from recordings.calibration.strange_files import UntrustedTable, read_untrusted_tables
 from recordings.calibration.timestamp import check_bundle_timestamp
+from recordings.calibration.untrusted_files import UntrustedTable, read_untrusted_tables
 from recordings.calibration.write_bundle import make_signed_statement_predicate
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy

@@ -56,7 +56,7 @@ class BundleLimits:
     #: Characters of a library's fault that are passed on.
     fault_characters: int = 200
 
-    # strange_files
+    # untrusted_files
     #: Time in s that reading the tables may take.
     tables_max_s: float = 60.0
     #: Bytes of JSON that tables may become.

@@ -143,9 +143,9 @@ def list_report_names_and_values(document: EvidenceDocument) -> list[tuple[str, 
             ),
             (
                 "repeatability of a reading",
-                format_estimate_as_mass(fitted.repeatability_kg, fitted),
+                format_scatter_in_calibrated_kg(fitted.repeatability_kg, fitted),
             ),
-            ("day to day", format_estimate_as_mass(fitted.day_kg, fitted)),
+            ("day to day", format_scatter_in_calibrated_kg(fitted.day_kg, fitted)),
         ]
     found += [
         ("expires", document.expires.isoformat()),
@@ -169,12 +169,12 @@ def _format_value_with_interval(
     return f"{shown} ({least} to {most})"
 
 
-def format_estimate_as_mass(estimate_kg: float | None, calibration: Calibration) -> str:
-    """Convert kilograms of m̂ to kilograms of mass, as text."""
+def format_scatter_in_calibrated_kg(scatter_kg: float | None, calibration: Calibration) -> str:
+    """Scatter of estimates, divided by the slope to be one of calibrated masses, as text."""
     return (
         "unknown"
-        if estimate_kg is None
-        else f"{format_kilograms_or_dash(estimate_kg / abs(calibration.c1_1))} kg"
+        if scatter_kg is None
+        else f"{format_kilograms_or_dash(scatter_kg / abs(calibration.c1_1))} kg"
     )
 
 

@@ -1,6 +1,6 @@
 """Digest untrusted files in a separate process with limits, and print their contents as JSON.
 
-Started by `strange_files`:
+Started by `untrusted_files`:
 
 python -m recordings.calibration.digest_process {recording|pdf} FILE…
 """

@@ -275,7 +275,10 @@ def _iter_sentences_on_reading_unlike_run(
     if about != (run.load_id, run.day.isoformat(), run.log):
         yield "belongs to another load, day or log than its run"
     if reading_row["reading"] != reading_number:
-        yield f"should be number {reading_number}: one is missing, or they are out of order"
+        yield (
+            f"should be reading {reading_number} of its run: a reading is missing, or the readings "
+            "are out of order"
+        )
     if reading_row["used"] is None or reading_row["reason"] is None:
         yield "does not state whether it is used, or why it is not"
         return

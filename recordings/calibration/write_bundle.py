@@ -23,7 +23,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.calibration_report import render_report_html, write_report_pdf
 from recordings.calibration.calibration_text import describe_exchanged_runs
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
-from recordings.calibration.strange_files import encode_table_as_parquet
+from recordings.calibration.untrusted_files import encode_table_as_parquet
 from recordings.signatures.signing import (
     SigningKey,
     encode_in_toto_statement,

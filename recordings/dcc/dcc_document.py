@@ -78,7 +78,8 @@ def parse_untrusted_dcc(xml_bytes: bytes, source: str) -> "_Element":
         )
     if root.tag != f"{{{DCC}}}digitalCalibrationCertificate":
         raise EvidenceError(
-            f"{source}: is not a digital calibration certificate: its root is {str(root.tag)[:80]}"
+            f"{source}: is not a digital calibration certificate: its root element is "
+            f"{str(root.tag)[:80]}"
         )
     version = root.get("schemaVersion", "none")
     if version != VERSION:

@@ -252,8 +252,8 @@ def _add_result_elements(parent: "_Element", document: EvidenceDocument) -> None
         _add_language_text(method, "name", name)
         _add_element(method, "norm", norm)
     _add_software_elements(_add_element(result, "usedSoftware"), document)
-    _add_equipment(_add_element(result, "measuringEquipments"), document)
-    _add_influence_conditions(_add_element(result, "influenceConditions"), document)
+    _add_reference_mass_elements(_add_element(result, "measuringEquipments"), document)
+    _add_influence_condition_elements(_add_element(result, "influenceConditions"), document)
     found = _add_element(result, "results")
     line_result = _add_element(found, "result", refType="payscope_calibrationFunction")
     _add_language_text(
@@ -279,7 +279,7 @@ def _add_result_elements(parent: "_Element", document: EvidenceDocument) -> None
     quantity = _add_element(data, "quantity", refType="basic_measuredValue")
     _add_language_text(quantity, "name", f"Later mass, mean of {readings} readings")
     fill_mass_quantity(quantity, document, at_kg)
-    _add_errors_of_indication(
+    _add_indication_error_elements(
         _add_element(found, "result", refType="basic_measurementError"), document
     )
 
@@ -303,7 +303,7 @@ def fill_mass_quantity(
     )
 
 
-def _add_errors_of_indication(result_element: "_Element", document: EvidenceDocument) -> None:
+def _add_indication_error_elements(result_element: "_Element", document: EvidenceDocument) -> None:
     """Add reference, calibrated mass and error of each run."""
     fitted = document.calibration
     assert fitted is not None
@@ -329,7 +329,7 @@ def _add_errors_of_indication(result_element: "_Element", document: EvidenceDocu
         add_dsi_real_element(quantity, point.error_kg, r"\kilogram")
 
 
-def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_reference_mass_elements(parent: "_Element", document: EvidenceDocument) -> None:
     """Add the reference masses, with hashes of their certificates if known."""
     campaign = document.campaign
     machine = document.machine.machine
@@ -353,7 +353,7 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
                 "Certificate",
                 _CERTIFICATE,
             )
-        _add_reference_mass(made, "Mass", mass.value_kg, mass.u_kg)
+        _add_reference_mass_quantity(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:
         made = _add_element(parent, "measuringEquipment", refType="basic_measurementStandard")
         _add_language_text(made, "name", "The machine without load")
@@ -365,12 +365,12 @@ def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
                 "Certificate",
                 _CERTIFICATE,
             )
-        _add_reference_mass(
+        _add_reference_mass_quantity(
             made, "Empty mass", machine.empty_mass_kg, machine.empty_mass_u_kg or 0.0
         )
 
 
-def _add_reference_mass(
+def _add_reference_mass_quantity(
     equipment_element: "_Element", name: str, value_kg: float, u_kg: float
 ) -> None:
     quantity = _add_element(
@@ -384,7 +384,7 @@ def _add_reference_mass(
     )
 
 
-def _add_influence_conditions(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_influence_condition_elements(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
     runs = [campaign.fill_run_conditions_from_campaign(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:

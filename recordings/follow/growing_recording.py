@@ -69,7 +69,7 @@ _ROWS: Final = 3
 _APART_NS: Final = 10**9
 #: Messages from the first on among which the description is, and what is said of the stores.
 _FIRST: Final = 16
-#: Messages of a second at most, from the last back: a chunk a frame and method, twice.
+#: Messages of a second at most, from the last back: a chunk per frame and method, twice.
 _SECOND: Final = 64
 _LAST_OF_PART: Final = "/display/excitation"
 

@@ -88,7 +88,7 @@ def _format_printed_number(claim_row: Mapping[str, Any]) -> str:
     return f"{mean:g} ± {spread:g} %"
 
 
-def write_claim_sentences(claims: Claims) -> ItemSentences:
+def make_claim_sentences(claims: Claims) -> ItemSentences:
     """Sentences on the result of each claim."""
     return ItemSentences(
         (
@@ -102,16 +102,16 @@ def write_claim_sentences(claims: Claims) -> ItemSentences:
             "3 s.",
         ),
         (
-            _write_memory_claim(claims),
-            _write_rms_claim(claims),
-            _write_simulation_claim(claims),
-            _write_experiment_claim(claims),
-            _write_error_reduction_claim(claims),
+            _make_memory_claim_sentences(claims),
+            _make_rms_claim_sentences(claims),
+            _make_simulation_claim_sentences(claims),
+            _make_experiment_claim_sentences(claims),
+            _make_error_reduction_claim_sentences(claims),
         ),
     )
 
 
-def _write_memory_claim(claims: Claims) -> str:
+def _make_memory_claim_sentences(claims: Claims) -> str:
     buffer, of_ls, of_rls = claims.buffer, claims.buffer.ls_kg, claims.buffer.rls_kg
     windows = len(buffer.windows)
     sentence = (
@@ -136,7 +136,7 @@ def _write_memory_claim(claims: Claims) -> str:
     )
 
 
-def _write_rms_claim(claims: Claims) -> str:
+def _make_rms_claim_sentences(claims: Claims) -> str:
     low, high = claims.rms_kg
     holds = "holds in simulation for every method"
     return (
@@ -149,7 +149,7 @@ def _write_rms_claim(claims: Claims) -> str:
     )
 
 
-def _write_simulation_claim(claims: Claims) -> str:
+def _make_simulation_claim_sentences(claims: Claims) -> str:
     mean, spread = printed_numbers.SIMULATION_ERROR
     return (
         f"{format_percent(mean, 4)} ± {format_percent(spread, 2)} in simulation: a single window "
@@ -161,14 +161,14 @@ def _write_simulation_claim(claims: Claims) -> str:
         f"mean of some {claims.windows_claimed:.0f} such windows has. The mean of ours is "
         f"{format_percent(claims.bias_kg / printed_numbers.MASS_KG, 4)}, "
         + (
-            "more than chance: noise in its regressors biases LS."
+            "which is more than chance: noise in the regressors biases LS."
             if claims.biased
             else "which so many windows cannot tell from zero."
         )
     )
 
 
-def _write_experiment_claim(claims: Claims) -> str:
+def _make_experiment_claim_sentences(claims: Claims) -> str:
     mean, spread = printed_numbers.EXPERIMENT_ERROR
     of_mass, of_range = claims.experiment_mass_percent, claims.experiment_range_percent
     return (
@@ -181,7 +181,7 @@ def _write_experiment_claim(claims: Claims) -> str:
     )
 
 
-def _write_error_reduction_claim(claims: Claims) -> str:
+def _make_error_reduction_claim_sentences(claims: Claims) -> str:
     rows = claims.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
     each = [
         f"{_describe_case_of_claim(row)}, {row['found_kg']:,.1f} kg"

@@ -45,21 +45,21 @@ _NO_GATE: Final = "Every complete window is used: the paper does not say that it
 _ALIKE: Final = (0.8, 1.25)
 
 
-def write_mass_error_table_sentences(numbers: Table1) -> ItemSentences:
+def make_mass_error_table_sentences(numbers: Table1) -> ItemSentences:
     """Say what Table 1 shows."""
     return ItemSentences(
         _TABLE_1_CHOICES,
         (
-            _write_printed_single_trials_sentence(numbers),
-            _write_best_window_length_sentence(numbers),
-            _write_cramer_rao_bound_sentence(numbers),
-            _write_recursive_methods_sentence(numbers),
-            _write_raw_units_sentence(numbers),
+            _make_printed_single_trials_sentence(numbers),
+            _make_best_window_length_sentence(numbers),
+            _make_cramer_rao_bound_sentence(numbers),
+            _make_recursive_methods_sentence(numbers),
+            _make_raw_units_sentence(numbers),
         ),
     )
 
 
-def _write_printed_single_trials_sentence(numbers: Table1) -> str:
+def _make_printed_single_trials_sentence(numbers: Table1) -> str:
     return (
         f"Each printed number is one trial, ours are {numbers.frame['trials'].max()}: of the "
         f"{numbers.beside} printed numbers {numbers.below_bound} lie below the bound, which only "
@@ -71,7 +71,7 @@ def _write_printed_single_trials_sentence(numbers: Table1) -> str:
     )
 
 
-def _write_best_window_length_sentence(numbers: Table1) -> str:
+def _make_best_window_length_sentence(numbers: Table1) -> str:
     printed, ours = numbers.best_printed_s, numbers.best_s
     theirs = join_words_as_list(f"{NAMES[m]} at {at:g} s" for m, at in printed.items())
     mine = join_words_as_list(f"{NAMES[m]} at {ours[m]:g} s" for m in printed if m in ours)
@@ -82,7 +82,7 @@ def _write_best_window_length_sentence(numbers: Table1) -> str:
     )
 
 
-def _write_cramer_rao_bound_sentence(numbers: Table1) -> str:
+def _make_cramer_rao_bound_sentence(numbers: Table1) -> str:
     (low, high), (rms, *ends) = numbers.long_over_bound_1, numbers.long_rms_1
     errors = f"errors are {low:.2f} to {high:.2f} times it"
     if numbers.long_reached:
@@ -100,7 +100,7 @@ def _write_cramer_rao_bound_sentence(numbers: Table1) -> str:
     )
 
 
-def _write_recursive_methods_sentence(numbers: Table1) -> str:
+def _make_recursive_methods_sentence(numbers: Table1) -> str:
     last = numbers.longest
     return (
         f"RLS forgets (λ = {numbers.forgetting_1:g}: half in {numbers.half_s:.1f} s), so a longer "
@@ -109,7 +109,7 @@ def _write_recursive_methods_sentence(numbers: Table1) -> str:
     )
 
 
-def _write_raw_units_sentence(numbers: Table1) -> str:
+def _make_raw_units_sentence(numbers: Table1) -> str:
     raw, scaled = numbers.raw, numbers.scaled
     return (
         "TLS on raw units takes the noise of N, m/s² and m/s to be alike. With 150 N and "
@@ -121,7 +121,7 @@ def _write_raw_units_sentence(numbers: Table1) -> str:
     )
 
 
-def write_calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
+def make_calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
     """Say what Table 2 shows."""
     chain, (alpha_1, beta_kg) = numbers.chain, numbers.printed
     ideal, through = numbers.ideal, numbers.chained
@@ -154,7 +154,7 @@ def write_calibration_line_table_sentences(numbers: Table2) -> ItemSentences:
     )
 
 
-def write_method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
+def make_method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
     """Say what Table 3 shows."""
     return ItemSentences(
         (
@@ -166,16 +166,16 @@ def write_method_error_table_sentences(numbers: SweptTable) -> ItemSentences:
         (
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
             f"it at {_format_best_settings(numbers.best_printed, 'nat')}.",
-            _write_smallest_error_sentence(numbers.extremes, "nat"),
-            _write_nearest_bound_sentence(numbers.nearest_bound_1),
+            _make_smallest_error_sentence(numbers.extremes, "nat"),
+            _make_nearest_bound_sentence(numbers.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
-            _write_constant_predictor_sentence(numbers.best_kg),
+            _make_constant_predictor_sentence(numbers.best_kg),
         ),
     )
 
 
-def write_swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
+def make_swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
     """Say what Table 4 shows."""
     return ItemSentences(
         (
@@ -188,10 +188,10 @@ def write_swept_setting_table_sentences(numbers: SweptTable) -> ItemSentences:
         (
             "The text says that 400 samples are best. Its table has the smallest error at "
             f"{_format_best_settings(numbers.best_printed, 'samples')}.",
-            _write_smallest_error_sentence(numbers.extremes, "samples"),
+            _make_smallest_error_sentence(numbers.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
-            _write_constant_predictor_sentence(numbers.best_kg),
+            _make_constant_predictor_sentence(numbers.best_kg),
         ),
     )
 
@@ -203,7 +203,7 @@ def _format_best_settings(settings_by_method: Mapping[str, Sequence[float]], uni
     )
 
 
-def _write_smallest_error_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
+def _make_smallest_error_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
     """Sentence on where our error is smallest, and whether that is significant."""
     sentences: list[str] = []
     for each in methods:
@@ -220,7 +220,7 @@ def _write_smallest_error_sentence(methods: Sequence[ErrorExtremes], unit: str) 
     return f"Ours, own load left out: {'; '.join(sentences)}."
 
 
-def _write_nearest_bound_sentence(nearest_method: Mapping[str, float]) -> str:
+def _make_nearest_bound_sentence(nearest_method: Mapping[str, float]) -> str:
     """Sentence that compares pooled LS and RLS with the bound of one run."""
     return (
         f"Pooled LS comes to {nearest_method['pooled']:.2f} times the bound of one run. "
@@ -229,7 +229,7 @@ def _write_nearest_bound_sentence(nearest_method: Mapping[str, float]) -> str:
     )
 
 
-def _write_constant_predictor_sentence(best_error_kg: float) -> str:
+def _make_constant_predictor_sentence(best_error_kg: float) -> str:
     return (
         "For scale: a prediction that ignores every measurement is wrong by "
         f"{printed_numbers.CONSTANT_KG:.0f} kg "
@@ -239,7 +239,7 @@ def _write_constant_predictor_sentence(best_error_kg: float) -> str:
     )
 
 
-def write_sentences_on_excitation_figure_2(numbers: Figure2) -> ItemSentences:
+def make_excitation_figure_sentences(numbers: Figure2) -> ItemSentences:
     """Say what Figure 2 shows."""
     return ItemSentences(
         (
@@ -257,19 +257,19 @@ def write_sentences_on_excitation_figure_2(numbers: Figure2) -> ItemSentences:
     )
 
 
-def write_convergence_figure_sentences(numbers: Figure3) -> ItemSentences:
+def make_convergence_figure_sentences(numbers: Figure3) -> ItemSentences:
     """Say what Figure 3 shows."""
     return ItemSentences(
         (_NO_GATE,),
         (
-            _write_rms_about_truth_sentence(numbers.rms_kg, numbers.true_mass_kg, "kg"),
-            _write_convergence_time_sentence(numbers),
+            _make_rms_about_truth_sentence(numbers.rms_kg, numbers.true_mass_kg, "kg"),
+            _make_convergence_time_sentence(numbers),
             NO_NUMBERS,
         ),
     )
 
 
-def write_spin_figure_sentences(numbers: Figure4) -> ItemSentences:
+def make_spin_figure_sentences(numbers: Figure4) -> ItemSentences:
     """Say what Figure 4 shows."""
     bias = numbers.bias_kg_m2
     return ItemSentences(
@@ -284,7 +284,7 @@ def write_spin_figure_sentences(numbers: Figure4) -> ItemSentences:
             "only.",
         ),
         (
-            _write_rms_about_truth_sentence(
+            _make_rms_about_truth_sentence(
                 numbers.rms_kg_m2, numbers.true_inertia_z_kg_m2, "kg·m²"
             ),
             f"The noise of a differentiated gyroscope biases LS by {bias['ls']:+.0f} kg·m², and "
@@ -294,14 +294,14 @@ def write_spin_figure_sentences(numbers: Figure4) -> ItemSentences:
     )
 
 
-def _write_rms_about_truth_sentence(rms: Mapping[str, float], true_value: float, unit: str) -> str:
+def _make_rms_about_truth_sentence(rms: Mapping[str, float], true_value: float, unit: str) -> str:
     each = join_words_as_list(
         f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.items()
     )
     return f"R.m.s. over the figure about the true {true_value:g} {unit}: {each}."
 
 
-def _write_convergence_time_sentence(numbers: Figure3) -> str:
+def _make_convergence_time_sentence(numbers: Figure3) -> str:
     ls, rls = numbers.converging["ls"], numbers.converging["rls"]
     low, high = _ALIKE
     later = rls.later_kg / ls.later_kg
@@ -320,7 +320,7 @@ def _write_convergence_time_sentence(numbers: Figure3) -> str:
     )
 
 
-def write_gate_figure_sentences(numbers: Figure5) -> ItemSentences:
+def make_gate_figure_sentences(numbers: Figure5) -> ItemSentences:
     """Say what Figure 5 shows."""
     highest = join_words_as_list(
         f"{nat:.1f} nat while {phase}" for phase, nat in numbers.highest_nat.items()
@@ -336,7 +336,7 @@ def write_gate_figure_sentences(numbers: Figure5) -> ItemSentences:
     )
 
 
-def write_raw_mass_figure_sentences(numbers: Figure6) -> ItemSentences:
+def make_raw_mass_figure_sentences(numbers: Figure6) -> ItemSentences:
     """Say what Figure 6 shows."""
     first_kg, last_kg = numbers.implied_kg
     return ItemSentences(
@@ -355,7 +355,7 @@ def write_raw_mass_figure_sentences(numbers: Figure6) -> ItemSentences:
     )
 
 
-def write_calibrated_mass_figure_sentences(numbers: Figure7) -> ItemSentences:
+def make_calibrated_mass_figure_sentences(numbers: Figure7) -> ItemSentences:
     """Say what Figure 7 shows."""
     scatter = join_words_as_list(
         f"{NAMES[method]} {std:.1f} kg" for method, std in numbers.scatter_kg.items()
@@ -366,7 +366,7 @@ def write_calibrated_mass_figure_sentences(numbers: Figure7) -> ItemSentences:
     )
 
 
-def write_error_figure_sentences(numbers: Figure8) -> ItemSentences:
+def make_error_figure_sentences(numbers: Figure8) -> ItemSentences:
     """Say what Figure 8 shows."""
     return ItemSentences(
         (

@@ -291,7 +291,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 1: error of the mass by window length, in simulation",
         (*window_table.AT_LENGTH.values(), window_table.RAW_UNITS),
         window_table.make_table_1_mass_errors,
-        item_sentences.write_mass_error_table_sentences,
+        item_sentences.make_mass_error_table_sentences,
         tables=render_table_1_mass_errors,
     ),
     Item(
@@ -299,7 +299,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 2: the calibration (19)",
         (campaign_tables.IDEAL_LINES, campaign_tables.CHAINED_LINES),
         campaign_tables.make_table_2_calibration_lines,
-        item_sentences.write_calibration_line_table_sentences,
+        item_sentences.make_calibration_line_table_sentences,
         tables=render_table_2_calibration_lines,
     ),
     Item(
@@ -307,7 +307,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 3: error of the calibrated mass by threshold of the index (11)",
         (campaign_tables.OVER_THRESHOLDS,),
         campaign_tables.make_table_3_errors_by_threshold,
-        item_sentences.write_method_error_table_sentences,
+        item_sentences.make_method_error_table_sentences,
         tables=render_table_3_errors_by_threshold,
     ),
     Item(
@@ -315,7 +315,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 4: error of the calibrated mass by window length",
         (campaign_tables.OVER_WINDOWS,),
         campaign_tables.make_table_4_errors_by_window,
-        item_sentences.write_swept_setting_table_sentences,
+        item_sentences.make_swept_setting_table_sentences,
         tables=render_table_4_errors_by_window,
     ),
     Item(
@@ -323,7 +323,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 2: force, acceleration and speed under the triangular force",
         (excitation_figures.FIGURE_2,),
         _make_getter_of_single_extract(excitation_figures.FIGURE_2),
-        item_sentences.write_sentences_on_excitation_figure_2,
+        item_sentences.make_excitation_figure_sentences,
         picture=paper_pictures.FIGURE_2,
     ),
     Item(
@@ -331,7 +331,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 3: mass and friction in a linear motion, window of 10 s",
         (excitation_figures.FIGURE_3,),
         _make_getter_of_single_extract(excitation_figures.FIGURE_3),
-        item_sentences.write_convergence_figure_sentences,
+        item_sentences.make_convergence_figure_sentences,
         picture=paper_pictures.FIGURE_3,
     ),
     Item(
@@ -339,7 +339,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 4: yaw inertia and friction in a rotational motion, window of 10 s",
         (excitation_figures.FIGURE_4,),
         _make_getter_of_single_extract(excitation_figures.FIGURE_4),
-        item_sentences.write_spin_figure_sentences,
+        item_sentences.make_spin_figure_sentences,
         picture=paper_pictures.FIGURE_4,
     ),
     Item(
@@ -347,7 +347,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 5: force, acceleration, speed and index of a start and stop",
         (campaign_figures.FIGURE_5,),
         _make_getter_of_single_extract(campaign_figures.FIGURE_5),
-        item_sentences.write_gate_figure_sentences,
+        item_sentences.make_gate_figure_sentences,
         picture=paper_pictures.FIGURE_5,
     ),
     Item(
@@ -355,7 +355,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 6: masses before calibration",
         (campaign_figures.LOADS,),
         campaign_figures.make_figure_6_raw_mass_data,
-        item_sentences.write_raw_mass_figure_sentences,
+        item_sentences.make_raw_mass_figure_sentences,
         picture=paper_pictures.FIGURE_6,
     ),
     Item(
@@ -363,7 +363,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 7: masses after calibration by (19)",
         (campaign_figures.LOADS,),
         campaign_figures.make_figure_7_calibrated_mass_data,
-        item_sentences.write_calibrated_mass_figure_sentences,
+        item_sentences.make_calibrated_mass_figure_sentences,
         picture=paper_pictures.FIGURE_7,
     ),
     Item(
@@ -371,7 +371,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 8: error of the calibrated mass by load",
         (campaign_figures.LOADS,),
         campaign_figures.make_figure_8_error_data,
-        item_sentences.write_error_figure_sentences,
+        item_sentences.make_error_figure_sentences,
         tables=render_figure_8_errors_by_load,
         picture=paper_pictures.FIGURE_8,
     ),
@@ -385,7 +385,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
             campaign_tables.OVER_WINDOWS,
         ),
         claims.check_claims_by_simulation,
-        claims_sentences.write_claim_sentences,
+        claims_sentences.make_claim_sentences,
         frame=claims_sentences.add_claim_texts,
         tables=render_claims_table,
     ),

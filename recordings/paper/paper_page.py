@@ -42,13 +42,13 @@ def write_reproduction(
     *,
     force: bool,
 ) -> list[Path]:
-    """Write the results.
+    """Write the reproduction of the paper.
 
     Args:
         item_results: results of tables, figures and claims.
         folder: output folder.
-        output_format: "md" for one page with every table and sentence, "csv" for a file an item
-            with every number and one with the sentences; pictures with both.
+        output_format: "md" for one page with every table and sentence, "csv" for a file per
+            item with every number and one with the sentences; pictures with both.
         introduction: sentence on how the results were obtained.
         force: whether to replace existing files.
 

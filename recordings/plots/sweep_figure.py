@@ -102,7 +102,7 @@ def draw_sweep_figure(
 def place_combinations_on_axis(swept_rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
     """Position of each combination on the axis, which is labelled accordingly."""
     names = list(swept_rows[0].over)
-    if len(names) == 1 and all(_is_text_a_number(row.over[names[0]]) for row in swept_rows):
+    if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in swept_rows):
         axes.set_xlabel(names[0])
         places = np.array([float(row.over[names[0]]) for row in swept_rows])
         if np.unique(places).size == 1:
@@ -121,7 +121,7 @@ def place_combinations_on_axis(swept_rows: Sequence[SweptRow], axes: "Axes") -> 
     return at
 
 
-def _is_text_a_number(value: object) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -132,10 +132,12 @@ def _format_setting_value(value: object) -> str:
 
 
 def _list_methods_in_drawing_order(
-    frames_of_combinations: Sequence[Mapping[str, float | None]],
+    value_by_method_of_each_row: Sequence[Mapping[str, float | None]],
 ) -> list[str]:
     """Methods, the paper's first, so that the answer is drawn on top."""
-    found = dict.fromkeys(method for part in frames_of_combinations for method in part)
+    found = dict.fromkeys(
+        method for value_by_method in value_by_method_of_each_row for method in value_by_method
+    )
     return sorted(found, key=lambda method: method == _JOINT)
 
 
@@ -145,10 +147,15 @@ def _choose_line_style_of_method(method: str) -> dict[str, Any]:
     return {"color": colours.choose_method_colour(method), "lw": 1.0}
 
 
-def _read_values_of_method(
-    frames: Sequence[Mapping[str, float | None]], method: str
+def _make_value_array_of_method(
+    value_by_method_of_each_row: Sequence[Mapping[str, float | None]], method: str
 ) -> NDArray[np.float64]:
-    return np.array([np.nan if (v := part.get(method)) is None else v for part in frames])
+    return np.array(
+        [
+            np.nan if (v := value_by_method.get(method)) is None else v
+            for value_by_method in value_by_method_of_each_row
+        ]
+    )
 
 
 def _draw_swept_masses(
@@ -164,7 +171,10 @@ def _draw_swept_masses(
     answer = [method for method in methods if method == _JOINT]
     places = {method: n - half for n, method in enumerate([*paper[:half], *answer, *paper[half:]])}
     for method in methods:
-        values, std = _read_values_of_method(masses, method), _read_values_of_method(stds, method)
+        values, std = (
+            _make_value_array_of_method(masses, method),
+            _make_value_array_of_method(stds, method),
+        )
         if np.isfinite(values).any():
             shifted = positions + apart * places[method]
             axes.errorbar(
@@ -201,10 +211,12 @@ def _draw_swept_payloads(
 
 
 def _draw_values_by_method(
-    axes: "Axes", x_positions: NDArray[np.float64], frames: Sequence[Mapping[str, float | None]]
+    axes: "Axes",
+    x_positions: NDArray[np.float64],
+    value_by_method_of_each_row: Sequence[Mapping[str, float | None]],
 ) -> None:
-    for method in _list_methods_in_drawing_order(frames):
-        values = _read_values_of_method(frames, method)
+    for method in _list_methods_in_drawing_order(value_by_method_of_each_row):
+        values = _make_value_array_of_method(value_by_method_of_each_row, method)
         if np.isfinite(values).any():
             axes.plot(
                 x_positions,
@@ -218,11 +230,11 @@ def _draw_values_by_method(
 
 
 def _draw_fraction_of_samples_used(
-    axes: "Axes", rows: Sequence[SweptRow], positions: NDArray[np.float64]
+    axes: "Axes", swept_rows: Sequence[SweptRow], positions: NDArray[np.float64]
 ) -> None:
-    share = 100.0 * np.array([row.accepted_share_1 for row in rows])
+    share = 100.0 * np.array([row.accepted_share_1 for row in swept_rows])
     axes.plot(positions, share, "o-", ms=3, lw=1.0, color="#2e9e5b", label="used")
-    refused = np.array([not row.can_weigh for row in rows])
+    refused = np.array([not row.can_weigh for row in swept_rows])
     if refused.any():
         axes.plot(
             positions[refused],

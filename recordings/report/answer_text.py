@@ -141,7 +141,8 @@ def describe_manoeuvres_needed_for_goal(answer: Answer, goal_u_kg: float) -> lis
         u_kg = load["payload_u_kg" if by_difference else "u_kg"]
         random_kg = load["payload_u_random_kg" if by_difference else "u_random_kg"]
         common_kg = max(u_kg**2 - random_kg**2, 0.0) ** 0.5
-        begin = f"load {load['load_id']}: {name} ± {u_kg:.3g} kg from {load['manoeuvres']}"
+        begin = f"load {load['load_id']}: {name} ± {u_kg:.3g} kg "
+        begin += f"from {format_count(load['manoeuvres'], 'manoeuvre')}"
         if u_kg <= goal_u_kg:
             lines.append(f"{begin}, already within ± {goal_u_kg:g} kg")
         elif common_kg >= goal_u_kg:
@@ -154,10 +155,12 @@ def describe_manoeuvres_needed_for_goal(answer: Answer, goal_u_kg: float) -> lis
                 and source["kind"] != "random"
                 and source["u_kg"]
             ]
-            most = f": first {causes[0]['cause']}, by {causes[0]['shrinks']}" if causes else ""
+            most = (
+                f"; reduce first {causes[0]['cause']}, by {causes[0]['shrinks']}" if causes else ""
+            )
             lines.append(
-                f"{begin}; no number of starts like these reaches ± {goal_u_kg:g} kg, their common "
-                f"part is ± {common_kg:.3g} kg{most}"
+                f"{begin}; more like these cannot reach ± {goal_u_kg:g} kg: their common "
+                f"uncertainty is ± {common_kg:.3g} kg{most}"
             )
         else:
             times = random_kg**2 / (goal_u_kg**2 - common_kg**2)

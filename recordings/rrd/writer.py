@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 #: The entity that they lie below.
 ROWS: Final = "rows"
-#: Frames of a row a load, a manoeuvre, a cycle, a finding.
+#: Frames of a row per load, manoeuvre, cycle or finding.
 TIMED: Final = ("loads", "segments", "cycles", "findings")
 APPLICATION: Final = "payscope"
 SUFFIX: Final = ".rrd"

@@ -23,8 +23,8 @@ from analysis.calibration.line.shared_errors import RunResponse
 from analysis.calibration.use.learnt_priors import (
     LearntPriors,
     TermOfLog,
+    list_learnable_term_estimates,
     pool_learnt_terms_over_logs,
-    select_learnable_terms,
 )
 from analysis.diagnosis.checks import INVALIDATING_CAUSES
 from analysis.model.answer import make_answer
@@ -132,7 +132,9 @@ def replay_campaign_logs(
             refusals[name] = describe_why_log_cannot_weigh(replayed)
         budgets.append(replayed.frames["budget"])
         terms += (
-            select_learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+            list_learnable_term_estimates(name, replayed.frames["nuisances"])
+            if logs[-1].can_weigh
+            else ()
         )
     return CampaignReplay(
         pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses), refusals

@@ -31,12 +31,12 @@ from recordings.calibration.check_outcomes import (
 )
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.calibration.strange_files import (
+from recordings.calibration.timestamp import read_authority_certificates
+from recordings.calibration.untrusted_files import (
     RecordingDigests,
     compare_words_of_pdf_with_html,
     digest_bundle_recordings,
 )
-from recordings.calibration.timestamp import read_authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key_file
@@ -144,11 +144,11 @@ def verify_bundle(
         what = f"is {keeper}, but a signature by a key of the keyring is required"
         bundle.add_finding(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = bundle.document
-    done = describe_checks_done(bundle, previous is not None)
+    done = list_checks_done(bundle, previous is not None)
     files = FilesCheck()
     if document is not None:
-        files = compare_recordings_with_fingerprints(
-            bundle, document, folder, is_calibration_compared=log_folder is not None
+        files = compare_bundle_files_with_evidence(
+            bundle, document, folder, are_calibration_and_pdf_compared=log_folder is not None
         )
     if log_folder is not None and document is not None and bundle.readings is not None:
         replay_logs_and_record_differences(bundle, document, bundle.readings, log_folder)
@@ -208,7 +208,7 @@ def add_expiry_finding(
         checked_bundle.add_finding(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def describe_checks_done(checked_bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
+def list_checks_done(checked_bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
     """Checks of the folder itself that were made, in words."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked_bundle.document is not None:
@@ -244,20 +244,21 @@ class FilesCheck:
     unseen: tuple[str, ...] = ()
 
 
-def compare_recordings_with_fingerprints(
+def compare_bundle_files_with_evidence(
     checked_bundle: CheckedBundle,
     document: EvidenceDocument,
     folder: Path,
     *,
-    is_calibration_compared: bool,
+    are_calibration_and_pdf_compared: bool,
 ) -> FilesCheck:
-    """Compare recordings of runs with their fingerprints, and optionally slower items.
+    """Compare the recordings of runs with the evidence, and optionally the slower items.
 
     Args:
         checked_bundle: the bundle, which receives the findings.
         document: evidence of the bundle.
         folder: folder of the bundle.
-        is_calibration_compared: whether to compare the calibration's recording and the PDF as well.
+        are_calibration_and_pdf_compared: whether to compare also the
+            recording of the calibration and the PDF.
     """
     try:
         sums = parse_sha256sums(checked_bundle.sums)
@@ -268,27 +269,27 @@ def compare_recordings_with_fingerprints(
     runs = [log for log in document.logs if log.recording in sums]
     names = [
         *(log.recording for log in runs),
-        *([RECORDING] if is_calibration_compared and RECORDING in sums else []),
+        *([RECORDING] if are_calibration_and_pdf_compared and RECORDING in sums else []),
     ]
     found = digest_bundle_recordings(folder, {name: sums[name] for name in names})
     for log in runs:
         _compare_recording_of_run(checked_bundle, log, found[log.recording])
     if runs:
         done.append("the frames of each run's recording, by their fingerprint")
-    if is_calibration_compared and RECORDING in sums:
+    if are_calibration_and_pdf_compared and RECORDING in sums:
         _compare_recording_of_calibration(checked_bundle, document, found[RECORDING])
         done.append(f"the frames of {RECORDING}, recomputed")
-    elif not is_calibration_compared:
+    elif not are_calibration_and_pdf_compared:
         unseen.append(
             f"Whether {RECORDING} and {PDF} show the same as {REPORT}: --logs compares them."
         )
-    if is_calibration_compared and PDF in sums:
+    if are_calibration_and_pdf_compared and PDF in sums:
         why = _compare_pdf_or_explain_why_not(checked_bundle, document, folder, sums)
         if why:
             unseen.append(f"Whether {PDF} has the same words as {REPORT}: {why}.")
         else:
             done.append(f"the words of {PDF}, compared with those of {REPORT}")
-    if runs or is_calibration_compared:
+    if runs or are_calibration_and_pdf_compared:
         unseen.append(_DRAWN)
     return FilesCheck(tuple(done), tuple(unseen))
 

@@ -166,7 +166,9 @@ def _print_calibration_evidence(
         )
     else:
         key = f"key {signer.key_id[:12]}…"
-        unnamed = f"signed, {key}; campaign.signer names who signs"
+        unnamed = (
+            f"signed with {key}, without a name; state it as campaign.signer in the campaign file"
+        )
         print_line(screen, f"signed as {signer.name}, {key}" if signer.name else unnamed)
     if calibration_outcome.document.chain.previous is None:
         print_line(

@@ -28,9 +28,9 @@ from replay.follow.report_file import (
     describe_inertia_and_yaw_friction,
     describe_load_state,
     describe_mass_and_friction,
-    describe_progress_to_answer,
+    describe_progress_to_target_uncertainty,
     describe_replay_result,
-    format_utc_time,
+    format_utc_time_of_day,
     iter_closed_load_lines,
 )
 
@@ -95,7 +95,7 @@ class FollowPanel:
                 parts.append(Text(following.missing_topics_remedy.removeprefix("; "), style="dim"))
             return parts
         parts += [_format_machine_motion(self._last), _format_current_answer(self._last)]
-        if progress := describe_progress_to_answer(self._last):
+        if progress := describe_progress_to_target_uncertainty(self._last):
             parts.append(Text(f"online, statistical u: {progress}"))
         if spun := describe_inertia_and_yaw_friction(self._last):
             parts.append(Text(spun))
@@ -157,7 +157,7 @@ class ReportPrinter:
             if self._as_json:
                 typer.echo(json.dumps(report.to_dict(), allow_nan=False))
             elif text := describe_finished_manoeuvre(report):
-                typer.echo(f"{format_utc_time(report.unix_ns)}  {text}")
+                typer.echo(f"{format_utc_time_of_day(report.unix_ns)}  {text}")
         self.print_replay_result(self._replays.take_result_and_start_next())
         self._panel.show_followed_log(following, made)
 
@@ -195,7 +195,7 @@ class ReportPrinter:
 
 def _format_machine_motion(online_report: OnlineReport) -> Text:
     text = Text(
-        f"{format_utc_time(online_report.unix_ns)} UTC, {online_report.t_s:,.1f} s  "
+        f"{format_utc_time_of_day(online_report.unix_ns)} UTC, {online_report.t_s:,.1f} s  "
         f"{online_report.phase or 'unknown'}  gate "
     )
     text.append(online_report.gate, style=_GATE_COLOURS.get(online_report.gate, "yellow"))
@@ -228,7 +228,7 @@ def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
     for report in reports:
         table.add_row(
             str(report.manoeuvres),
-            format_utc_time(report.unix_ns),
+            format_utc_time_of_day(report.unix_ns),
             describe_mass_and_friction(report),
         )
     return table

@@ -90,8 +90,8 @@ class StageProgress:
             # which waits for libraries, too
             opening = sum(seconds for stage, seconds in took if stage == "open")
             console.print(
-                f"{'total':<9} {total:8.3f} s, "
-                f"without opening {(total - opening) / reading:.1f} times the reading time"
+                f"{'total':<9} {total:8.3f} s; "
+                f"without open, {(total - opening) / reading:.1f} times as long as decode and read"
             )
 
 

@@ -120,7 +120,8 @@ def command(
         typer.Option("--set", metavar="KEY=VALUE", help="Override the machine file; repeatable."),
     ] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Keep every sample and intermediate in shift.rrd.")
+        bool,
+        typer.Option("--full", help="Keep every sample and all intermediate results in shift.rrd."),
     ] = False,
     week: Annotated[
         bool, typer.Option("--week", help="Sum the folders of reviews by day, machine, product.")
@@ -181,7 +182,7 @@ def command(
         made = recount_review_with_verdicts(logs[0], given)
     elif machine is None or output is None:
         raise typer.BadParameter(
-            f"{logs[0]}: logs need a machine file (-m) and a folder to write (-o); only the folder "
+            f"{logs[0]}: logs need a machine file (-m) and an output folder (-o); only the folder "
             "of a review needs neither"
         )
     else:

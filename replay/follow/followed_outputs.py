@@ -29,7 +29,7 @@ from replay.follow.report_file import (
     ReportFile,
     format_replay_markdown,
     format_reports_markdown,
-    format_utc_time,
+    format_utc_time_of_day,
 )
 from replay.inputs.channel_inputs import convert_machine_without_settings_to_dict
 from replay.logs import ACTIVE
@@ -84,7 +84,7 @@ class FollowedOutputs:
             OutputError: an output exists and is of something else.
         """
         self._output, self._server, self._tell = output, server, tell
-        self._identity = digest_input_identity(paths, machine, noise)
+        self._identity = make_input_identity(paths, machine, noise)
         self._name = f"{machine.machine.name}: {', '.join(path.name for path in paths)}"
         self._recording: GrowingRecording | None = None
         self._file: AppendedFile | None = None
@@ -103,8 +103,8 @@ class FollowedOutputs:
         self._until_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
         if self._until_ns:
             tell(
-                f"continues after {format_utc_time(self._until_ns)} UTC without repeating what is "
-                "on disc"
+                f"continues after {format_utc_time_of_day(self._until_ns)} UTC without repeating "
+                "what is on disc"
             )
 
     def write_rows_and_return_new_reports(
@@ -175,7 +175,7 @@ class FollowedOutputs:
             )
             if answer_markdown is not None:
                 recording.write_added_rows(answer_markdown)
-            self._replace_shorter_recording(online_rows[-1].t_ns + t0_ns)
+            self._replace_recording_that_ends_earlier(online_rows[-1].t_ns + t0_ns)
         except OSError as error:
             self._tell(f"{self._output}: {_describe_output_write_error(error)}")
             if self._recording is not None:
@@ -190,8 +190,9 @@ class FollowedOutputs:
         if end is not None:
             if end.about.t0_unix_ns != basis.t0_unix_ns:
                 raise OutputError(
-                    f"{self._output}: begins at {format_utc_time(end.about.t0_unix_ns)}, the log "
-                    f"at {format_utc_time(basis.t0_unix_ns)}; give another output, or give --force"
+                    f"{self._output}: begins at {format_utc_time_of_day(end.about.t0_unix_ns)}, "
+                    f"the log at {format_utc_time_of_day(basis.t0_unix_ns)}; give another output, "
+                    "or give --force"
                 )
             about = end.about
         if self._output is not None:
@@ -204,11 +205,11 @@ class FollowedOutputs:
         )
         return self._recording
 
-    def _replace_shorter_recording(self, unix_ns: int) -> None:
+    def _replace_recording_that_ends_earlier(self, written_until_unix_ns: int) -> None:
         """Replace an existing recording that ends earlier."""
         if self._file is None or self._output is None or self._file.path == self._output:
             return
-        if unix_ns > self._recorded_ns:
+        if written_until_unix_ns > self._recorded_ns:
             self._file.move_to_path(self._output)
 
     def _compute_first_row_unix_ns(self, following: Following) -> int:
@@ -221,9 +222,7 @@ def _describe_output_write_error(error: OSError) -> str:
     return f"not continued ({error.strerror}); it is complete up to here, and following continues"
 
 
-def digest_input_identity(
-    paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None
-) -> str:
+def make_input_identity(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
     """Identity of the inputs: names of logs, and a digest of machine file and noise."""
     digest = hashlib.sha256(copy_machine_with_causal_filters(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())

@@ -203,7 +203,7 @@ def _count_complete_bytes(data: bytes) -> int:
     return whole
 
 
-def format_utc_time(unix_ns: int) -> str:
+def format_utc_time_of_day(unix_ns: int) -> str:
     """Time of day in UTC, to a tenth of a second."""
     at = datetime.fromtimestamp(unix_ns // 10**9, UTC)
     return f"{at:%H:%M:%S}.{unix_ns % 10**9 // 10**8}"
@@ -243,25 +243,25 @@ def describe_finished_manoeuvre(report: OnlineReport) -> str:
             return ""
 
 
-def describe_progress_to_answer(report: OnlineReport) -> str:
-    """Progress towards an answer and the missing inputs; empty without a target uncertainty."""
+def describe_progress_to_target_uncertainty(report: OnlineReport) -> str:
+    """Information gathered for the target uncertainty, and starts still needed; "" without it."""
     if report.until_u_kg is None or report.percent is None:
         return ""
     missing = describe_missing_manoeuvres(report.starts_missing, report.reverse_missing)
-    rest = f"; missing: {missing}" if missing else ""
+    rest = f"; needs {missing}" if missing else ""
     if report.load_mass_kg is None or report.load_u_kg is None:
-        return f"0 % to ± {report.until_u_kg:,.3g} kg{rest}"
+        return f"0 % of the information for ± {report.until_u_kg:,.3g} kg{rest}"
     return (
-        f"{report.percent:.0f} % to ± {report.until_u_kg:,.3g} kg: present load "
-        f"{report.load_mass_kg:,.1f} ± {report.load_u_kg:,.1f} kg from "
-        f"{report.load_manoeuvres:,}{rest}"
+        f"{report.percent:.0f} % of the information for ± {report.until_u_kg:,.3g} kg: "
+        f"present load {report.load_mass_kg:,.1f} ± {report.load_u_kg:,.1f} kg from "
+        f"{format_count(report.load_manoeuvres, 'manoeuvre')}{rest}"
     )
 
 
 def describe_load_state(load: LoadReport) -> str:
     """A load state in a line: when, mass and payload with uncertainties, or why there is none."""
-    head = f"load {load.load_id}, {format_utc_time(load.start_unix_ns)} to "
-    head += f"{format_utc_time(load.end_unix_ns)}, {format_count(load.manoeuvres, 'manoeuvre')}: "
+    begin, end = map(format_utc_time_of_day, (load.start_unix_ns, load.end_unix_ns))
+    head = f"load {load.load_id}, {begin} to {end}, {format_count(load.manoeuvres, 'manoeuvre')}: "
     if load.mass_kg is None:
         return f"{head}no mass, withheld by {load.withheld_by}"
     mass = f"{format_plus_minus(load.mass_kg, load.mass_u_kg)} kg"
@@ -276,7 +276,7 @@ def describe_replay_result(replay_report: ReplayReport) -> str:
     """Result of a replay in a line: how many loads it has, up to when, or why there is none."""
     if replay_report.fault:
         return f"not replayed: {replay_report.fault}"
-    until = f"replayed up to {format_utc_time(replay_report.unix_ns)}"
+    until = f"replayed up to {format_utc_time_of_day(replay_report.unix_ns)}"
     when = (
         "the whole log replayed"
         if replay_report.is_whole
@@ -320,9 +320,9 @@ def format_reports_markdown(report: OnlineReport) -> str:
     return (
         f"# {describe_mass_and_friction(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} "
         "gave a mass "
-        f"so far.\n\n{describe_progress_to_answer(report)}\n\n"
+        f"so far.\n\n{describe_progress_to_target_uncertainty(report)}\n\n"
         f"{describe_inertia_and_yaw_friction(report)}\n\n"
-        f"{format_utc_time(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
+        f"{format_utc_time_of_day(report.unix_ns)} UTC: {report.phase or 'unknown'}, "
         f"gate {report.gate.replace('_', ' ')}.\n\nRecorded while following: random "
         "uncertainties, but for load states. When the log ends, its causal replay replaces this "
         "recording.\n"

@@ -25,7 +25,7 @@ class LogInfo:
     end_ns: int | None
     duration_s: float | None
     messages: int
-    #: a row a topic, as `Log.topics` gives it
+    #: a row per topic, as `Log.topics` gives it
     topics: pl.DataFrame
     losses: tuple[Loss, ...]
     #: what was read to check it; None where only the index was looked at

@@ -162,7 +162,7 @@ class TableLog(Log):
         times = [column for axis, _ in self._parts.values() for column in axis.time_columns]
         once, self._expected = [*self._expected, *fields], []
         try:
-            self._columns.note_ragged_rows(times, once, partial(self._losses.add_loss, self.path))
+            self._columns.scan_all_rows(times, once, partial(self._losses.add_loss, self.path))
         except BrokenBytesError as error:
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 

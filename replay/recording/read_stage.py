@@ -117,7 +117,7 @@ class RecordedStage:
             ).fill_null(True)
             return replace(self, rows=self.rows.filter(inside))
         held = self.rows.filter(begin <= second).sort(column)
-        if "axis" in held.columns:  # a row a window of one axis
+        if "axis" in held.columns:  # a row per window of one axis
             return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
         return replace(self, rows=held.tail(1))
 

@@ -105,9 +105,9 @@ def review_shift(
 ) -> ShiftReview:
     """Review a shift.
 
-    All logs are one time line with one fit, so that the whole shift determines friction and
-    nuisances: another log, or another byte in one, is another fit. What is kept is the whole
-    replay, and each log decoded.
+    All logs form one time line with one fit, so that the whole shift determines friction and
+    nuisances. A log that is added, or that changes by a byte, makes a new fit of all logs. An
+    unchanged shift is not replayed again, and decoded logs are kept in the folder.
 
     Args:
         logs: logs of the shift, in any order; a folder means all logs in it.

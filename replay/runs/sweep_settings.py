@@ -100,7 +100,7 @@ def sweep_setting_combinations(
                 ]
             if by is not None:
                 by.refuse_logs_of_other_machine(opened[machine.log])
-            replayed = _replay_setting_combination(
+            replayed = _replay_and_name_settings_in_errors(
                 opened[machine.log], machine, logs, machine_file, each
             )
             if by is not None:
@@ -124,7 +124,7 @@ def sweep_setting_combinations(
     return rows
 
 
-def _replay_setting_combination(
+def _replay_and_name_settings_in_errors(
     logs: Sequence[CachedLog],
     machine: Machine,
     paths: Sequence[Path],

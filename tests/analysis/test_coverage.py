@@ -9,8 +9,8 @@ from analysis.model.axes import make_straight_regressor_and_force
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import (
+    assign_pooled_manoeuvre_numbers_to_samples,
     estimate_each_manoeuvre_by_pooling,
-    number_manoeuvres_for_pooling,
 )
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth_by_trailing_mean
@@ -89,7 +89,7 @@ def found(seeds, starts, plain):
         table = estimate_each_manoeuvre_by_pooling(excitation, gated, plain.settings).filter(
             pl.col("mass_kg").is_not_null()
         )
-        ids = number_manoeuvres_for_pooling(excitation, gated, plain.settings)
+        ids = assign_pooled_manoeuvre_numbers_to_samples(excitation, gated, plain.settings)
         textbook = textbook_deviations(
             *make_straight_regressor_and_force(excitation, plain.settings), ids
         )

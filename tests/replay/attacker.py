@@ -26,7 +26,7 @@ from recordings.calibration.bundle_folder import (
 )
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.evidence_document import EvidenceDocument, parse_untrusted_evidence
-from recordings.calibration.strange_files import encode_table_as_parquet
+from recordings.calibration.untrusted_files import encode_table_as_parquet
 from recordings.signatures.canonical_json import encode_canonical_json
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,

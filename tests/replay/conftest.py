@@ -102,7 +102,7 @@ def readers_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
     Damaged ones are read by that process in `test_compare_files.py`.
     """
-    monkeypatch.setattr("recordings.calibration.strange_files.run_reader_process", digest_files)
+    monkeypatch.setattr("recordings.calibration.untrusted_files.run_reader_process", digest_files)
 
 
 @pytest.fixture(scope="module")

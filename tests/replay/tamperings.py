@@ -300,7 +300,7 @@ TAMPERINGS: dict[str, Tampering] = {
     "the mass of a reading": Tampering(another_mass, TAMPERED, IRREPRODUCIBLE, "tables",
         "evidence.json: calibration.alpha_1: does not follow from the readings"),
     "a dropped reading": Tampering(without_reading, TAMPERED, IRREPRODUCIBLE, "tables",
-        "readings.parquet: run 'run-0', reading 2: should be number 1"),
+        "readings.parquet: run 'run-0', reading 2: should be reading 1 of its run"),
     "a reading more": Tampering(one_reading_more, TAMPERED, IRREPRODUCIBLE, "tables",
         "evidence.json: calibration.alpha_1: does not follow from the readings"),
     "a reading rejected without a reason": Tampering(

@@ -207,7 +207,7 @@ class TestRun:
             "verdict",
         ):
             assert stage in said.err
-        multiple = r"^total +([0-9.]+) s, without opening ([0-9.]+) times the reading time$"
+        multiple = r"^total +([0-9.]+) s; without open, ([0-9.]+) times as long as decode and read$"
         total = re.search(multiple, said.err, re.M)
         assert total is not None
         assert float(total[1]) >= 0.0

@@ -18,7 +18,7 @@ from recordings.calibration.bundle_folder import (
     format_sha256sums,
 )
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.strange_files import UntrustedTable, read_untrusted_tables
+from recordings.calibration.untrusted_files import UntrustedTable, read_untrusted_tables
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attack_list import JSON_FORMS, OUTSIDE
@@ -125,7 +125,7 @@ def test_tables_are_read_by_another_process_that_may_die() -> None:
     import pyarrow.parquet as pq
 
     from analysis.calibration.campaign.campaign_readings import READINGS as COLUMNS
-    from recordings.calibration.strange_files import encode_table_as_parquet
+    from recordings.calibration.untrusted_files import encode_table_as_parquet
 
     row = dict.fromkeys(COLUMNS, None) | {"run_id": "a", "reading": 1, "used": False}
     frame = pl.DataFrame([row], schema=COLUMNS)

@@ -45,7 +45,7 @@ _MEANINGS: Final = {
 
 
 class LineUncertainty(NamedTuple):
-    """Standard uncertainty of the line at a mass in kg of m̂, by its cause."""
+    """Standard uncertainty of the calibration line at one mass, in kg of m̂, by cause."""
 
     centroid_kg: float
     slope_kg: float

@@ -17,7 +17,8 @@ class Campaign:
     """Readings by run, and the points of those runs that have any.
 
     Attributes:
-        runs: a row a run: run_id, load_id, day, reference_kg, readings, rejected, mean_kg, std_kg.
+        runs: a row per run: run_id, load_id, day, reference_kg, readings, rejected, mean_kg,
+            std_kg.
         fitted: (points,) which rows those are that have a point.
         points: for the fit.
         readings: the readings in use.

@@ -59,16 +59,16 @@ class LearntPriors(BaseModel):
     responses: tuple[RunResponse, ...] = Field(default=(), max_length=100_000)
 
 
-def select_learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
-    """Terms of a log from which priors can be learnt.
+def list_learnable_term_estimates(log_name: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
+    """Estimates by a log of the terms whose priors can be learnt.
 
     Args:
-        log: name of the log.
+        log_name: name of the log.
         nuisances: frame of a replay without learnt priors.
     """
     columns = ("term", "prior_mean", "prior_std", "posterior", "posterior_std")
     return tuple(
-        TermOfLog(log=log, **row)
+        TermOfLog(log=log_name, **row)
         for row in nuisances.select(columns).drop_nulls().to_dicts()
         if row["term"] in _NAMES and row["prior_std"] > 0.0 and row["posterior_std"] > 0.0
     )

@@ -74,7 +74,10 @@ class ShiftSimulation:
         self._spans: list[LogSpan] = []
 
     def simulate_logs(self) -> Iterator[SimulatedLog]:
-        """Logs in order, once; the same scenario gives the same logs bit for bit."""
+        """Simulate the logs in order; the same scenario gives the same logs bit for bit.
+
+        To be called once: the driver goes on from where the last log ended.
+        """
         start_ns = convert_to_whole_ns(self.scenario.log.start_unix_s)
         planned = _plan_spans_of_logs(self.scenario, self.shift)
         heading_rad = 0.0

@@ -34,13 +34,14 @@ class SimulatedLog:
         load_kg: the load.
         topics: `imu`, `torque` and `speed`, in a shift also others, as from
             `simulate_topics_of_log`.
-        trials: a row a trial (none in a shift): `run` (its number), the unix times `start_ns` and
+        trials: a row per trial (none in a shift): `run` (its number), the unix times `start_ns` and
             `end_ns`, `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without
             one), and the true `load_kg mass_kg friction_N_s_m coulomb_N rolling_N slope_deg
             inertia_z_kg_m2 com_x_m com_y_m friction_z_N_m_s coulomb_z_N_m`: of machine and load,
             about the origin, where its first start begins (without one, its first manoeuvre).
-        manoeuvres: a row a manoeuvre: `run`, `manoeuvre` (its number in the trial), `kind`, and the
-            unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not);
+        manoeuvres: a row per manoeuvre: `run`, `manoeuvre` (its number in the trial), `kind`, and
+            the unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has
+            not);
             `load_kg mass_kg friction_N_s_m coulomb_N rolling_N` where it begins, `load_end_kg`
             where it ends, and of a start its `direction` and its share of full `throttle`.
         timeline: motion without noise, at any time.

@@ -19,7 +19,7 @@ from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import mark_settled_windows
-from analysis.stages.gating.segments import number_manoeuvres_for_pooling
+from analysis.stages.gating.segments import assign_pooled_manoeuvre_numbers_to_samples
 from analysis.stages.noise.column_noise import (
     collect_axis_noise,
     estimate_attenuation_errors_of_windows,
@@ -88,7 +88,9 @@ def _trace_methods(
             case FeedKind.SETTLED:
                 return window, mark_settled_windows(excitation, gated, settings, axis)
             case FeedKind.SEGMENTS:
-                return (number_manoeuvres_for_pooling(excitation, gated, settings, axis),)
+                return (
+                    assign_pooled_manoeuvre_numbers_to_samples(excitation, gated, settings, axis),
+                )
 
     traces: dict[str, Trace] = {}
     for name in settings.trace.methods:

@@ -23,8 +23,8 @@ from estimators.arrays import Ints
 _TELLING = ("accelerating", "braking", "cruising", "standstill")
 
 
-def number_manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
-    """Number the manoeuvres, (rows,), -1 where a sample is missing.
+def assign_manoeuvre_numbers_to_samples(excitation: pl.DataFrame, settings: Settings) -> Ints:
+    """Number of the manoeuvre of each sample, (rows,), -1 where a sample is missing.
 
     Straight driving from a standstill or the end of braking to the next braking, turn or gap is
     one manoeuvre; a stretch of braking (unless braking counts as driving), of spinning, of an arc
@@ -40,12 +40,12 @@ def number_manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 
 
-def number_manoeuvres_for_pooling(
+def assign_pooled_manoeuvre_numbers_to_samples(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Ints:
-    """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
+    """Number of the manoeuvre that each sample is pooled into, (rows,), -1 for none."""
     used = mark_samples_for_pooling(excitation, gated, settings, axis)
-    return np.where(used, number_manoeuvres(excitation, settings), -1)
+    return np.where(used, assign_manoeuvre_numbers_to_samples(excitation, settings), -1)
 
 
 def estimate_each_manoeuvre_by_pooling(
@@ -54,10 +54,10 @@ def estimate_each_manoeuvre_by_pooling(
     settings: Settings,
     noise: pl.DataFrame | None = None,
 ) -> pl.DataFrame:
-    """Make `segments`: a row a manoeuvre with its pooled estimate, or the reason for none.
+    """Make `segments`: a row per manoeuvre with its pooled estimate, or the reason for none.
 
     Args:
-        excitation: the regressor and the phases.
+        excitation: frame with the regressor and the phases.
         gated: frame `gate` with the accepted windows.
         settings: window, what is refused.
         noise: noise of the columns, if known.
@@ -66,11 +66,11 @@ def estimate_each_manoeuvre_by_pooling(
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.gate.exclude_braking:
         refused_for["braking"] = "braking"
-    segment_id = number_manoeuvres(excitation, settings)
+    segment_id = assign_manoeuvre_numbers_to_samples(excitation, settings)
     used = np.zeros(segment_id.size, np.bool_)
     parts: list[pl.DataFrame] = []
     for axis in list_axes_allowed_by_channels(excitation):
-        pooled_ids = number_manoeuvres_for_pooling(excitation, gated, settings, axis)
+        pooled_ids = assign_pooled_manoeuvre_numbers_to_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = make_regressor_and_force(axis, excitation, settings)
         method = METHODS["pooled"]

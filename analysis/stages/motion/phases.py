@@ -41,7 +41,7 @@ def average_acceleration_over_rate_span(acceleration: Floats, settings: Settings
 
 
 def count_rows_of_speed_rate_span(settings: Settings) -> int:
-    """Rows that the speed rate looks back."""
+    """Number of rows over which the speed rate is computed, looking back."""
     return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
 
 

@@ -54,7 +54,7 @@ class ChannelSeries:
         return values
 
     def find_known_times_ns(self, instants_ns: Ints) -> Ints:
-        """Times (rows,) at which the values at ascending instants are known."""
+        """Times (rows,) in ns from which the values at these ascending instants are known."""
         return filters.compute_interpolation_ready_ns(
             self.t_ns, self.known_ns, instants_ns + self.width_ns // 2
         )

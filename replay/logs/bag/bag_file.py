@@ -32,9 +32,9 @@ from replay.logs.blocks import (
     Describe,
     LooseRecords,
     RecordFinders,
-    describe_end_of_reading,
-    describe_incomplete_end,
     find_records_after_damage,
+    make_incomplete_end_clause,
+    make_last_log_time_clause,
 )
 from replay.logs.messages.broken_bytes import KIND_BYTES, describe_file_of_other_format
 from replay.logs.storage import Connection
@@ -132,10 +132,12 @@ class BagFile(BlockFile):
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         unfinished = position == bytes(8)
         why = "the recorder did not finish it" if unfinished else "the index is damaged"
-        torn = describe_incomplete_end(self._file.size - walk.end, self._store.torn_message_count)
+        torn = make_incomplete_end_clause(
+            self._file.size - walk.end, self._store.torn_message_count
+        )
         damage.add_damage_sentence(
             f"{why}: scanned from start to end, all whole messages are read"
-            f"{describe_end_of_reading(self._store.last_ns)}{torn}"
+            f"{make_last_log_time_clause(self._store.last_ns)}{torn}"
         )
 
     def _process_non_message_record(self, opcode: int, content: bytes, offset: int) -> None:

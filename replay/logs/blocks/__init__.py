@@ -5,7 +5,7 @@ from replay.logs.blocks.block_file import BlockFile
 from replay.logs.blocks.block_messages import BlockStore, Describe
 from replay.logs.blocks.block_tail import GrowingBlockFile
 from replay.logs.blocks.loose_records import LooseRecords, find_records_after_damage
-from replay.logs.blocks.lost_blocks import describe_end_of_reading, describe_incomplete_end
+from replay.logs.blocks.lost_blocks import make_incomplete_end_clause, make_last_log_time_clause
 from replay.logs.blocks.slabs import CountAndStop, RecordFinders
 
 __all__ = [
@@ -17,7 +17,7 @@ __all__ = [
     "GrowingBlockFile",
     "LooseRecords",
     "RecordFinders",
-    "describe_end_of_reading",
-    "describe_incomplete_end",
     "find_records_after_damage",
+    "make_incomplete_end_clause",
+    "make_last_log_time_clause",
 ]

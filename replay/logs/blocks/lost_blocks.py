@@ -46,12 +46,12 @@ class BlockDamage(Damage):
         self, topic_of_connection: Mapping[int, str]
     ) -> Iterator[tuple[str, str]]:
         for what in (
-            *self._describe_lost_blocks(topic_of_connection),
-            *self._describe_unreadable_spans(),
+            *self._iter_lost_block_sentences(topic_of_connection),
+            *self._iter_unreadable_span_sentences(),
         ):
             yield "", what
 
-    def _describe_lost_blocks(self, topic_of_connection: Mapping[int, str]) -> Iterable[str]:
+    def _iter_lost_block_sentences(self, topic_of_connection: Mapping[int, str]) -> Iterable[str]:
         damaged = [self._blocks[offset] for offset in sorted(self._blocks)]
         if len(damaged) > _MOST_SINGLE:
             blocks = [block for block, _ in damaged]
@@ -68,7 +68,7 @@ class BlockDamage(Damage):
                 f"{describe_block_contents([block], topic_of_connection)}"
             )
 
-    def _describe_unreadable_spans(self) -> Iterable[str]:
+    def _iter_unreadable_span_sentences(self) -> Iterable[str]:
         if self._gaps:
             size = sum(end - start for start, end in self._gaps.items())
             yield (
@@ -83,12 +83,12 @@ def format_log_time(log_time_ns: int) -> str:
     return f"{log_time_ns // 10**9}.{log_time_ns % 10**9:09} s"
 
 
-def describe_end_of_reading(last_ns: int | None) -> str:
+def make_last_log_time_clause(last_ns: int | None) -> str:
     """Clause that states up to which time everything was read."""
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 
-def describe_incomplete_end(torn_bytes: int, torn_message_count: int) -> str:
+def make_incomplete_end_clause(torn_bytes: int, torn_message_count: int) -> str:
     """Clause that describes the bytes after the last complete record.
 
     Args:

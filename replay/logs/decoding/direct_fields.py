@@ -109,7 +109,7 @@ def _find_fixed_field(message_layout: NestedMessage, steps: Steps) -> _FixedFiel
             if step.element == ALL:
                 return (
                     _FixedField(mark, offset, below)
-                    if _is_whole_contiguous_array(below, step, steps)
+                    if _is_complete_numeric_array_requested(below, step, steps)
                     else None
                 )
             if not isinstance(step.element, int):
@@ -126,7 +126,7 @@ def _find_fixed_field(message_layout: NestedMessage, steps: Steps) -> _FixedFiel
     return None
 
 
-def _is_whole_contiguous_array(array: InlineArray, step: PathStep, steps: Steps) -> bool:
-    """Whether a whole array of contiguous numbers is requested."""
+def _is_complete_numeric_array_requested(array: InlineArray, step: PathStep, steps: Steps) -> bool:
+    """Whether an array of plain numbers is requested, with all its elements."""
     element = array.element
     return step is steps[-1] and isinstance(element, InlineField) and element.kind in DTYPES

@@ -37,9 +37,9 @@ from replay.logs.decoding.gather_values import (
     DTYPES,
     concatenate_byte_ranges,
     convert_bytes_to_numbers,
-    find_name_in_lists,
+    find_name_index_in_each_list,
+    gather_64_bit_patterns,
     gather_string_views,
-    gather_values_as_64_bits,
 )
 from replay.logs.decoding.one_pass import GatheredRows
 from replay.logs.decoding.wire import WIDTHS
@@ -232,7 +232,7 @@ class Columns:
         assert isinstance(names.element, TextField)
         if (names.mark, element_name) not in self._found:
             text = names.element.mark
-            self._found[names.mark, element_name] = find_name_in_lists(
+            self._found[names.mark, element_name] = find_name_index_in_each_list(
                 self.data,
                 self.mark_values[text],
                 self.mark_values[text + 1],
@@ -278,7 +278,7 @@ class Columns:
         value = value_location.value
         assert isinstance(value, InlineField)
         offset = value_location.offset + value.offset
-        bits = gather_values_as_64_bits(
+        bits = gather_64_bit_patterns(
             self.data, value_location.at, offset, value.kind, swap=self.swap
         )
         return make_value_array(bits, value.kind, is_absent=value_location.at < 0)

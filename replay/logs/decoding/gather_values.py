@@ -35,10 +35,10 @@ _INLINE: Final = 12
 
 
 @compiled
-def load_values_as_64_bits(
+def load_64_bit_patterns(
     data: Bytes, positions: Ints, offset: int, conversion_code: int, swap: bool, out: Ints
 ) -> None:
-    """Load values of a column as 64 bits each: floats as double, stamps in ns.
+    """Load 64-bit patterns of the values of a column: floats as doubles, stamps in ns.
 
     Args:
         data: (bytes,) bytes that contain the values.
@@ -170,7 +170,7 @@ def _copy_byte_ranges(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> Non
 
 
 @compiled
-def _find_name_in_messages(
+def _fill_name_index_in_each_list(
     data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, out_indices: Ints
 ) -> None:
     first = 0
@@ -189,7 +189,9 @@ def _find_name_in_messages(
         first += counts[row]
 
 
-def find_name_in_lists(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
+def find_name_index_in_each_list(
+    data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str
+) -> Ints:
     """Index of the first occurrence of a name in each list of strings; -1 if absent.
 
     Args:
@@ -202,16 +204,24 @@ def find_name_in_lists(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, nam
     found = np.empty(counts.size, np.int64)
     # a copy, since numba would compile anew for an array that cannot be written
     encoded = np.array(bytearray(name.encode()))
-    _find_name_in_messages(data, starts, sizes, counts, encoded, found)
+    _fill_name_index_in_each_list(data, starts, sizes, counts, encoded, found)
     return found
 
 
-def gather_values_as_64_bits(
+def gather_64_bit_patterns(
     data: Bytes, positions: Ints, offset: int, value_type: str, *, swap: bool
 ) -> Ints:
-    """Values of one type at `positions + offset`, 64 bits each."""
+    """64-bit patterns (n,) of values of one type: integers, bits of doubles, stamps in ns.
+
+    Args:
+        data: (bytes,) bytes that contain the values.
+        positions: (n,) base positions.
+        offset: offset from the base positions.
+        value_type: type of the values, see `LOADS`.
+        swap: whether they are big-endian.
+    """
     out = np.empty(positions.size, np.int64)
-    load_values_as_64_bits(data, positions, offset, LOADS[value_type], swap, out)
+    load_64_bit_patterns(data, positions, offset, LOADS[value_type], swap, out)
     return out
 
 

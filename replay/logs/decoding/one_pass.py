@@ -15,7 +15,7 @@ from replay.logs.decoding.direct_fields import GatherPlan
 from replay.logs.decoding.gather_values import (
     copy_ranges_of_equal_size,
     fill_string_views,
-    load_values_as_64_bits,
+    load_64_bit_patterns,
 )
 from replay.logs.decoding.walk_program import (
     EncodedMessages,
@@ -114,7 +114,7 @@ def _gather_columns(
     for k in range(value_marks.size):
         base = table[value_marks[k], 1]
         positions = marks[base + first : base + end]
-        load_values_as_64_bits(
+        load_64_bit_patterns(
             data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end]
         )
     rows = values.shape[1]

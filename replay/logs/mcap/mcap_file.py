@@ -20,9 +20,9 @@ from replay.logs.blocks import (
     Describe,
     LooseRecords,
     RecordFinders,
-    describe_end_of_reading,
-    describe_incomplete_end,
     find_records_after_damage,
+    make_incomplete_end_clause,
+    make_last_log_time_clause,
 )
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
@@ -224,10 +224,10 @@ class McapFile(BlockFile):
                 )
             return
         size = self._file.size
-        torn = describe_incomplete_end(size - file_walk.end, self._store.torn_message_count)
+        torn = make_incomplete_end_clause(size - file_walk.end, self._store.torn_message_count)
         self._store.damage.add_damage_sentence(
             f"breaks off after byte {file_walk.end} of {size}, without a footer: all whole "
-            f"messages are read{describe_end_of_reading(self._store.last_ns)}{torn}"
+            f"messages are read{make_last_log_time_clause(self._store.last_ns)}{torn}"
         )
 
     def _process_non_message_record(self, opcode: int, content: bytes, offset: int) -> None:

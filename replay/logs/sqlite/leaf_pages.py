@@ -88,7 +88,7 @@ def list_child_pages(
     data = np.empty(max(_STEP_BYTES, layout.page_bytes), np.uint8)
     done = 0
     while done < level.size:
-        ranges, slots = group_pages_into_ranges(level[done:], layout.page_bytes, data.size)
+        ranges, slots = select_page_ranges_within_size(level[done:], layout.page_bytes, data.size)
         if not read_page_ranges_into(file, ranges, layout.page_bytes, data):
             return None
         # a page holds fewer than its bytes
@@ -143,19 +143,24 @@ class PageRanges(NamedTuple):
     begin: NDArray[np.int64]
 
 
-def group_pages_into_ranges(
-    pages: NDArray[np.uint32], page_bytes: int, max_bytes: int
+def select_page_ranges_within_size(
+    pages: NDArray[np.uint32], page_bytes: int, max_total_bytes: int
 ) -> tuple[PageRanges, NDArray[np.int64]]:
-    """Ranges that contain as many of `pages` as there is room for, at least one.
+    """Ranges that contain as many of the first `pages` as fit into `max_total_bytes`.
+
+    Args:
+        pages: (pages,) requested pages.
+        page_bytes: size of a page.
+        max_total_bytes: room for all ranges, at least one page.
 
     Returns:
         The ranges, and (n,) begin of each of the first n pages.
     """
-    numbers = pages[: max(1, max_bytes // page_bytes)].astype(np.int64)
+    numbers = pages[: max_total_bytes // page_bytes].astype(np.int64)
     step = np.diff(numbers)
     apart = (step < 1) | ((step - 1) * page_bytes > _MOST_BETWEEN)
     slot = np.concatenate([[0], np.cumsum(np.where(apart, 1, step))])
-    count = int(np.searchsorted(slot, max_bytes // page_bytes))
+    count = int(np.searchsorted(slot, max_total_bytes // page_bytes))
     numbers, slot = numbers[:count], slot[:count]
     starts = np.concatenate([[0], np.flatnonzero(apart[: count - 1]) + 1])
     ends = np.concatenate([starts[1:], [count]]) - 1

@@ -25,9 +25,9 @@ from replay.logs.sqlite.leaf_pages import (
     PageRanges,
     ScannedRows,
     find_leaf_pages,
-    group_pages_into_ranges,
     read_page_ranges_into,
     scan_requested_rows_of_leaf_pages,
+    select_page_ranges_within_size,
 )
 from replay.logs.sqlite.row_query import LEAST_ID, MOST_ID, TableRows
 from replay.logs.storage import OFFSET, FileBytes
@@ -128,7 +128,7 @@ class PageWalk:
     ) -> _LeafRows:
         """Rows from the given leaves on, and whether the following leaves have the usual layout."""
         size = self._layout.page_bytes
-        ranges, slots = group_pages_into_ranges(leaves, size, _LEAF_BYTES)
+        ranges, slots = select_page_ranges_within_size(leaves, size, _LEAF_BYTES)
         if not read_page_ranges_into(self._file, ranges, size, page_memory.data):
             raise OSError("the file was truncated while it was read")
         tail = int(ranges.begin[-1] + ranges.pages[-1] * size)

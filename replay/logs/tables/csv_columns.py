@@ -46,7 +46,7 @@ class CsvColumns:
     Attributes:
         columns: column names, with units.
         names: column names.
-        rows: number of rows, known after `check`.
+        rows: number of rows, known after `scan_all_rows`.
         notes: notes on what was detected.
     """
 
@@ -117,13 +117,13 @@ class CsvColumns:
         """Some first cells of a column that are not empty."""
         return read_first_filled_cells(self._dialect, column_index, count)
 
-    def note_ragged_rows(
+    def scan_all_rows(
         self,
         kept_columns: Sequence[str],
         single_use_columns: Sequence[str],
         note_fault: Callable[[str], None],
     ) -> None:
-        """Find rows that are too long, too short or torn, reading some columns in the same pass.
+        """Read columns, and note in the same pass the rows that are too long, too short or torn.
 
         Rows with too few cells end in nulls. A last row without a line end is torn and skipped,
         unless it has all its cells (RFC 4180), since its last cell may be half a number.
@@ -185,11 +185,11 @@ class CsvColumns:
         return {name: there[name] for name in dict.fromkeys(names)}
 
     def _read_columns_as_numbers_or_text(
-        self, names: Sequence[str], *others: pl.Expr
+        self, names: Sequence[str], *flag_expressions: pl.Expr
     ) -> dict[str, pl.Series]:
-        """Columns in one pass; a second pass reads those with text."""
+        """Columns and flags in one pass; a second pass reads the columns with text."""
         frame = self._collect_frame(
-            self._scan_lazily_with_types(self._types).select(*names, *others)
+            self._scan_lazily_with_types(self._types).select(*names, *flag_expressions)
         )
         self._refuse_wrong_row_count(frame)
         found = {series.name: series for series in frame.get_columns()}
@@ -201,21 +201,24 @@ class CsvColumns:
             self._refuse_wrong_row_count(again)
             found |= {series.name: series for series in again.get_columns()}
         return {
-            name: self._convert_column_to_plain_numbers(column) for name, column in found.items()
+            name: self._convert_column_to_python_number_notation(column)
+            for name, column in found.items()
         }
 
-    def _list_columns_with_text(self, parsed_numbers: Mapping[str, int]) -> list[str]:
+    def _list_columns_with_text(self, number_count_by_column: Mapping[str, int]) -> list[str]:
         """Columns with more cells than numbers, which must be read as text."""
-        if not parsed_numbers:
+        if not number_count_by_column:
             return []
-        cells = [(pl.col(name).str.strip_chars() != "").sum() for name in parsed_numbers]
+        cells = [(pl.col(name).str.strip_chars() != "").sum() for name in number_count_by_column]
         counted = self._collect_frame(self._scan_lazily_with_types({}).select(cells)).row(0)
         return [
-            n for (n, c), cells in zip(parsed_numbers.items(), counted, strict=True) if cells > c
+            n
+            for (n, c), cells in zip(number_count_by_column.items(), counted, strict=True)
+            if cells > c
         ]
 
-    def _convert_column_to_plain_numbers(self, column: pl.Series) -> pl.Series:
-        """Numbers with decimal points, without separators and units."""
+    def _convert_column_to_python_number_notation(self, column: pl.Series) -> pl.Series:
+        """Text of numbers with decimal points, without separators and units; other text as is."""
         is_text = column.name not in self._numeric and self._dialect.decimal == "."
         if column.dtype != pl.String or is_text:
             return column

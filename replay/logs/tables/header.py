@@ -234,7 +234,7 @@ def find_name_and_unit_rows(
     for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
         if line and line not in by_line:
             raise DialectError(
-                f"[log] {key} = {line}: that line is not a row of cells above the data"
+                f"[log] {key} = {line}: line {line} is not above the data, or has no cells"
             )
     given = by_line.get(hints.header_row or -1)
     stated = by_line.get(hints.units_row or -1)

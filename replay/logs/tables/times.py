@@ -225,7 +225,10 @@ def find_second_fraction_column(
 
 
 def find_seconds_of_fraction(column_name: str, all_names: Collection[str]) -> str | None:
-    """Column of the seconds in the same message, if a column holds their fractions; else None."""
+    """Name of the column of whole seconds beside a column of fractions of a second.
+
+    None if the column holds no fractions, or there is no such column in the same message.
+    """
     place, name = split_place_and_field(column_name)
     if find_unit_of_second_fractions(name) is None:
         return None

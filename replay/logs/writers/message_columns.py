@@ -1,7 +1,7 @@
 """Columns with the values of many messages, to be serialised.
 
 A column is one value for all messages (a number, a text, a list or tuple of values, a mapping by
-field), a NumPy array with a row a message, or, where lengths differ, `RaggedColumn`. A field that
+field), a NumPy array with a row per message, or, where lengths differ, `RaggedColumn`. A field that
 is not named is empty: 0, no text, no elements.
 """
 

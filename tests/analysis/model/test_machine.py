@@ -167,7 +167,7 @@ def test_derivations_are_read_with_any_spacing():
     [
         (
             FORCE | SPEED | IMU | {"speed_x_ms": {"field": "x"}},
-            "channels.speed_x_ms: no such column; did you mean 'speed_x_m_s'?",
+            "channels.speed_x_ms: there is no channel of this name; did you mean 'speed_x_m_s'?",
         ),
         (
             FORCE | SPEED | IMU | {"acc_x_m_s2": {"derive": "d/dt speed_left_m_s"}},

@@ -15,7 +15,7 @@ from analysis.model.settings import Settings
 from analysis.online import on_board as online
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows
-from analysis.stages.gating.segments import number_manoeuvres_for_pooling
+from analysis.stages.gating.segments import assign_pooled_manoeuvre_numbers_to_samples
 from analysis.stages.noise.channel_noise import estimate_channel_noise
 from tests.analysis import plane_drives as plane
 from tests.analysis.noisy_logs import noisy_log
@@ -216,7 +216,7 @@ def test_a_log_without_an_accelerometer_or_any_row(two_starts):
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
     """Braking is seen at once, so the manoeuvre that it ends is over then."""
     settings = Settings(trace={"methods": ("pooled",)})
-    numbers = number_manoeuvres_for_pooling(
+    numbers = assign_pooled_manoeuvre_numbers_to_samples(
         two_starts, gate_windows(two_starts, settings), settings
     )
     state, came = online.start(settings), {}

@@ -1,4 +1,4 @@
-"""Springs that give way under the load: the pitch and the accelerometer see it load by load."""
+"""Springs that deflect under the load: the pitch and the accelerometer see it load by load."""
 
 import numpy as np
 import polars as pl

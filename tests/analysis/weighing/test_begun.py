@@ -5,7 +5,7 @@ import pytest
 
 from analysis.model.axes import X
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.weighing.fit_columns import PreviousEstimates, average_fit_columns
+from analysis.weighing.fit_columns import PreviousEstimates, average_and_weight_fit_columns
 from analysis.weighing.motion_samples import CachedNoise
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.weighed import RICH, weighed
@@ -32,7 +32,7 @@ def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
     assert near.force.size < fit.motion.force.size
     for found in (PreviousEstimates(), FOUND):
         whole, part = (
-            average_fit_columns(motion, noise, fit.terms, fit.mean_samples, found)
+            average_and_weight_fit_columns(motion, noise, fit.terms, fit.mean_samples, found)
             for motion in (fit.motion, near)
         )
         np.testing.assert_array_equal(part.group, whole.group)

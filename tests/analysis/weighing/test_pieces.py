@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.weighing import motion_samples
-from analysis.weighing.fit_columns import PreviousEstimates, average_fit_columns
+from analysis.weighing.fit_columns import PreviousEstimates, average_and_weight_fit_columns
 from tests.analysis.weighing.weighed import RICH, weighed
 
 #: Of what earlier rounds find, everything reaches to other samples or other columns.
@@ -27,11 +27,11 @@ def test_columns_of_pieces_are_those_of_the_whole(found, samples, monkeypatch):
     log = weighed(RICH)
     fit = log.weighing.fit
     noise = _White()
-    of_whole = average_fit_columns(fit.motion, noise, fit.terms, samples, found)
+    of_whole = average_and_weight_fit_columns(fit.motion, noise, fit.terms, samples, found)
     monkeypatch.setattr(motion_samples, "_PIECE", 200)
     motion = replace(fit.motion)  # which has not been cut yet
     assert len(motion.pieces_of_whole_stretches) > 5
-    of_pieces = average_fit_columns(motion, noise, fit.terms, samples, found)
+    of_pieces = average_and_weight_fit_columns(motion, noise, fit.terms, samples, found)
     np.testing.assert_array_equal(of_pieces.group, of_whole.group)
     for mine, whole in (
         (of_pieces.A, of_whole.A),

@@ -46,9 +46,7 @@ def test_the_bound_is_said_to_be_reached_only_where_the_windows_can_tell(
 ) -> None:
     (sentence,) = [
         line
-        for line in item_sentences.write_mass_error_table_sentences(
-            found(windows, further)
-        ).findings
+        for line in item_sentences.make_mass_error_table_sentences(found(windows, further)).findings
         if "reach the Cramér–Rao bound" in line
     ]
     assert sentence.startswith(f"From 5 s on {says}")

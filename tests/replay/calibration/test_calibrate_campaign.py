@@ -135,7 +135,9 @@ def test_a_signature_without_a_name_says_where_the_name_is_stated(
     unnamed = shutil.copytree(folder, tmp_path / "unnamed") / "campaign.toml"
     unnamed.write_text(unnamed.read_text().replace('signer = "T. Signer"\n', ""))
     said = payscope("calibrate", unnamed, "-o", tmp_path / "evidence", "--key", keys[0])
-    assert re.search(r"signed, key [0-9a-f]{12}…; campaign.signer names who signs", said.out)
+    assert re.search(
+        r"signed with key [0-9a-f]{12}…, without a name; state it as campaign.signer", said.out
+    )
 
 
 def test_the_environment_may_hold_the_key(

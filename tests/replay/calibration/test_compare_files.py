@@ -27,7 +27,7 @@ from recordings.calibration.calibration_recording import (
 )
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.evidence_document import parse_untrusted_evidence
-from recordings.calibration.strange_files import (
+from recordings.calibration.untrusted_files import (
     collect_table_heads,
     compare_words_of_pdf_with_html,
     describe_first_difference,

@@ -7,7 +7,10 @@ import pytest
 from analysis.model.settings import Settings
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
-from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling, number_manoeuvres
+from analysis.stages.gating.segments import (
+    assign_manoeuvre_numbers_to_samples,
+    estimate_each_manoeuvre_by_pooling,
+)
 from tests.analysis.settings_by_name import settings_of
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -75,7 +78,7 @@ def test_pooled_agrees_with_the_segments(two_starts):
 def test_pooled_stands_at_the_last_sample_it_used(two_starts):
     frames, gated = traced(two_starts)
     used = mark_samples_for_pooling(two_starts, gated, Settings())
-    numbers = np.where(used, number_manoeuvres(two_starts, Settings()), -1)
+    numbers = np.where(used, assign_manoeuvre_numbers_to_samples(two_starts, Settings()), -1)
     last = [int(np.flatnonzero(numbers == i)[-1]) for i in np.unique(numbers[used])]
     assert frames["pooled"]["t_ns"].to_list() == two_starts["t_ns"][last].to_list()
 

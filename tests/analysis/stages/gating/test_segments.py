@@ -7,7 +7,10 @@ import pytest
 from analysis.model.schema import PHASE, PHASES, build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
-from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling, number_manoeuvres
+from analysis.stages.gating.segments import (
+    assign_manoeuvre_numbers_to_samples,
+    estimate_each_manoeuvre_by_pooling,
+)
 
 TRIP = ("standstill", "start", "brake", "standstill")
 
@@ -19,7 +22,7 @@ def phase_frame(*stretches):
 
 
 def ids(settings, *stretches):
-    return number_manoeuvres(phase_frame(*stretches), settings).tolist()
+    return assign_manoeuvre_numbers_to_samples(phase_frame(*stretches), settings).tolist()
 
 
 def test_a_start_from_standstill_into_cruise_is_one_manoeuvre_and_braking_another():
@@ -69,7 +72,7 @@ def test_each_start_gives_its_pooled_mass_and_braking_says_why_it_has_none(two_s
 
 def test_times_and_counts_of_the_segments_are_those_of_their_rows(two_starts):
     table, gated = made(two_starts)
-    numbers = number_manoeuvres(two_starts, Settings())
+    numbers = assign_manoeuvre_numbers_to_samples(two_starts, Settings())
     used = mark_samples_for_pooling(two_starts, gated, Settings())
     t_ns = two_starts["t_ns"].to_numpy()
     for row in table.iter_rows(named=True):

@@ -87,7 +87,7 @@ def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame
         The frame of each, or its fault: other columns, compressed or coded, too many rows, a number
         that is not finite, or damaged.
     """
-    said = read_tables_in_child_process(tables)
+    said = run_table_reader_on_untrusted_tables(tables)
     if said is None and len(tables) > 1:  # one of them ended the reader: which?
         return [each for table in tables for each in read_untrusted_tables([table])]
     if said is None:
@@ -98,7 +98,9 @@ def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame
     ]
 
 
-def read_tables_in_child_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
+def run_table_reader_on_untrusted_tables(
+    tables: Sequence[UntrustedTable],
+) -> list[dict[str, Any]] | None:
     """Results of the reader process for each table; None if it crashed."""
     asked = json.dumps(
         [
@@ -270,9 +272,9 @@ class PdfComparison(NamedTuple):
 def compare_words_of_pdf_with_html(folder: Path, pdf_sha256: str, page_html: str) -> PdfComparison:
     """Compare the PDF of a bundle with one made from its page.
 
-    With other fonts or another WeasyPrint, pages break elsewhere and parts may be in another order:
-    repeated table heads, bullets and page numbers do not count, and in another order only the
-    numbers are compared.
+    With other fonts or another version of WeasyPrint, pages break elsewhere and parts may be in
+    another order: repeated table heads, bullets and page numbers do not count, and in another order
+    only the numbers are compared.
 
     Args:
         folder: the bundle.
@@ -305,7 +307,9 @@ def compare_words_of_pdf_with_html(folder: Path, pdf_sha256: str, page_html: str
         wanted, heads
     ) == count_numbers_outside_table_heads(found, heads):
         return PdfComparison(
-            "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
+            "",
+            "it is laid out with other fonts or another version of WeasyPrint; its numbers are the "
+            "same",
         )
     return PdfComparison(fault, "")
 
