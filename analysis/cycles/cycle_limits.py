@@ -115,6 +115,8 @@ class CycleLimits:
     idle_period_ratio: float = 2.5
     #: Cycles that a gap hides up to which it is taken for work: a longer one is as likely a break.
     working_gap_max_cycles: float = 5.0
+    #: Gap in s that ends a shift: no break is so long, and what follows is another shift's work.
+    break_max_s: float = 14_400.0
 
     # empty_machine
     #: Quantile of the empty passes that is the clean bucket: the least of many is the noisiest.

@@ -361,7 +361,8 @@ def estimate_cycles_lost_in_gaps(
     hauls are longer; the number of whole periods in a randomly placed span deviates by √(f(1−f)), f
     being the fraction beyond whole ones, and periods differ. Without a completely seen haul nothing
     is estimated. In gaps that may be breaks, or hide more than a few cycles, any number from none
-    to all of them is equally likely (JCGM 100, 4.3.7), in all of these gaps alike.
+    to all of them is equally likely (JCGM 100, 4.3.7), in all of these gaps alike. A gap that ends
+    a shift hides none of its cycles.
 
     Args:
         cycles: the frame `cycles`.
@@ -378,6 +379,8 @@ def estimate_cycles_lost_in_gaps(
     period, spread = float(np.mean(periods)), float(np.std(periods))
     expected = variance = in_breaks = 0.0
     for (start, end), may_be_break in zip(gaps, may_be_breaks, strict=True):
+        if end - start > LIMITS.break_max_s * NS_PER_S:
+            continue
         hidden = float(np.mean(np.maximum((end - start) / NS_PER_S - hauls, 0.0))) / period
         part = hidden % 1.0
         variance += part * (1.0 - part) + hidden * (spread / period) ** 2

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.cycles.cycle_limits import LIMITS as CYCLE_LIMITS
 from analysis.cycles.payload_target import TargetCheck
 from estimators.errors import format_count, join_first_names
 from recordings.report.clock_text import format_duration
@@ -95,8 +96,9 @@ def describe_long_gaps(shift: Mapping[str, Any], state: ReviewState) -> str:
         return ""
     price = "the loads of that time are unknown"
     if shift["lost_cycles"] > 0.0:
+        ends_shift = any(e - s > CYCLE_LIMITS.break_max_s for s, e in state.gaps_s)
         price = (
-            "estimated for all gaps: "
+            f"estimated for {'gaps that end no shift' if ends_shift else 'all gaps'}: "
             f"{_format_cycle_count(shift['lost_cycles'], shift['lost_cycles_u'])} loads, "
             f"{format_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
         )

@@ -201,6 +201,13 @@ def test_many_breaks_are_all_work_or_none_alike() -> None:
     assert ten.cycles - 1.8 * ten.u < 0.0
 
 
+def test_a_night_between_two_logs_hides_no_cycle() -> None:
+    table = found(drawn_shift([700.0] * 20))
+    work, night = (0, int(227 * NS)), (0, int(15 * 3600 * NS))
+    lost = estimate_cycles_lost_in_gaps(table, [work, night], [False, True])
+    assert lost == estimate_cycles_lost_in_gaps(table, [work], [False])
+
+
 def test_where_no_haul_was_seen_whole_a_hole_has_no_price_and_no_number_is_missing() -> None:
     frames = drawn_shift([700.0] * 6)
     unseen = found(frames).with_columns(haul_s=pl.lit(None, pl.Float64))
