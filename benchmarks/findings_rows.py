@@ -64,6 +64,10 @@ OPEN: Final = tuple(
 POOLED: Final = 'settings.trace.methods=["pooled"]'
 
 
+#: Parts of an odd design that are causes: they are found, and rightly.
+_CAUSES: Final = frozenset({"loading", "rolling"})
+
+
 @dataclass(frozen=True)
 class Found:
     """What a log's findings say.
@@ -123,6 +127,11 @@ def design(seed: int, *, odd: bool) -> Sections:
     ]
     chosen = dice.choice(len(kinds), 2, replace=False)
     return join_designs(found, *(kinds[int(number)] for number in chosen))
+
+
+def without_causes(sections: Sections) -> Sections:
+    """The design without what is a cause and is found: a load that changes, rolling resistance."""
+    return {name: each for name, each in sections.items() if name not in _CAUSES}
 
 
 def own_machine(scenario: Scenario, overrides: Sequence[str], axes: Sequence[str]) -> Machine:

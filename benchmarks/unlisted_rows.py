@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Channel, Machine
-from benchmarks.findings_rows import AXES, design, simulated
+from benchmarks.findings_rows import AXES, design, simulated, without_causes
 from benchmarks.independent.payload_plans import PayloadLog, Situation, payload_log
 from benchmarks.independent.sensors import Readings
 from benchmarks.weighed import machine as loader
@@ -27,8 +27,6 @@ TORQUES: Final = tuple(f"torque_{side}_N_m" for side in SIDES)
 SPEEDS: Final = tuple(f"speed_{side}_m_s" for side in SIDES)
 X, Y, Z = (f"specific_force_{axis}_m_s2" for axis in "xyz")
 _STARTS: Final = 5
-#: Of what makes a machine unlike the model: what a finding names.
-_CAUSES: Final = frozenset({"loading", "rolling"})
 _GRAVITY: Final = 9.80665
 
 
@@ -111,8 +109,7 @@ def with_usual_sides(log: DrawnLog, seed: int) -> DrawnLog:
 
 def _simulated(seed: int, *, odd: bool, both_ways: bool) -> DrawnLog:
     sections = design(seed, odd=odd)
-    if odd:  # a load that changes and rolling resistance are causes, and are found
-        sections = {name: each for name, each in sections.items() if name not in _CAUSES}
+    sections = without_causes(sections)
     if both_ways:
         sections = join_designs(sections, {"starts": {"directions": "alternating"}})
     (log,) = simulated(sections, [])[:1]

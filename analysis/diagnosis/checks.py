@@ -1,8 +1,7 @@
 """The table of checks: whether a log can weigh, judged on all moving samples, ungated.
 
-A gate cannot protect against a log that contains no answer: among enough windows some look fine. So
-the checks use all moving samples, each with a number and a limit. Straight motion decides about the
-mass, spins about the inertia.
+A gate cannot protect against a log without an answer: among enough windows some look fine. So the
+checks use all moving samples: straight motion for the mass, spins for the inertia.
 """
 
 from dataclasses import dataclass
@@ -102,8 +101,9 @@ def _relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> floa
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _explained_force_variance_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
-    return motion.ungated_fit.r_squared
+def _explained_force_variance_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
+    explained, least = motion.ungated_fit.r_squared, inputs.machine.settings.verdict.r_squared_min
+    return explained if explained >= least else motion.r_squared_with_coulomb_friction
 
 
 def _share_of_braking_with_force_against_motion(_inputs: CheckInputs, motion: AxisMotion) -> float:

@@ -12,7 +12,7 @@ from analysis.model.schema import column_values
 from analysis.weighing.mass_budget import relative_load_mass_u
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.other_motion import compute_wheel_imu_disagreement_over_speed
-from analysis.weighing.weigh import NOTHING_FITTED, Weighing
+from analysis.weighing.weigh import NOTHING_FITTED, Weighing, find_term_farthest_from_prior
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
@@ -134,15 +134,15 @@ def _describe_missing_answer(inputs: CheckInputs, _motion: AxisMotion) -> str:
     return "" if inputs.weighing is not None else NOTHING_FITTED
 
 
-def _name_term_farthest_from_prior(inputs: CheckInputs, _motion: AxisMotion) -> str:
-    fit = inputs.weighing and inputs.weighing.fit_without_learnt_priors
-    return fit.term_farthest_from_prior[0] if fit else ""
+def _find_term_farthest_from_prior(inputs: CheckInputs) -> tuple[str, float]:
+    if inputs.weighing is None:
+        return "", np.nan
+    fit = inputs.weighing.fit_without_learnt_priors
+    return find_term_farthest_from_prior(fit, inputs.machine.settings.priors)
 
 
 def _describe_remedy_of_term_beyond_prior(inputs: CheckInputs, _motion: AxisMotion) -> str:
-    if inputs.weighing is None:
-        return ""
-    name, widths = inputs.weighing.fit_without_learnt_priors.term_farthest_from_prior
+    name, widths = _find_term_farthest_from_prior(inputs)
     keys = next((each.prior_keys for each in NUISANCES if each.name == name), ())
     if not keys or widths <= inputs.machine.settings.verdict.beyond_prior_max:
         return ""
@@ -235,14 +235,12 @@ FIT_CHECKS: Final = (
     CheckRow(
         "term_beyond_prior",
         "mass",
-        _make_joint_fit_quantity_function(
-            lambda weighing: weighing.fit_without_learnt_priors.term_farthest_from_prior[1]
-        ),
+        lambda inputs, _: _find_term_farthest_from_prior(inputs)[1],
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
         applies=_has_joint_fit,
-        subject_text=_name_term_farthest_from_prior,
+        subject_text=lambda inputs, _: _find_term_farthest_from_prior(inputs)[0],
         remedy="the cause that findings name, or settings.priors: what the machine may have",
         own_remedy=_describe_remedy_of_term_beyond_prior,
     ),

@@ -310,10 +310,7 @@ CAUSES: Final = (
         f"{_STILL}, and {_START}",
         residual_causes.find_resonance_of_residual,
         # noise of the acceleration takes the mass away; what the wheels gain it leaves alone
-        explains=(
-            *("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
-            *("slip", "coulomb"),
-        ),
+        explains=(*("too_little_excitation", "slip", "coulomb"), *_OF_RESIDUALS),
     ),
     Cause(
         "heteroscedastic",

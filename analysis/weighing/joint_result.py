@@ -200,13 +200,12 @@ class JointFit:
         found = np.abs(value) / std
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
-    @property
-    def term_farthest_from_prior(self) -> tuple[str, float]:
-        """The term that is farthest from its prior mean, and how many prior standard deviations.
+    def find_term_farthest_from_prior(self, prior_std: Floats) -> tuple[str, float]:
+        """The term that is farthest from its prior mean, and how many of these deviations (terms,).
 
         The lag is excluded, and so are terms of single places of the ground.
         """
-        apart = np.abs(self._estimates_of_terms - self.prior_means.mean) / self.prior_std
+        apart = np.abs(self._estimates_of_terms - self.prior_means.mean) / prior_std
         counted = [term.name != "lag" and not term.source for term in self.terms]
         farthest = int(np.where(counted, apart, -1.0).argmax())
         return self.terms[farthest].name, float(apart[farthest])

@@ -35,7 +35,7 @@ from analysis.weighing.joint_fit import (
     refit_with_hysteresis_if_significant,
     refit_without_unlikely_effects,
 )
-from analysis.weighing.joint_result import JointFit
+from analysis.weighing.joint_result import JointFit, find_term_index
 from analysis.weighing.load_search import fit_with_searched_load_states
 from analysis.weighing.missing_terms import (
     ForceCurvature,
@@ -50,7 +50,11 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     collect_motion_samples,
 )
-from analysis.weighing.nuisances import CURVATURE, FILLING
+from analysis.weighing.nuisances import (
+    CURVATURE,
+    FILLING,
+    friction_prior_std_of_motion_newtons,
+)
 from analysis.weighing.other_motion import (
     AlternativeMotion,
     compute_wheel_imu_disagreement_over_speed,
@@ -139,6 +143,20 @@ class Weighing:
     def manoeuvre_scatter_over_noise(self) -> float:
         """Scatter of manoeuvres over that which their noise explains; NaN without load states."""
         return np.nan if self.fit.states is None else self.fit.states.birge_ratio
+
+
+def find_term_farthest_from_prior(fit: JointFit, priors: PriorSettings) -> tuple[str, float]:
+    """The term that is farthest from its prior mean, and how many prior standard deviations.
+
+    Where all driving is one way, rolling resistance is part of the constant force, and its prior is
+    in the width: soft ground resists with 5 % of the weight.
+    """
+    widths = fit.prior_std.copy()
+    if not fit.motion.drives_both_ways:
+        constant = find_term_index("const", fit.terms)
+        friction_N = friction_prior_std_of_motion_newtons(fit.motion, priors)
+        widths[constant] = np.hypot(widths[constant], friction_N)
+    return fit.find_term_farthest_from_prior(widths)
 
 
 @dataclass(frozen=True)
@@ -251,7 +269,8 @@ def _weigh_with_priors(
                 fitted, fit.states and fit.states.reassign_to_manoeuvres_of_motion(driving)
             )
             # driving that its own model does not fit is no witness against braking
-            beyond = alone.term_farthest_from_prior[1] > settings.verdict.beyond_prior_max
+            _, widths = find_term_farthest_from_prior(alone, priors)
+            beyond = widths > settings.verdict.beyond_prior_max
             if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
                 braking_kg = compute_mean_mass_a_minus_b_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))

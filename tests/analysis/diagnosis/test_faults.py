@@ -13,7 +13,7 @@ from analysis.diagnosis.measured_channels import RawSignals
 from analysis.model.prior_settings import PriorSettings
 from analysis.stages.estimation.masses import summarise_masses
 from analysis.weighing.nuisances import NUISANCES
-from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
+from tests.analysis.weighing.weighed import RICH, RUNS, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS
 from tests.twins import mark_slow_after
 
@@ -93,7 +93,7 @@ FAULTS = {
         changed=torques(pl.Expr.abs),
     ),
     "force_sign": lambda: weighed({}, changed=torques(pl.Expr.neg)),
-    "term_beyond_prior": lambda: weighed({"sensors": {"force_bias_N": 3000.0}}),
+    "term_beyond_prior": lambda: weighed({"sensors": {"force_bias_N": 4000.0}}),
     "filling": lambda: weighed(FILLS),
     "friction_sign": lambda: weighed({}, changed=backwards),
     "side_difference": lambda: weighed({"defects": {"left_torque_gain": 0.9}}),
@@ -146,6 +146,13 @@ def test_a_term_beyond_its_prior_is_named():
     check = log.check("term_beyond_prior")
     assert check.meaning.endswith("(load_transfer)")
     assert check.remedy.endswith("has so much, settings.priors.load_transfer_s2_m")
+
+
+def test_soft_ground_is_weighed_though_its_resistance_explains_most_of_the_force():
+    soft = {"rolling": {"coefficient": 0.06}, "starts": {"throttle_least": 0.8}}
+    log = weighed(merged(RUNS, soft))
+    assert not log.load["withheld"], log.fired
+    assert abs(log.error_u) <= 3.0
 
 
 def test_keys_of_a_nuisance_are_settings_of_its_prior():
