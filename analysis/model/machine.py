@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping
-from functools import cached_property
 from typing import Any, Self
 
 from pydantic import (
@@ -318,7 +317,7 @@ class Machine(BaseModel):
             and self.channels["speed_x_m_s"].differentiated_channel is None
         )
 
-    @cached_property
+    @property
     def recorded_force_channels(self) -> tuple[str, ...]:
         """Recorded channels that the force is computed from: forces, torques, currents, pressures.
 

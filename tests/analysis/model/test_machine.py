@@ -309,3 +309,37 @@ def test_a_scale_in_a_stated_unit_is_no_radius():
 @pytest.mark.parametrize("scale", [0.27778, 0.44704, -0.3048])
 def test_a_scale_that_is_a_unit_of_speed_is_no_radius(scale):
     load(scaled(scale), {"wheel_radius_m": 0.42 if scale != 0.44704 else 0.6})
+
+
+@pytest.mark.parametrize(
+    ("derive", "sources", "expected"),
+    [
+        (
+            "motor_torque_N_m * gear_ratio / wheel_radius_m",
+            ("motor_torque_N_m", "gear_ratio"),
+            ("motor_torque_N_m",),
+        ),
+        (
+            "(pressure_a_Pa - pressure_b_Pa) * displacement_percent * 0.001 [m**2]",
+            ("pressure_a_Pa", "pressure_b_Pa", "displacement_percent"),
+            ("pressure_a_Pa", "pressure_b_Pa"),
+        ),
+        (
+            "where(abs(speed_x_m_s) > 0.3 [m/s], torque_percent * 800 [N*m] / speed_x_m_s)",
+            ("torque_percent",),
+            ("torque_percent",),
+        ),
+    ],
+)
+def test_a_force_is_made_of_recorded_forces_and_not_of_gears_and_speeds(derive, sources, expected):
+    channels = {name: {"topic": "/can", "field": name} for name in sources}
+    made = load(SPEED | IMU | channels | {"force_x_N": {"derive": derive}}, {"wheel_radius_m": 0.4})
+    assert made.recorded_force_channels == expected
+
+
+def test_a_copy_with_other_channels_has_a_force_of_its_own():
+    machine = load()
+    assert machine.recorded_force_channels == ("force_x_N",)
+    torques = {name: Channel.model_validate(each) for name, each in TORQUES.items()}
+    copied = machine.model_copy(update={"channels": torques})
+    assert copied.recorded_force_channels == tuple(TORQUES)
