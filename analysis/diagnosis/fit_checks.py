@@ -16,6 +16,13 @@ from analysis.weighing.weigh import NOTHING_FITTED, Weighing, find_term_farthest
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
+_SIGN_REMEDY: Final = (
+    "channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong"
+)
+_UNSEEN_BRAKES: Final = (
+    "settings.gate.exclude_braking = true, where brakes act that the force does not see; else "
+)
+
 
 class Disagreement(NamedTuple):
     """Distance of a method from the answer in standard deviations, and whether it disagrees."""
@@ -125,15 +132,6 @@ def relative_mass_u_of_main_load(inputs: CheckInputs, _motion: AxisMotion) -> fl
     return relative_load_mass_u(weighing, inputs.machine, weighing.fit.most_frequent_state)
 
 
-def are_inputs_complete_for_answer(inputs: CheckInputs, _motion: AxisMotion) -> bool:
-    """Whether the inputs are complete enough for an answer; frames alone give none."""
-    return inputs.totals is not None
-
-
-def _describe_missing_answer(inputs: CheckInputs, _motion: AxisMotion) -> str:
-    return "" if inputs.weighing is not None else NOTHING_FITTED
-
-
 def _find_term_farthest_from_prior(inputs: CheckInputs) -> tuple[str, float]:
     if inputs.weighing is None:
         return "", np.nan
@@ -228,8 +226,8 @@ FIT_CHECKS: Final = (
         relative_mass_u_of_main_load,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
-        applies=are_inputs_complete_for_answer,
-        subject_text=_describe_missing_answer,
+        applies=lambda inputs, _: inputs.totals is not None,  # frames alone give no answer
+        subject_text=lambda inputs, _: NOTHING_FITTED if inputs.weighing is None else "",
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
     CheckRow(
@@ -263,7 +261,10 @@ FIT_CHECKS: Final = (
         "largest force counts as 0",
         minimum="friction_t_min",
         applies=_has_joint_fit,
-        remedy="channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong",
+        remedy=_SIGN_REMEDY,
+        own_remedy=lambda inputs, _: (
+            "" if inputs.machine.settings.gate.exclude_braking else _UNSEEN_BRAKES + _SIGN_REMEDY
+        ),
     ),
     CheckRow(
         "channel_noise",

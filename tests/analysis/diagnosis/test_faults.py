@@ -139,6 +139,11 @@ def test_where_the_force_is_ahead_the_remedy_is_the_delay_of_the_acceleration():
     )
 
 
+def test_where_braking_counts_as_driving_the_remedy_is_to_exclude_it():
+    remedy = weighed({}, BRAKING_AS_DRIVING).check("friction_sign").remedy
+    assert remedy.startswith("settings.gate.exclude_braking = true, where brakes act")
+
+
 def test_a_term_beyond_its_prior_is_named():
     transfer = {"machine": {"force_share": 0.5}, "defects": {"force_share_s2_m": 0.08}}
     log = weighed(merged(RICH, transfer))
