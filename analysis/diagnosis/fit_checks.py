@@ -135,8 +135,8 @@ def relative_mass_u_of_main_load(inputs: CheckInputs, _motion: AxisMotion) -> fl
 def _find_term_farthest_from_prior(inputs: CheckInputs) -> tuple[str, float]:
     if inputs.weighing is None:
         return "", np.nan
-    fit = inputs.weighing.fit_without_learnt_priors
-    return find_term_farthest_from_prior(fit, inputs.machine.settings.priors)
+    priors = inputs.machine.settings.priors.model_copy(update={"learnt": {}})
+    return find_term_farthest_from_prior(inputs.weighing.fit_without_learnt_priors, priors)
 
 
 def _describe_remedy_of_term_beyond_prior(inputs: CheckInputs, _motion: AxisMotion) -> str:

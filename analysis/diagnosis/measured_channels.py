@@ -11,6 +11,7 @@ import polars as pl
 
 from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.machine import FORCES, Machine
+from analysis.model.physical_units import split_unit_from_name
 from analysis.model.windows import find_flagged_runs, flag_rows_near_flagged_rows
 from analysis.stages.signals.filters import median_period_ns
 from analysis.stages.signals.speed_threshold import SPEEDS, estimate_zero_speed_threshold_m_s
@@ -79,13 +80,28 @@ class RawSignals:
         Readings that accumulate at an extreme, or return to one value for long, indicate a clipping
         sensor or an engine at its maximum.
         """
-        return {
+        found = {
             name: {
                 **find_fraction_at_repeated_extremes(x),
                 **find_fraction_at_clipping_levels(self._repeated_readings_by_channel[name], x),
             }
             for name, (_, x) in self.channels.items()
             if name in self.force_channels
+        }
+        # the low side of two pressures rests at what feeds it, far below what either works at
+        largest = {
+            name: max(
+                float(np.abs(self.channels[each][1]).max())
+                for each in found
+                if split_unit_from_name(each)[1] == split_unit_from_name(name)[1]
+            )
+            for name in {*found} - {*FORCES}
+        }
+        return {
+            name: {
+                at: share for at, share in levels.items() if 2.0 * abs(at) > largest.get(name, 0.0)
+            }
+            for name, levels in found.items()
         }
 
     @cached_property

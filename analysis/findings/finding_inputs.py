@@ -132,7 +132,7 @@ class FindingInputs:
 
     @property
     def sensors_in_log(self) -> tuple[str, ...]:
-        """These, and the channel that the force is computed from alone, if there is one."""
+        """Channels of the equation in the log, and the one that arithmetic makes the force of."""
         forces = self.machine.recorded_force_channels
         alone = self.select_measured_channels(*forces) if len(forces) == 1 else ()
         return tuple(dict.fromkeys((*self.equation_channels_in_log, *alone)))

@@ -332,14 +332,15 @@ class Machine(BaseModel):
                 found.append(name)
         return tuple(found)
 
-    def _measures_force(self, channel_name: str) -> bool:
+    @staticmethod
+    def _measures_force(channel_name: str) -> bool:
         """Whether a channel of arithmetic is in the unit of a force, or a torque in per cent."""
-        unit = self.channels[channel_name].unit or split_unit_from_name(channel_name)[1]
+        unit = split_unit_from_name(channel_name)[1]
         if unit is None:
             return False
         registry = unit_registry()
         if registry.is_compatible_with(unit, "percent"):
-            return "torque" in channel_name
+            return "torque" in channel_name.lower()
         return any(registry.is_compatible_with(unit, each) for each in _FORCE_UNITS)
 
     def is_piecewise_constant(self, channel_name: str) -> bool:

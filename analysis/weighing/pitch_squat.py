@@ -127,7 +127,8 @@ def estimate_pitch_gravity_per_acceleration_and_std(
     few = found.first.size < LIMITS.pitch_min_stretches
     if few or not _is_squat(share, std):
         # a few starts do not part it from hills, unless the wheels show the same
-        if excess_by_wheels is None or not _agree(excess_by_wheels, (share, std)):
+        shows = share > LIMITS.shared_squat_min_std * std
+        if excess_by_wheels is None or not (shows and _agree(excess_by_wheels, (share, std))):
             return None
         weights = np.array([std, excess_by_wheels[1]]) ** -2.0
         share = float(weights @ [share, excess_by_wheels[0]] / weights.sum())

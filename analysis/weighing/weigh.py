@@ -149,10 +149,10 @@ def find_term_farthest_from_prior(fit: JointFit, priors: PriorSettings) -> tuple
     """The term that is farthest from its prior mean, and how many prior standard deviations.
 
     Where all driving is one way, rolling resistance is part of the constant force, and its prior is
-    in the width: soft ground resists with 5 % of the weight.
+    in the width: soft ground resists with 5 % of the weight. A calibration learnt both together.
     """
     widths = fit.prior_std.copy()
-    if not fit.motion.drives_both_ways:
+    if not fit.motion.drives_both_ways and "const" not in priors.learnt:
         constant = find_term_index("const", fit.terms)
         friction_N = friction_prior_std_of_motion_newtons(fit.motion, priors)
         widths[constant] = np.hypot(widths[constant], friction_N)

@@ -286,6 +286,8 @@ class WeighingLimits:
     pitch_min_stretches: int = 6
     #: Standard deviations from which a squat by the pitch counts.
     pitch_squat_min_std: float = 3.5
+    #: and of the pitch where the wheels show the same squat.
+    shared_squat_min_std: float = 2.0
     #: Standard uncertainty of what a squat does to the accelerometer, over it: springs swing.
     spring_swing_u: float = 0.5
 

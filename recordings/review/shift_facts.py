@@ -270,11 +270,14 @@ def _describe_lost_recording_time(shift: Mapping[str, Any], state: ReviewState) 
     lost = format_cycles_and_mass(
         (shift["lost_cycles"], shift["lost_cycles_u"]), (shift["lost_kg"], shift["lost_u_kg"])
     )
-    end = find_torn_last_log(state.torn)
-    if end is None:
-        return lost
-    unknown = f"unknown after {state.clock.format_time(end.ends_s)}"
-    return unknown if lost == _NOTHING else f"{lost}; {unknown}"
+    unknown = [
+        f"unknown from {state.clock.format_time(s)} to {state.clock.format_time(e)}"
+        for s, e in state.gaps_s
+        if e - s > CYCLE_LIMITS.break_max_s
+    ]
+    if end := find_torn_last_log(state.torn):
+        unknown.append(f"unknown after {state.clock.format_time(end.ends_s)}")
+    return "; ".join([lost] * (lost != _NOTHING or not unknown) + unknown)
 
 
 _NOTHING: Final = "nothing"

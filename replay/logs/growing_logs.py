@@ -65,7 +65,7 @@ class TailParts:
         # before the files are read: what is written afterwards belongs to the next call
         closed, files = self._is_closed(), self._files()
         batches = self._read_new_batches_of_part() if self._tail else []
-        while not batches and not self._must_part_be_read_again():
+        while not self._must_part_be_read_again() and not batches:
             following = [path for path in files if not _has_file_been_read(path, self.paths)]
             if not following:
                 self.is_finished = self._tail is not None and (closed or self._tail.is_finished)

@@ -47,7 +47,7 @@ class Db3Tail:
             with closing(open_database_for_reading(self._path, is_unfinished=True)) as database:
                 rows = self._read_new_rows(database)
         except (BrokenBytesError, LogError) as error:
-            self.read_error = str(error)
+            self.read_error = str(error) or type(error.__cause__).__name__
             return []
         self.read_error = ""
         messages: dict[int, tuple[list[int], list[bytes]]] = {}
@@ -64,8 +64,8 @@ class Db3Tail:
     def note_incomplete_end(self) -> None:
         """See `Tail.note_incomplete_end`; transactions are never partial."""
         if self.read_error:
-            what = f"its rows after {max(self._last_id, 0):,} cannot be read: {self.read_error}"
-            self._losses.add_loss(self._path, what)
+            rows = f"its rows after {self._last_id:,}" if self._last_id > LEAST_ID else "its rows"
+            self._losses.add_loss(self._path, f"{rows} cannot be read: {self.read_error}")
 
     def close(self) -> None:
         """Do nothing; the file is closed between polls so that a recorder may checkpoint it."""

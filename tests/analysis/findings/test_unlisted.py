@@ -126,6 +126,26 @@ def test_a_torque_that_clips_is_found_where_arithmetic_makes_the_force_of_it(see
     assert limits_N[1] == pytest.approx(limits_N[0], rel=0.02)
 
 
+def test_a_pressure_that_rests_while_the_other_works_is_not_clipped() -> None:
+    log = drawn_log(INDEPENDENT)
+    torque = log.topics["torque"]
+    drives_N_m = np.sum([torque[name].to_numpy() for name in TORQUES], axis=0)
+    pressures = {
+        f"pressure_{side}_bar": np.round(24.0 + np.maximum(sign * drives_N_m, 0.0) / 10.0, 1)
+        for side, sign in (("a", 1.0), ("b", -1.0))
+    }
+    topics = {**log.topics, "torque": torque.with_columns(pl.from_dict(pressures))}
+    channels = {name: each for name, each in log.machine.channels.items() if name not in TORQUES}
+    channels |= {name: Channel(topic="torque", field=name, unit="bar") for name in pressures}
+    channels["force_x_N"] = Channel(
+        derive="(pressure_a_bar - pressure_b_bar) * 0.0001 [m**3] / wheel_radius_m"
+    )
+    machine = log.machine.model_copy(update={"channels": channels})
+    replayed = run([memory_log(replace(log, topics=topics))], machine)
+    assert "saturated" not in replayed.frames["findings"]["cause"].to_list()
+    assert replayed.frames["loads"]["withheld"].to_list() == [False]
+
+
 @pytest.mark.parametrize("seed", mark_slow_after(1, [5_900_103, 5_900_211]))
 def test_a_few_milliseconds_of_a_sound_machine_are_no_delay(seed: int) -> None:
     assert try_fault(None, 0.0, seed).causes == []

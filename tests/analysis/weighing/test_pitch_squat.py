@@ -99,5 +99,10 @@ def test_few_starts_tell_it_where_the_wheels_show_the_same() -> None:
 
 
 def test_wheels_alone_tell_none_where_the_pitch_does_not_follow_the_force() -> None:
-    flat, motion = starts(0.0, 0.0, 1, count=5)
-    assert not estimate_pitch_gravity_per_acceleration_and_std(flat, motion, (0.04, 0.005))
+    found = [
+        estimate_pitch_gravity_per_acceleration_and_std(
+            *starts(0.0, 0.0, seed, count=4), (0.03, 0.004)
+        )
+        for seed in range(12)
+    ]
+    assert sum(each is not None for each in found) <= 1

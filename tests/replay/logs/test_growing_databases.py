@@ -2,6 +2,7 @@
 
 import os
 import sqlite3
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -96,6 +97,30 @@ def test_a_locked_file_is_read_before_the_next_one(
         assert not tail.losses
 
 
+def test_each_lock_is_waited_for_however_long_ago_the_last_one_was(
+    record: Callable[[int], Recorder], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(growing_logs, "LIMITS", LogLimits(unreadable_part_s=0.3))
+    first = record(0)
+    first.add_topic()
+    with closing(follow(tmp_path)) as tail:
+        first.database.execute("BEGIN EXCLUSIVE")
+        assert poll_times(tail) == []
+        first.database.execute("COMMIT")
+        first.add_message(1)
+        assert poll_times(tail) == [1]
+        time.sleep(0.4)
+        first.add_message(2)
+        second = record(1)
+        second.add_topic()
+        second.add_message(3)
+        first.database.execute("BEGIN EXCLUSIVE")
+        assert poll_times(tail) == []
+        first.database.execute("COMMIT")
+        assert [poll_times(tail), poll_times(tail)] == [[2], [3]]
+        assert not tail.losses
+
+
 def test_a_file_that_stays_unreadable_is_left_with_a_loss(
     record: Callable[[int], Recorder], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,7 +132,7 @@ def test_a_file_that_stays_unreadable_is_left_with_a_loss(
     with closing(follow(tmp_path)) as tail:
         assert poll_times(tail) == [3]
         (loss,) = tail.losses
-        assert loss.what == "its rows after 0 cannot be read: file is not a database"
+        assert loss.what == "its rows cannot be read: file is not a database"
 
 
 def test_a_topic_that_comes_during_a_poll_loses_no_message(
