@@ -149,13 +149,6 @@ class AxisMotion:
         return fit_quality.fit_ungated(self.A, self.f, self.moving)
 
     @property
-    def r_squared_with_coulomb_friction(self) -> float:
-        """R² of that fit with a resistance that no speed changes as well, as of soft ground."""
-        A = np.column_stack([self.A, np.sign(self.speed_or_yaw_rate)])
-        fitted = fit_quality.fit_ungated(A, self.f, self.moving)
-        return float(np.fmax(self.ungated_fit.r_squared, fitted.r_squared))
-
-    @property
     def speed_or_yaw_rate(self) -> Floats:
         """Speed (n,) in m/s, or yaw rate in rad/s for a spin."""
         return self.A[:, 1]

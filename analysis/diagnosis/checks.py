@@ -101,9 +101,8 @@ def _relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> floa
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _explained_force_variance_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
-    explained, least = motion.ungated_fit.r_squared, inputs.machine.settings.verdict.r_squared_min
-    return explained if explained >= least else motion.r_squared_with_coulomb_friction
+def _explained_force_variance_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
+    return motion.ungated_fit.r_squared
 
 
 def _share_of_braking_with_force_against_motion(_inputs: CheckInputs, motion: AxisMotion) -> float:
