@@ -89,11 +89,12 @@ class RawSignals:
             if name in self.force_channels
         }
         # the low side of two pressures rests at what feeds it, far below what either works at
+        unit = {name: split_unit_from_name(name)[1] for name in found}
         largest = {
             name: max(
                 float(np.abs(self.channels[each][1]).max())
                 for each in found
-                if split_unit_from_name(each)[1] == split_unit_from_name(name)[1]
+                if unit[each] == unit[name]
             )
             for name in {*found} - {*FORCES}
         }

@@ -26,7 +26,7 @@ from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, Moti
 from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 
-#: Channels of the force and of the speed, as a machine file may have them.
+#: Channels of the speed, as a machine file may have them.
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 ACC: Final = "specific_force_x_m_s2"
 #: Channels of an accelerometer along x.
@@ -100,10 +100,15 @@ class FindingInputs:
         return self.check_inputs.mark_samples_in_phases("standstill")
 
     @cached_property
+    def force_size_newtons(self) -> Floats:
+        """Size of the longitudinal force on the grid, (n,)."""
+        return np.abs(compute_longitudinal_force(self.aligned, self.machine.machine))
+
+    @cached_property
     def is_idle_sample(self) -> Bools:
         """Grid samples, (n,), whose force is no more than the drag of a drive at a stand."""
-        force = np.abs(compute_longitudinal_force(self.aligned, self.machine.machine))
-        return force < LIMITS.idle_force_fraction * float(np.nanquantile(force, 0.98))
+        limit_N = LIMITS.idle_force_fraction * float(np.nanquantile(self.force_size_newtons, 0.98))
+        return self.force_size_newtons < limit_N
 
     @cached_property
     def is_resting_sample(self) -> Bools:
@@ -133,7 +138,8 @@ class FindingInputs:
     @property
     def sensors_in_log(self) -> tuple[str, ...]:
         """Channels of the equation in the log, and the one that arithmetic makes the force of."""
-        forces = self.machine.recorded_force_channels
+        signals = self.check_inputs.signals
+        forces = () if signals is None else signals.force_channels
         alone = self.select_measured_channels(*forces) if len(forces) == 1 else ()
         return tuple(dict.fromkeys((*self.equation_channels_in_log, *alone)))
 
@@ -141,7 +147,7 @@ class FindingInputs:
         """Median size of the grid's force in some spans; NaN without samples in them."""
         t_ns = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
         inside = mark_grid_rows_in_spans({"": spans_unix_ns}, t_ns, self.machine)
-        force = np.abs(compute_longitudinal_force(self.aligned, self.machine.machine)[inside])
+        force = self.force_size_newtons[inside]
         return float(np.nanmedian(force)) if np.isfinite(force).any() else float("nan")
 
     @property

@@ -1,8 +1,7 @@
 """Terms of a position-dependent force, on a short path that is driven back and forth.
 
 A spring, a cable, a cam, or the weight of an arm: such a force goes with the acceleration, which is
-largest at the ends of the path. The part that is due to the weight
-grows with the load.
+largest at the ends of the path. The part that is due to the weight grows with the load.
 """
 
 from dataclasses import replace

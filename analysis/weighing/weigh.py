@@ -50,11 +50,7 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     collect_motion_samples,
 )
-from analysis.weighing.nuisances import (
-    CURVATURE,
-    FILLING,
-    friction_prior_std_of_motion_newtons,
-)
+from analysis.weighing.nuisances import CURVATURE, FILLING, friction_prior_std_of_motion_newtons
 from analysis.weighing.other_motion import (
     AlternativeMotion,
     compute_wheel_imu_disagreement_over_speed,

@@ -41,9 +41,9 @@ class SimulatedLog:
             about the origin, where its first start begins (without one, its first manoeuvre).
         manoeuvres: a row per manoeuvre: `run`, `manoeuvre` (its number in the trial), `kind`, and
             the unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has
-            not);
-            `load_kg mass_kg friction_N_s_m coulomb_N rolling_N` where it begins, `load_end_kg`
-            where it ends, and of a start its `direction` and its share of full `throttle`.
+            not); `load_kg mass_kg friction_N_s_m coulomb_N rolling_N` where it begins,
+            `load_end_kg` where it ends, and of a start its `direction` and its share of full
+            `throttle`.
         timeline: motion without noise, at any time.
         phase_s: time of each topic's first sample, since the log's begin.
         torn_share: fraction of the file that is torn off at its end.
