@@ -14,7 +14,14 @@ from analysis.model.machine import Machine
 from analysis.online.answer_progress import AnswerProgress, choose_target_uncertainty_kg
 from analysis.online.gate_state import GateRow, convert_cell_to_float
 from analysis.online.growing_log import GrowingLog, copy_machine_with_causal_filters
-from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
+from analysis.online.on_board import (
+    OnlineState,
+    OnlineStep,
+    TimedEstimate,
+    finish,
+    start,
+    step_rows,
+)
 from analysis.online.online_limits import LIMITS
 from analysis.online.online_report import (
     Event,
@@ -157,16 +164,17 @@ class Follower:
     def iter_rows(self, *, is_whole: bool = False) -> Iterator[FollowedRow]:
         """Yield the same rows, each once it is stepped; those that nobody takes are lost."""
         table = self.log.compute_new_excitation_rows(is_log_complete=is_whole)
-        if table is not None:
-            yield from map(self._step_row, table.iter_rows(named=True))
+        for part in () if table is None else table.iter_slices(LIMITS.rows_stepped_at_once):
+            rows = part.rows(named=True)
+            state, _ = self._start_online_state_and_timeline()
+            yield from map(self._note_step, rows, step_rows(state, rows))
         if is_whole and self._state is not None:
             yield from self._finish_rows(self._state)
 
-    def _step_row(self, row: Mapping[str, Any]) -> FollowedRow:
-        state, times = self._start_online_state_and_timeline()
+    def _note_step(self, row: Mapping[str, Any], stepped: OnlineStep) -> FollowedRow:
+        _, times = self._start_online_state_and_timeline()
         t_ns = int(row["t_ns"])
         times.append_row_time(t_ns)
-        stepped = step(state, row)
         self._state, self.last_gate = stepped.state, stepped.gate
         self._now = t_ns, row["phase"]
         self._note_change_of_driving_direction(t_ns, row)

@@ -4,9 +4,9 @@ Its decisions are those of `analysis.stages.gating.gate`, by the same rules, in 
 window holds a flagged row when the last one flagged is less than a window ago.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,6 @@ from estimators.numerics import nearest_neighbours
 
 #: Row, far in the past, of what has not happened yet.
 _NEVER: Final = -(10**18)
-#: Statistics of a window that misses samples.
-_INCOMPLETE: Final = WindowStatistics(*np.full((len(WindowStatistics._fields), 1), np.nan))
 _CODES: Final = {None: UNKNOWN, **{name: code for code, name in enumerate(PHASES)}}
 
 
@@ -71,8 +69,7 @@ class GateRow:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class GateState:
+class GateState(NamedTuple):
     """State of the gate.
 
     Attributes:
@@ -131,57 +128,72 @@ def make_initial_gate_state(axis: Axis, settings: Settings) -> GateState:
     )
 
 
-def judge_window(
-    state: GateState,
-    window: WindowState,
-    row: Mapping[str, Any],
+def judge_windows(
+    states: Sequence[GateState],
+    windows: Sequence[WindowState],
     settings: Settings,
     noise: Floats | None,
-) -> tuple[GateRow, GateState]:
-    """Judge the window that ends at this row.
+) -> list[GateRow]:
+    """Judge the windows that end at successive rows: several cost little more than one.
 
     Args:
-        state: state after the previous row.
-        window: window including this row.
-        row: a row of `excitation`.
+        states: state including each row, as from `append_row_without_decision`.
+        windows: window including each row.
         settings: settings with window, thresholds and rejections.
         noise: (p + 1, p + 1) noise covariance of a row of [A f]; None if unknown.
     """
-    now = append_row_without_decision(state, window, row, settings)
     samples = settings.gate.window_samples
-    holds = {why: np.array([now.row - last < samples]) for why, last in now.last.items()}
-    complete = now.row >= samples - 1 and not holds["gap"][0]
+    holds = {
+        why: np.array([state.row - state.last[why] < samples for state in states])
+        for why in states[0].last
+    }
+    row = np.array([state.row for state in states])
+    first = np.array([np.inf if s.first_whole is None else s.first_whole for s in states])
+    is_complete = (row >= samples - 1) & ~holds["gap"]
+    statistics = WindowStatistics(*np.full((len(WindowStatistics._fields), row.size), np.nan))
+    if is_complete.any():
+        whole = [window for window, known in zip(windows, is_complete, strict=True) if known]
+        for values, known in zip(
+            statistics, compute_window_statistics_for_gate(whole, noise), strict=True
+        ):
+            values[is_complete] = known
 
-    def estimate_window_information(_: Ints) -> Floats:
-        return nearest_neighbours.estimate_window_mutual_information(
-            window.z[0].copy(),
-            window.z[-1].copy(),
-            samples,
-            np.array([samples - 1]),
-            settings.gate.ksg_neighbours,
+    def estimate_window_information(numbers: Ints) -> Floats:
+        return np.concatenate(
+            [
+                nearest_neighbours.estimate_window_mutual_information(
+                    windows[k].z[0].copy(),
+                    windows[k].z[-1].copy(),
+                    samples,
+                    np.array([samples - 1]),
+                    settings.gate.ksg_neighbours,
+                )
+                for k in numbers
+            ]
         )
 
     decided = decide_window_acceptance(
-        now.axis,
-        compute_window_statistics_for_gate(window, noise) if complete else _INCOMPLETE,
-        np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
+        states[0].axis,
+        statistics,
+        row < first + samples - 1,
         holds,
         estimate_window_information,
         settings.gate,
     )
-    reason = decided.reasons[int(decided.chosen[0])]
-    return (
-        GateRow(
-            float(decided.corr[0]),
-            float(decided.mi_nat[0]),
-            float(decided.predicted_std[0]),
-            float(decided.noise_share[0]),
-            reason == "accepted",
-            reason,
-            float("nan") if decided.ksg_nat is None else float(decided.ksg_nat[0]),
-        ),
-        now,
-    )
+    reasons = [decided.reasons[chosen] for chosen in decided.chosen.tolist()]
+    missing = np.full(row.size, np.nan)
+    return [
+        GateRow(corr, mi_nat, predicted_std, noise_share, reason == "accepted", reason, ksg_nat)
+        for corr, mi_nat, predicted_std, noise_share, reason, ksg_nat in zip(
+            decided.corr.tolist(),
+            decided.mi_nat.tolist(),
+            decided.predicted_std.tolist(),
+            decided.noise_share.tolist(),
+            reasons,
+            (missing if decided.ksg_nat is None else decided.ksg_nat).tolist(),
+            strict=True,
+        )
+    ]
 
 
 def append_row_without_decision(
@@ -211,8 +223,7 @@ def append_row_without_decision(
         # manoeuvres are numbered alike on both axes
         alone = name in TURNS or (settings.gate.exclude_braking and bool(brakes[0]))
         kind = name if alone else ""
-    return replace(
-        state,
+    return state._replace(
         row=k,
         first_whole=k if state.first_whole is None and not missing else state.first_whole,
         last={why: k if happens[why] else last for why, last in state.last.items()},

@@ -8,9 +8,10 @@ samples any more, that of a recursion when none can claim the window that it is 
 motion and spins are gated and estimated alike, each by itself.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import polars as pl
@@ -21,8 +22,9 @@ from analysis.model.settings import Settings
 from analysis.online.gate_state import (
     GateRow,
     GateState,
+    append_row_without_decision,
     convert_cell_to_float,
-    judge_window,
+    judge_windows,
     make_initial_gate_state,
 )
 from analysis.stages.noise.column_noise import collect_axis_noise
@@ -55,13 +57,45 @@ class SettlingWindow(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class AxisState:
-    """State of an axis between two rows.
+class AxisPlan:
+    """What all rows of an axis have in common.
 
     Attributes:
         settings: settings with window, gate and methods.
         axis: straight motion or spins.
         noise: noise of the columns.
+        columns: columns of the regressor, and the force.
+        methods: methods of the settings by their kind of feed, each with its options.
+    """
+
+    settings: Settings
+    axis: Axis
+    noise: AxisNoise
+    columns: tuple[str, ...]
+    methods: Mapping[FeedKind, Sequence[tuple[Method, Any]]]
+
+    @classmethod
+    def from_settings(cls, axis: Axis, settings: Settings, noise: pl.DataFrame | None) -> Self:
+        """Look up columns, noise and options of an axis."""
+        of_axis = collect_axis_noise(axis, settings, noise)
+        chosen = [METHODS[name] for name in settings.trace.methods]
+        methods = {
+            feed: [
+                (method, method.options(settings.trace, of_axis))
+                for method in chosen
+                if method.feed is feed
+            ]
+            for feed in FeedKind
+        }
+        columns = tuple(list_regressor_columns(axis, settings))
+        return cls(settings, axis, of_axis, columns, methods)
+
+
+class AxisState(NamedTuple):
+    """State of an axis between two rows.
+
+    Attributes:
+        plan: what all rows have in common.
         window: the last `window_samples` rows and their sums.
         gate: state of the gate.
         pasts: states of the recursive methods, by name.
@@ -74,15 +108,13 @@ class AxisState:
         pool: samples pooled so far into the manoeuvre `pooled_id`, the last of row `pooled_row`.
     """
 
-    settings: Settings
-    axis: Axis
-    noise: AxisNoise
+    plan: AxisPlan
     window: incremental.WindowState
     gate: GateState
     pool: incremental.Pool
     segments: tuple[int, ...]
     standstill: tuple[bool, ...]
-    pasts: Mapping[str, Any] = field(default_factory=dict)
+    pasts: Mapping[str, Any] = MappingProxyType({})
     settling: tuple[SettlingWindow, ...] = ()
     fed_row: int = -1
     accepted_row: int = -1
@@ -164,18 +196,33 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
         row: regressors, force, phase and what the settings require; None is missing. With yaw
             torque, rate and acceleration spins are estimated as well.
     """
-    axes = state.axes or _make_initial_axis_states(state, row)
-    stepped = [_step_axis(each, row) for each in axes]
-    after = OnlineState(state.settings, state.noise, tuple(each for each, _ in stepped))
-    _, straight = stepped[0]
-    return OnlineStep(after, straight, stepped[1][1] if len(stepped) > 1 else None)
+    return step_rows(state, [row])[0]
+
+
+def step_rows(state: OnlineState, rows: Sequence[Mapping[str, Any]]) -> list[OnlineStep]:
+    """Process successive rows, each as by `step`; judging their windows at once costs less.
+
+    Args:
+        state: state after the previous row; it is not changed.
+        rows: one or more rows.
+    """
+    axes = state.axes or _make_initial_axis_states(state, rows[0])
+    stepped = zip(*(_step_axis(each, rows) for each in axes), strict=True)
+    return [
+        OnlineStep(
+            OnlineState(state.settings, state.noise, tuple(after for after, _ in by_axis)),
+            by_axis[0][1],
+            by_axis[1][1] if len(by_axis) > 1 else None,
+        )
+        for by_axis in stepped
+    ]
 
 
 def finish(state: OnlineState) -> Iterator[tuple[Axis, Mapping[str, TimedEstimate]]]:
     """Outstanding estimates at the end of a log, whose last samples no braking can exclude."""
     for axis_state in state.axes:
         for found in _finish_axis(axis_state):
-            yield axis_state.axis, found
+            yield axis_state.plan.axis, found
 
 
 def _make_initial_axis_states(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, ...]:
@@ -183,12 +230,11 @@ def _make_initial_axis_states(state: OnlineState, row: Mapping[str, Any]) -> tup
     window = settings.gate.window_samples
     found: list[AxisState] = []
     for axis in list_axes_allowed_by_columns(row):
-        parameters = len(list_regressor_columns(axis, settings)) - 1
+        plan = AxisPlan.from_settings(axis, settings, state.noise)
+        parameters = len(plan.columns) - 1
         found.append(
             AxisState(
-                settings,
-                axis,
-                collect_axis_noise(axis, settings, state.noise),
+                plan,
                 incremental.make_empty_window(parameters, window),
                 make_initial_gate_state(axis, settings),
                 incremental.make_empty_pool(parameters),
@@ -199,29 +245,48 @@ def _make_initial_axis_states(state: OnlineState, row: Mapping[str, Any]) -> tup
     return tuple(found)
 
 
-def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, AxisStep]:
-    settings = state.settings
-    names = list_regressor_columns(state.axis, settings)
-    sample = np.array([convert_cell_to_float(row.get(name)) for name in names])
-    window = incremental.advance_window(state.window, sample)
-    gate_row, gate = judge_window(state.gate, window, row, settings, state.noise.mean)
-    state = replace(
-        state,
-        window=window,
-        gate=gate,
-        segments=(*state.segments[1:], gate.segment_id if gate.known else -1),
-        standstill=(*state.standstill[1:], row["phase"] == "standstill"),
-    )
+def _step_axis(
+    state: AxisState, rows: Sequence[Mapping[str, Any]]
+) -> list[tuple[AxisState, AxisStep]]:
+    """Step an axis by some rows: the state after each, and its result."""
+    plan, window, gate = state.plan, state.window, state.gate
+    windows: list[incremental.WindowState] = []
+    gates: list[GateState] = []
+    for row in rows:
+        sample = np.array([convert_cell_to_float(row.get(name)) for name in plan.columns])
+        window = incremental.advance_window(window, sample)
+        gate = append_row_without_decision(gate, window, row, plan.settings)
+        windows.append(window)
+        gates.append(gate)
+    stepped: list[tuple[AxisState, AxisStep]] = []
+    judged = judge_windows(gates, windows, plan.settings, plan.noise.mean)
+    for row, window, gate, gate_row in zip(rows, windows, gates, judged, strict=True):
+        state = state._replace(
+            window=window,
+            gate=gate,
+            segments=(*state.segments[1:], gate.segment_id if gate.known else -1),
+            standstill=(*state.standstill[1:], row["phase"] == "standstill"),
+        )
+        state, estimates = _estimate_at_judged_row(state, gate_row)
+        stepped.append((state, AxisStep(gate_row, estimates)))
+    return stepped
+
+
+def _estimate_at_judged_row(
+    state: AxisState, gate_row: GateRow
+) -> tuple[AxisState, dict[str, TimedEstimate]]:
+    """Estimates of all methods that the row of the state completes."""
+    gate = state.gate
     estimates: dict[str, TimedEstimate] = {}
     if gate_row.accepted:
         state, estimates = estimate_windowed_methods(state, gate.row)
     while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
         state, fed = feed_recursive_methods(state)
         estimates |= fed
-    if any(iter_methods_and_options_by_feed(state, FeedKind.SEGMENTS)):
+    if state.plan.methods[FeedKind.SEGMENTS]:
         state, finished = pool_samples_after_braking_delay(state, gate.row)
         estimates |= finished
-    return state, AxisStep(gate_row, estimates)
+    return state, estimates
 
 
 def _finish_axis(state: AxisState) -> Iterator[Mapping[str, TimedEstimate]]:
@@ -240,44 +305,34 @@ def estimate_windowed_methods(
     state: AxisState, row: int
 ) -> tuple[AxisState, dict[str, TimedEstimate]]:
     """Estimates of every windowed method for the accepted window that ends at `row`."""
-    settings, window = state.settings, state.window
+    settings, window = state.plan.settings, state.window
     estimates = {
         method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
-        for method, options in iter_methods_and_options_by_feed(state, FeedKind.WINDOWS)
+        for method, options in state.plan.methods[FeedKind.WINDOWS]
     }
-    if any(iter_methods_and_options_by_feed(state, FeedKind.SETTLED)):
-        state = replace(state, settling=(*state.settling, SettlingWindow(row, window)))
-    if any(iter_methods_and_options_by_feed(state, FeedKind.SEGMENTS)):
+    if state.plan.methods[FeedKind.SETTLED]:
+        state = state._replace(settling=(*state.settling, SettlingWindow(row, window)))
+    if state.plan.methods[FeedKind.SEGMENTS]:
         newest = min(row - state.accepted_row, settings.gate.window_samples)
         state = queue_moving_samples_for_pooling(state, row, newest)
-    return replace(state, accepted_row=row), estimates
-
-
-def iter_methods_and_options_by_feed(
-    state: AxisState, feed: FeedKind
-) -> Iterator[tuple[Method, Any]]:
-    """Methods of the settings with this kind of feed, and their options."""
-    for name in state.settings.trace.methods:
-        method = METHODS[name]
-        if method.feed is feed:
-            yield method, method.options(state.settings.trace, state.noise)
+    return state._replace(accepted_row=row), estimates
 
 
 def feed_recursive_methods(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate]]:
     """Feed the recursive methods the oldest settling window, unless braking has followed."""
-    settings, (row, window) = state.settings, state.settling[0]
-    state = replace(state, settling=state.settling[1:])
+    settings, (row, window) = state.plan.settings, state.settling[0]
+    state = state._replace(settling=state.settling[1:])
     if state.gate.last_braking_row >= row:
         return state, {}
     newest = min(row - state.fed_row, settings.gate.window_samples)
     mean = settings.smooth.samples
     pasts = dict(state.pasts)
     estimates: dict[str, TimedEstimate] = {}
-    for method, options in iter_methods_and_options_by_feed(state, FeedKind.SETTLED):
+    for method, options in state.plan.methods[FeedKind.SETTLED]:
         past = pasts.get(method.name)
         pasts[method.name], estimate = method.step(window, past, newest, mean, options)
         estimates[method.name] = TimedEstimate(row, estimate)
-    return replace(state, pasts=pasts, fed_row=row), estimates
+    return state._replace(pasts=pasts, fed_row=row), estimates
 
 
 def queue_moving_samples_for_pooling(state: AxisState, row: int, new_samples: int) -> AxisState:
@@ -287,7 +342,7 @@ def queue_moving_samples_for_pooling(state: AxisState, row: int, new_samples: in
         for back in range(new_samples, 0, -1)
         if not state.standstill[-back]
     ]
-    return replace(state, pending=(*state.pending, *pending))
+    return state._replace(pending=(*state.pending, *pending))
 
 
 def pool_samples_after_braking_delay(
@@ -299,7 +354,7 @@ def pool_samples_after_braking_delay(
         if _does_sample_begin_next_manoeuvre(state, waiting[0]):
             break
         state = pool_sample_unless_braking(state, waiting.pop(0))
-    state = replace(state, pending=tuple(waiting))
+    state = state._replace(pending=tuple(waiting))
     is_awaited = any(each.segment_id == state.pooled_id for each in waiting)
     if is_manoeuvre_over(state, row) and not is_awaited:
         return _start_empty_pool(state), _make_pooled_estimates(state)
@@ -333,8 +388,7 @@ def pool_sample_unless_braking(state: AxisState, pending_sample: PendingSample) 
     """Pool a sample, unless braking has excluded it."""
     if state.gate.last_braking_row >= pending_sample.row:
         return state
-    return replace(
-        state,
+    return state._replace(
         pool=state.pool.add(pending_sample.sample),
         pooled_id=pending_sample.segment_id,
         pooled_row=pending_sample.row,
@@ -342,14 +396,14 @@ def pool_sample_unless_braking(state: AxisState, pending_sample: PendingSample) 
 
 
 def _start_empty_pool(state: AxisState) -> AxisState:
-    return replace(state, pool=incremental.make_empty_pool(len(state.window.z) - 1), pooled_id=-1)
+    return state._replace(pool=incremental.make_empty_pool(len(state.window.z) - 1), pooled_id=-1)
 
 
 def _make_pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:
     if state.pool.samples == 0:
         return {}
-    mean = state.settings.smooth.samples
+    mean = state.plan.settings.smooth.samples
     return {
         method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
-        for method, options in iter_methods_and_options_by_feed(state, FeedKind.SEGMENTS)
+        for method, options in state.plan.methods[FeedKind.SEGMENTS]
     }

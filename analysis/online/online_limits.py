@@ -25,6 +25,8 @@ class OnlineLimits:
     # follower
     #: Changes of direction that are kept: a manoeuvre's mass comes before as many more.
     max_directions: int = 16
+    #: Rows of which the windows are judged at once: more cost less each, and are known together.
+    rows_stepped_at_once: int = 32
 
     # growing_log
     #: Time in s that every topic spans before rates and stamps are judged: two hundred samples at

@@ -7,6 +7,7 @@ known yet: residuals are taken for white noise after a moving mean of `mean` sam
 regressor for steady over that span, which makes the textbook's variance `mean` times larger.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -133,17 +134,21 @@ def advance_window(state: WindowState, sample: Floats) -> WindowState:
 
 
 def compute_window_statistics_for_gate(
-    state: WindowState, noise: Floats | None = None
+    states: Sequence[WindowState], noise: Floats | None = None
 ) -> WindowStatistics:
-    """Statistics of the current window for the gate, (1,) each.
+    """Statistics of the window of each of m states for the gate, (m,) each.
 
     `noise` is as for `ls.window_statistics`.
     """
-    window = state.z.shape[1]
-    rho, spread = np.empty(1), np.empty(1)
-    fill_correlation_and_relative_variance(state.moments, state.centre, window, rho, spread)
+    window = states[0].z.shape[1]
+    rho, spread = np.empty(len(states)), np.empty(len(states))
+    for k, state in enumerate(states):
+        fill_correlation_and_relative_variance(
+            state.moments, state.centre, window, rho[k : k + 1], spread[k : k + 1]
+        )
+    products = np.hstack([state.products for state in states])
     return WindowStatistics(
-        rho, spread, *compute_fit_statistics_of_windows(state.products, window, noise)
+        rho, spread, *compute_fit_statistics_of_windows(products, window, noise)
     )
 
 

@@ -25,13 +25,15 @@ EVERY = tuple(METHODS)
 MANOEUVRES = ("standstill", "start", "cruise", "brake")
 
 
-def on_board(excitation, settings, noise=None):
+def on_board(excitation, settings, noise=None, rows_at_once=7):
     """By axis every step of the gate, and the estimates by method as (row, θ)."""
     state = online.start(settings, noise)
     stepped = {axis.letter: ([], {name: [] for name in settings.trace.methods}) for axis in (X, Z)}
-    for row in excitation.iter_rows(named=True):
-        step = online.step(state, row)
-        state = step.state
+    steps = []
+    for part in excitation.iter_slices(rows_at_once):
+        steps += online.step_rows(state, part.rows(named=True))
+        state = steps[-1].state
+    for step in steps:
         for axis, seen in ((X, step.straight), (Z, step.spin)):
             if seen is None:
                 continue
