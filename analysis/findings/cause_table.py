@@ -268,7 +268,7 @@ CAUSES: Final = (
         "the gain of the force, or the scale of the speed, changes with the speed or the force",
         "starts at different throttles",
         residual_causes.find_missing_model_term,
-        explains=("coulomb", "load_changed_inside", "coloured_residuals", "heteroscedastic"),
+        explains=("coulomb", "load_changed_inside", "heteroscedastic"),
         # a gain that steps looks like a load that changes there, and is the plainer of the two
         explains_up_to=3.0,
     ),
@@ -327,7 +327,8 @@ CAUSES: Final = (
         "the noise is slow, so that successive samples are not independent",
         _STILL,
         residual_causes.find_slow_noise_at_standstill,
-        explains=("heteroscedastic", "driveline", *_OF_EQUATION),
+        # noise of a standstill is no term of the motion, but adds up to one over its few starts
+        explains=("heteroscedastic", "driveline", "gain_by_speed", *_OF_EQUATION),
     ),
     Cause(
         "too_little_excitation",

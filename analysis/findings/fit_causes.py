@@ -34,16 +34,17 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     The radius scales the force as well.
     """
     fitted = rank_causes_by_likelihood(inputs).get("wheel_radius")
-    if fitted is None:
+    if fitted is None or fitted.value <= -1.0:  # no radius makes wheels follow that do not
         return []
     gain, std = fitted.value, fitted.std
-    if gain <= -1.0:  # no radius makes wheels follow that do not
-        return []
     body = inputs.machine.machine
     torques = bool(inputs.select_measured_channels("torque_left_N_m", "torque_right_N_m"))
     setting, value = [], []
     if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
+    # a body that pitches adds gravity to what its accelerometer reads
+    may_squat = gain < 0.0 and "pitch_rad" not in inputs.unfiltered_readings
+    squat = ", or the body pitches as it accelerates (channels.pitch_rad)" if may_squat else ""
     keys, scales = inputs.propose_scale_settings(inputs.speed_channels, 1.0 / (1.0 + gain))
 
     def correct_radius(motion: MotionSamples) -> MotionSamples:
@@ -57,7 +58,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
                 abs(gain) / LIMITS.trusted_gain_1,
             ),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
-            "measures: the wheel radius or the accelerometer's scale is wrong",
+            f"measures: the wheel radius or the accelerometer's scale is wrong{squat}",
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,

@@ -24,8 +24,11 @@ UPDATE: Final = "make findings-kept"
 SIZES: Final[Mapping[int, float]] = {11: 1.0, 9: 3.0}
 #: The machine on which every fault is plain.
 PLAIN: Final = 9
-#: Kilograms are alike within so much of their ±: another processor changes less.
+#: Kilograms are alike within so much of their ±: another processor changes less,
 ALIKE_1: Final = 0.1
+#: unless they are no better known than this, of machines of 3 to 4 t: then a last bit decides which
+#: loads a refit finds (clipped starts: -1080 ± 643 on one processor, +234 ± 367 kg on another).
+TOLD_U_KG: Final = 300.0
 OR: Final = " or "
 #: Causes of a finding, its kilograms and their ±.
 Kept = tuple[str, float | None, float | None]
@@ -102,6 +105,8 @@ def _alike_kg(before: Kept, after: Kept) -> bool:
     (_, kg, u_kg), (_, now_kg, u_now_kg) = before, after
     if kg is None or u_kg is None or now_kg is None or u_now_kg is None:
         return kg is now_kg is None
+    if min(u_kg, u_now_kg) > TOLD_U_KG:
+        return True
     return max(abs(now_kg - kg), abs(u_now_kg - u_kg)) <= ALIKE_1 * u_kg
 
 

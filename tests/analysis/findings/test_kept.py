@@ -5,6 +5,7 @@ import pytest
 from tests.analysis.findings.kept import (
     ALIKE_1,
     SIZES,
+    TOLD_U_KG,
     UPDATE,
     differences,
     findings,
@@ -43,6 +44,12 @@ def test_kilograms_that_hardly_move_are_no_difference() -> None:
     assert not list(differences(kept, {LOG: [("delay", 100.0 + 9.0 * ALIKE_1, 10.0)]}))
     moved = list(differences(kept, {LOG: [("delay", 100.0 + 11.0 * ALIKE_1, 10.0)]}))
     assert moved == [LOG, "  - delay +100 ± 10 kg", "  + delay +101 ± 10 kg"]
+
+
+def test_kilograms_that_are_hardly_known_are_no_difference() -> None:
+    kept = {LOG: [("saturated", -1000.0, 1.1 * TOLD_U_KG)]}
+    assert not list(differences(kept, {LOG: [("saturated", 200.0, 2.0 * TOLD_U_KG)]}))
+    assert list(differences(kept, {LOG: [("saturated", 200.0, 0.5 * TOLD_U_KG)]}))
 
 
 def test_other_causes_or_another_order_are_a_difference() -> None:
