@@ -217,10 +217,8 @@ def find_item_of_each_list_value(
         return by_name
     if len(scope) != count:
         raise EvidenceError(
-            f"{certificate_name}: a list of masses names no weights, and has {count} values for a "
-            "result "
-            f"whose number of items is {len(scope)}, so it is not clear which mass belongs to "
-            f"which weight; {_REMEDY}"
+            f"{certificate_name}: a result has {len(scope)} weights but a list of {count} masses "
+            f"without names, so it is not clear which mass belongs to which weight; {_REMEDY}"
         )
     order = [each.get("id") for each, _ in scope]
     if item_ids is not None and [each for each in item_ids if each in order] != order:
