@@ -1,11 +1,16 @@
 """Force derived from what a drive reports, with a gear ratio to be stated."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
 from replay.recognise.columns import TURN_UNITS
-from replay.recognise.proposals import SIDES, LogColumn, Recognition
+from replay.recognise.proposals import (
+    SIDES,
+    LogColumn,
+    Recognition,
+    find_columns_by_side_and_axle,
+)
 from replay.recognise.recognise_limits import LIMITS
 
 GEAR_QUESTION: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
@@ -44,16 +49,9 @@ def propose_force_of_drives(columns: Sequence[LogColumn], recognition: Recogniti
     any(propose(columns, recognition) for propose in sketches)
 
 
-def find_column_of_each_side(columns: Iterable[LogColumn]) -> tuple[LogColumn, LogColumn] | None:
-    """The one column of the left side and that of the right; None without both."""
-    columns = [*columns]
-    left, right = ([c for c in columns if c.name_meaning.side == side] for side in SIDES)
-    return (left[0], right[0]) if len(left) == len(right) == 1 else None
-
-
 def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Add the forces of the left and the right side, as of two tracks; whether there are any."""
-    sides = find_column_of_each_side(
+    driving = find_columns_by_side_and_axle(
         c
         for c in columns
         if c.quantity == "force"
@@ -63,26 +61,35 @@ def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognit
         and c.name_meaning.part != "wheel"
         and not (c.name_meaning.is_linkage or c.name_meaning.is_elsewhere)
     )
-    if sides is None:
+    if not driving:
         return False
-    names = " and ".join(f"'{column.source_text}'" for column in sides)
-    for side, column in zip(SIDES, sides, strict=True):
-        recognition.fill_channel_if_empty(column, f"force_{side}_N", f"the {side} of {names}")
-    recognition.add_derived_channel("force_x_N", "force_left_N + force_right_N", names)
+    names = " and ".join(f"'{column.source_text}'" for column in driving.values())
+    for place, column in driving.items():
+        which = place.replace("_", " ")
+        recognition.fill_channel_if_empty(column, f"force_{place}_N", f"the {which} of {names}")
+    recognition.add_derived_channel(
+        "force_x_N", " + ".join(f"force_{place}_N" for place in driving), names
+    )
     return True
 
 
 def propose_torques_without_unit(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
     """Propose the torques of both sides whose unit is not stated, if any."""
-    sides = find_column_of_each_side(
+    driving = find_columns_by_side_and_axle(
         c
         for c in columns
         if c.quantity == "torque" and c.unit is None and c.name_meaning.part != "motor"
     )
-    if sides is None:
+    if not driving:
         return False
-    for side, column in zip(SIDES, sides, strict=True):
-        recognition.propose_channel_without_unit(column, f"torque_{side}_N_m")
+    for place, column in driving.items():
+        recognition.propose_channel_without_unit(column, f"torque_{place}_N_m")
+    if len(driving) > len(SIDES):
+        names = " and ".join(column.source_text for column in driving.values())
+        for side in SIDES:
+            recognition.propose_derived_channel_as_comment(
+                f"torque_{side}_N_m", f"torque_front_{side}_N_m + torque_rear_{side}_N_m", names
+            )
     recognition.add_question_of_subject("radius", RADIUS_QUESTION)
     return True
 
@@ -145,20 +152,20 @@ def propose_force_from_motors_of_both_sides(
 ) -> bool:
     """Propose a force from the torques or currents of a left and a right motor, if any."""
     for quantity, unit, name, factor in _MOTOR_OUTPUTS:
-        sides = find_column_of_each_side(
+        driving = find_columns_by_side_and_axle(
             c
             for c in columns
             if is_drive_output(c, quantity, unit)
             # a current of a side is that of its motor, a torque more often that of its wheels
             and c.name_meaning.part in (("motor", None) if quantity == "current" else ("motor",))
         )
-        if sides is None:
+        if not driving:
             continue
         names: list[str] = []
-        reason = " and ".join(each.source_text for each in sides)
+        reason = " and ".join(each.source_text for each in driving.values())
         reason += ": measured at the motors of both sides; needs the gear ratio"
-        for side, column in zip(SIDES, sides, strict=True):
-            names.append(f"{side}_{name}")
+        for place, column in driving.items():
+            names.append(f"{place}_{name}")
             propose_motor_output(column, names[-1], reason, recognition)
         recognition.propose_derived_channel_as_comment(
             "force_x_N", f"({' + '.join(names)}){factor} * GEAR / wheel_radius_m", reason

@@ -1,5 +1,6 @@
 """Proposed channels of a draft with their reasons, and questions in order of importance."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Final
@@ -10,6 +11,7 @@ from estimators.errors import MachineError
 from replay.recognise.words import ColumnMeaning
 
 SIDES: Final = ("left", "right")
+AXLES: Final = ("front", "rear")
 #: What the answer needs and no column tells, in the order that it is asked in.
 ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
 
@@ -40,6 +42,30 @@ class LogColumn:
         """Whether the unit has the dimension of another; percent is not an angle."""
         is_alike = self.unit == unit or "percent" not in (self.unit, unit)
         return self.unit is not None and is_alike and has_same_dimension(self.unit, unit)
+
+
+def find_columns_by_side_and_axle(columns: Iterable[LogColumn]) -> dict[str, LogColumn]:
+    """The columns of both sides, or of four wheels, by place: `left`, or `front_left`.
+
+    Returns:
+        A column a place; empty unless each place has exactly one.
+    """
+    columns = [*columns]
+    sides = {side: [c for c in columns if c.name_meaning.side == side] for side in SIDES}
+    found = {place: each for side in SIDES for place, each in _split_by_axle(side, sides[side])}
+    has_each_one = all(len(each) == 1 for each in found.values())
+    return {place: each[0] for place, each in found.items()} if has_each_one else {}
+
+
+def _split_by_axle(
+    side: str, columns: Sequence[LogColumn]
+) -> Iterator[tuple[str, list[LogColumn]]]:
+    """Two columns of a side by their axles; otherwise all of them."""
+    if len(columns) != len(AXLES):
+        yield side, [*columns]
+        return
+    for axle in AXLES:
+        yield f"{axle}_{side}", [c for c in columns if c.name_meaning.axle == axle]
 
 
 @cache

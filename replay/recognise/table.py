@@ -25,11 +25,14 @@ from replay.recognise.correlations import (
     guess_accelerometer_units,
 )
 from replay.recognise.drives import add_question_on_gear_ratios, propose_force_of_drives
-from replay.recognise.proposals import LogColumn, Recognition
+from replay.recognise.proposals import AXLES, LogColumn, Recognition
 from replay.recognise.speeds import propose_speed_of_drives
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
+
+#: Channels that sum over wheels; of others the mean is taken.
+_ADD_UP: Final = ("force", "torque")
 
 _KNOWN: Final = frozenset(column.name for column in CHANNEL_COLUMNS)
 
@@ -110,12 +113,14 @@ def fill_only_candidate_or_add_question(
     if channel in recognition.recognised_channels:
         return
     column, reason, unit = candidate_columns[0]
-    adds_up = channel.startswith(("force", "torque"))
+    adds_up = channel.startswith(_ADD_UP)
     others = [other for other, *_ in candidate_columns[1:]]
     if all(
         not adds_up and do_columns_hold_same_readings(reader, column, other) for other in others
     ):
         recognition.fill_channel_if_empty(column, channel, reason, unit)
+        return
+    if add_wheels_of_both_axles(channel, candidate_columns, recognition):
         return
     names = ", ".join(f"'{each.source_text}'" for each, *_ in candidate_columns)
     recognition.propose_source_of_derived_channel(column, channel, unit, f"one of {names}")
@@ -123,6 +128,31 @@ def fill_only_candidate_or_add_question(
     recognition.add_question_of_subject(
         "column", f"which of {names} is channels.{channel}{together}"
     )
+
+
+def add_wheels_of_both_axles(
+    channel: str, candidate_columns: Sequence[Claim], recognition: Recognition
+) -> bool:
+    """Derive a side's channel from its front and its rear wheel; whether it has one of each.
+
+    Torques add up; of speeds the mean is taken.
+    """
+    by_axle = {
+        column.name_meaning.axle: claim for claim in candidate_columns for column in claim[:1]
+    }
+    side = candidate_columns[0][0].name_meaning.side
+    if set(by_axle) != set(AXLES) or len(candidate_columns) != len(AXLES) or side is None:
+        return False
+    names: list[str] = []
+    for axle in AXLES:
+        column, reason, unit = by_axle[axle]
+        names.append(channel.replace(side, f"{axle}_{side}"))
+        recognition.fill_channel_if_empty(column, names[-1], reason, unit)
+    adds_up = channel.startswith(_ADD_UP)
+    derivation = " + ".join(names) if adds_up else f"mean({', '.join(names)})"
+    wheels = " and ".join(f"'{claim[0].source_text}'" for claim in by_axle.values())
+    recognition.add_derived_channel(channel, derivation, wheels)
+    return True
 
 
 def _add_question_on_other_driven_wheels(

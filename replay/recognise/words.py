@@ -1,4 +1,4 @@
-"""Words of column names: quantity, part, side and axis."""
+"""Words of column names: quantity, part, side, axle and axis."""
 
 import re
 from collections.abc import Collection
@@ -43,8 +43,12 @@ _QUANTITIES: Final = (
     ("longitude", ("longitude", "lon", "lng")),
 )  # fmt: skip
 _SIDES: Final = {
-    "left": ("left", "l", "lh", "links", "izquierda", "gauche", "fl", "rl"),
-    "right": ("right", "r", "rh", "rechts", "derecha", "droite", "fr", "rr"),
+    "left": ("left", "l", "lh", "links", "izquierda", "gauche", "fl", "rl", "vl", "hl"),
+    "right": ("right", "r", "rh", "rechts", "derecha", "droite", "fr", "rr", "vr", "hr"),
+}
+_AXLES: Final = {
+    "front": ("front", "fl", "fr", "vl", "vr", "vorn", "vorne", "avant", "delantera"),
+    "rear": ("rear", "rl", "rr", "hl", "hr", "hinten", "arrière", "arriere", "trasera"),
 }
 _AXES: Final = {
     "x": ("x", "ax", "longitudinal", "long", "längs", "laengs"),
@@ -116,6 +120,7 @@ class ColumnMeaning:
     side: str | None
     axis: str | None
     part: str | None
+    axle: str | None
     is_linkage: bool = False  #: of the boom or the bucket
     is_without_gravity: bool = False  #: an acceleration that a program or a GPS made
     is_of_supply: bool = False  #: of the battery or of what feeds a drive
@@ -142,8 +147,10 @@ def interpret_column_name(column_name: str) -> ColumnMeaning:
         ),
         None,
     )
-    side = next((s for s, known in _SIDES.items() if any(w in known for w in words)), None)
-    axis = next((a for a, known in _AXES.items() if any(w in known for w in words)), None)
+    side, axis, axle = (
+        next((name for name, known in table.items() if any(w in known for w in words)), None)
+        for table in (_SIDES, _AXES, _AXLES)
+    )
     part = "motor" if any(w in _MOTOR or w.startswith("motor") for w in words) else None
     part = part or ("wheel" if any(w in _WHEEL for w in words) else None)
     linkage = any(
@@ -156,5 +163,5 @@ def interpret_column_name(column_name: str) -> ColumnMeaning:
     no_reading = not own.isdisjoint(_NO_READING)
     elsewhere = _ELSEWHERE.search(text) is not None
     return ColumnMeaning(
-        quantity, side, axis, part, linkage, without, supply, no_reading, elsewhere
+        quantity, side, axis, part, axle, linkage, without, supply, no_reading, elsewhere
     )

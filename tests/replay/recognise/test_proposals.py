@@ -163,7 +163,7 @@ def test_two_torques_without_a_side_are_a_question(tmp_path: Path) -> None:
     ("columns", "channel"),
     [
         ({"Load cell 1__N": A, "Load cell 2__N": A}, "force_x_N"),
-        ({"Wheel Torque FL__Nm": A, "Wheel Torque RL__Nm": A}, "torque_left_N_m"),
+        ({"Left Wheel Torque 1__Nm": A, "Left Wheel Torque 2__Nm": A}, "torque_left_N_m"),
         ({"speed front__m/s": V, "speed rear__m/s": V + A}, "speed_x_m_s"),
     ],
 )
@@ -465,3 +465,44 @@ def test_an_engine_gives_a_force_in_any_gear(tmp_path: Path) -> None:
     (gear,) = (each for each in questions if "TransmissionCurrentGear" in each)
     assert "channels.gear_ratio_1" in gear
     assert "motor_current_A" not in channels
+
+
+@pytest.mark.parametrize(
+    "wheels", [("Moment VL", "Moment HL", "Moment VR", "Moment HR"), ("fl", "rl", "fr", "rr")]
+)
+def test_torques_of_four_wheels_add_up_on_each_side(
+    tmp_path: Path, wheels: tuple[str, ...]
+) -> None:
+    names = [wheel if " " in wheel else f"wheel_torque_{wheel}" for wheel in wheels]
+    channels, questions = proposed(
+        tmp_path, speed__kmh=V, **{f"{name}__Nm": A + i for i, name in enumerate(names)}
+    )
+    assert channels["torque_left_N_m"].derive == "torque_front_left_N_m + torque_rear_left_N_m"
+    assert channels["torque_right_N_m"].derive == "torque_front_right_N_m + torque_rear_right_N_m"
+    assert channels["torque_rear_left_N_m"].field == f"{names[1]} [Nm]"
+    assert questions == []
+
+
+def test_speeds_of_four_wheels_have_a_mean_on_each_side(tmp_path: Path) -> None:
+    columns = {
+        f"speed_{axle}_{side}__kmh": V * factor
+        for axle, factor in (("front", 1.0), ("rear", 1.3))
+        for side in ("left", "right")
+    }
+    channels, questions = proposed(tmp_path, force__N=A, **columns)
+    assert channels["speed_left_m_s"].derive == "mean(speed_front_left_m_s, speed_rear_left_m_s)"
+    assert channels["speed_right_m_s"].derive == "mean(speed_front_right_m_s, speed_rear_right_m_s)"
+    assert questions == []
+
+
+def test_motors_of_four_wheels_make_one_force(tmp_path: Path) -> None:
+    places = ("front_left", "front_right", "rear_left", "rear_right")
+    channels, _ = proposed(tmp_path, speed__kmh=V, **{f"{p}_motor_torque__Nm": A for p in places})
+    derivation = channels["force_x_N"].derive or ""
+    assert all(f"{place}_motor_torque_N_m" in derivation for place in places)
+
+
+def test_two_torques_of_a_side_that_are_of_no_axle_are_a_question(tmp_path: Path) -> None:
+    columns = {f"torque_{side}_{n}__Nm": A + n for side in ("left", "right") for n in (1, 2)}
+    _, questions = proposed(tmp_path, speed__kmh=V, **columns)
+    assert sum("if they act together, their sum" in question for question in questions) == 2
