@@ -72,7 +72,7 @@ class BorderedMatrix(NamedTuple):
     def dominates_fraction_of(
         self, other: "BorderedMatrix", fraction: float, rounding: float
     ) -> bool:
-        """Whether it less a fraction of another such matrix is positive semidefinite.
+        """Whether it, less a fraction of another one, is positive semidefinite.
 
         Directions of less than `rounding` of the largest corner element are not looked at.
         """

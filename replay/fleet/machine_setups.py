@@ -168,7 +168,7 @@ def is_mass_check_evidence(evidence_folder: Path) -> bool:
 
 
 class FleetSection(BaseModel):
-    """Section `[fleet]`: its name on the page."""
+    """Name of the fleet on its page."""
 
     model_config = _STRICT
 

@@ -166,7 +166,7 @@ def poll_log_until_end(
             return "the recorder has closed the log"
         elif began - grew > idle_s:
             return f"the log has not grown for {idle_s:g} s"
-        time.sleep(max(0.0, began + LIMITS.last_poll_s - time.monotonic()))
+        time.sleep(max(0.0, began + LIMITS.look_s - time.monotonic()))
 
 
 def read_file_sizes(paths: Sequence[Path]) -> dict[Path, int]:
