@@ -65,7 +65,7 @@ def follow_drawn(seed: int, starts: int, folder: Path) -> tuple[list[Statement],
     ]
     machine = load_machine("cat262c.toml", noise)
     machine = machine.model_copy(
-        update={"settings": machine.settings.with_changes({"trace.methods": ("pooled",)})}
+        update={"settings": machine.settings.copy_with_changes({"trace.methods": ("pooled",)})}
     )
     aim_kg = float(np.exp(dice.uniform(*np.log(AIMS_KG))))
     board = Follower(machine, until_u_kg=aim_kg)

@@ -117,7 +117,7 @@ def _draw_log(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     log, *_ = simulated(sections, [(fault, size)])
     # as a user has it: the limits of the verdict hold
     own = own_machine(log.scenario, fault.overrides, AXES)
-    settings = own.settings.with_changes({"trace.methods": ("pooled",)})
+    settings = own.settings.copy_with_changes({"trace.methods": ("pooled",)})
     limits = Settings.model_validate({}).verdict
     own = own.model_copy(update={"settings": settings.model_copy(update={"verdict": limits})})
     return (

@@ -242,7 +242,7 @@ def ours(points: Points, line: tuple[float, float]) -> tuple[float, float, float
     fitted, _ = fit_line_and_test_lack_of_fit(points, None)
     inversion = LineInversion.from_line(fitted)
     c0, c1 = line
-    low, high = inversion.slope_interval(CONFIDENCE)
+    low, high = inversion.compute_slope_interval(CONFIDENCE)
     at_zero = inversion.invert_with_line_uncertainty_only(0.0, CONFIDENCE)
     beta_kg = -c0 / c1
     found_kg = float(at_zero.mass_kg[0])

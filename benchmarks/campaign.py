@@ -40,7 +40,7 @@ def main(
     for seed in range(1, seeds + 1):
         with tempfile.TemporaryDirectory() as folder:
             logs = simulate_scenario_to_logs(
-                base.with_seed(seed), Path(folder) / f"campaign{suffix}"
+                base.copy_with_seed(seed), Path(folder) / f"campaign{suffix}"
             )
             calibration = replay_simulated_campaign(logs, machine).frames["calibration"]
         errors.append(compute_rms_mass_errors_by_method(calibration).with_columns(seed=seed))

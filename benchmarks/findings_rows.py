@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.model.machine import Channel, Machine
 from analysis.model.run_record import Run
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from benchmarks.weighed import machine
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
@@ -196,7 +196,7 @@ def found(replay: Run) -> Found:
     rows = replay.frames["findings"].to_dicts()
     load = replay.frames["loads"].row(0, named=True)
     segments = replay.frames["segments"].filter(pl.col("mass_kg").is_finite())
-    mass_kg, std_kg = (column_values(segments, name) for name in ("mass_kg", "mass_std_kg"))
+    mass_kg, std_kg = (get_column_values(segments, name) for name in ("mass_kg", "mass_std_kg"))
     pooled = float(np.average(mass_kg, weights=std_kg**-2.0)) if mass_kg.size else None
     return Found(
         causes=tuple(

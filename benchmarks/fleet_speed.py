@@ -97,7 +97,7 @@ def watched(folder: Path, workers: int, run: int) -> Watched:
 
 def scaled(ours_s: float, engine_s: float) -> list[list[str]]:
     """A large fleet from these figures, step by step."""
-    task_gib = TaskLimits().memory_bytes_for_log(int(_SHIFT_GB * 1e9)) / 2**30
+    task_gib = TaskLimits().compute_memory_bytes_for_log(int(_SHIFT_GB * 1e9)) / 2**30
     by_memory = int(_NODE_GIB / task_gib)
     slots = _NODES * min(by_memory, _CORES)
     task_s = _SHIFT_S + ours_s + engine_s

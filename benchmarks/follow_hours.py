@@ -55,7 +55,7 @@ def main(hours: float = 8.0, rate: float = 20.0) -> None:
     with TemporaryDirectory() as name, force_compilation():
         machine = load_machine("cat262c.toml", [*NOISE, f"settings.align.rate_hz={rate}"])
         window = round(machine.settings.gate.window_samples * rate / 100.0)
-        changed = machine.settings.with_changes({"gate.window_samples": window})
+        changed = machine.settings.copy_with_changes({"gate.window_samples": window})
         machine = machine.model_copy(update={"settings": changed})
         topics = driven(Path(name), machine, rate)
         begin = min(frame["log_time_ns"][0] for frame in topics.values())

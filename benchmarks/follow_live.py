@@ -31,7 +31,7 @@ from analysis.stages.noise.column_noise import collect_axis_noise
 from benchmarks.page import markdown
 from replay import load_machine
 from replay.follow.background_replay import BackgroundReplays
-from replay.follow.follow_logs import Following, follow_logs
+from replay.follow.follow_logs import FollowedLogState, follow_logs
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 TICK_NS = 10_000_000
@@ -95,7 +95,7 @@ def followed(folder: Path, seconds: float, speed: float, replay_share: float) ->
     replays = BackgroundReplays([target], machine, print, share=replay_share)
     replay_mb: list[float] = [0.0]
 
-    def on_rows(following: Following, rows: list[FollowedRow]) -> None:
+    def on_rows(following: FollowedLogState, rows: list[FollowedRow]) -> None:
         if any(report.event == "manoeuvre" for row in rows for report in row.reports):
             replays.request_replay_of_log_so_far()
         if (report := replays.take_result_and_start_next()) and replays.process_id:
@@ -158,7 +158,7 @@ def steps(machine: Any) -> str:
     for sample in samples[:640]:
         window = incremental.advance_window(window, sample)
     state = rls.start(samples[:320, :2], samples[:320, 2])
-    settings = machine.settings.with_changes({"trace.methods": ("ls",)})
+    settings = machine.settings.copy_with_changes({"trace.methods": ("ls",)})
     ls_method = METHODS["ls"]
     options = ls_method.options(settings.trace, collect_axis_noise(X, settings))
     calls: dict[str, Callable[[Any], object]] = {

@@ -40,7 +40,7 @@ def estimates_of(replayed: Run, runs: pl.DataFrame) -> dict[tuple[float, bool], 
     found: dict[tuple[float, bool], pl.DataFrame] = {}
     for forgetting, directional in OPTIONS:
         change = {"trace.forgetting": forgetting, "trace.directional_forgetting": directional}
-        traced = trace_estimates(frame, gated, MACHINE.settings.with_changes(change))
+        traced = trace_estimates(frame, gated, MACHINE.settings.copy_with_changes(change))
         whole = Run({"estimates/rls": traced["rls"]}, replayed.provenance)
         found[forgetting, directional] = average_masses_by_method_and_run(whole, runs)
     return found

@@ -96,7 +96,9 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
     replayed, runs = joined(*plans, machine=MACHINE)
     frame = replayed.frames["excitation"]
     gated = gate_windows(frame, MACHINE.settings)
-    either_sign = gate_windows(frame, MACHINE.settings.with_changes({"gate.index": "gaussian"}))
+    either_sign = gate_windows(
+        frame, MACHINE.settings.copy_with_changes({"gate.index": "gaussian"})
+    )
     truth = frame.select("t_ns").join_asof(
         runs.select(pl.col("start_ns").alias("t_ns"), "mass_kg"), on="t_ns"
     )

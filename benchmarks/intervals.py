@@ -60,7 +60,7 @@ def of_others(A: np.ndarray, f: np.ndarray, ids: np.ndarray) -> tuple[np.ndarray
     return np.array(textbook), np.array(newey_west)
 
 
-def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
+def is_same_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
     """Masses and deviations (rows, 2) of everything that the log gives."""
     settings = machine.settings
     gated = gate_windows(frame, settings)
@@ -117,7 +117,7 @@ def main(starts: int = 2100, write: bool = False) -> None:
             whole = excitation(log, machine, force_N, lasting_s)
             for runs, values in found.items():
                 for frame in cut(whole, log, runs):
-                    for name, value in one_log(frame, machine).items():
+                    for name, value in is_same_log(frame, machine).items():
                         values.setdefault(name, []).append(value)
         for runs, values in found.items():
             noise = f"white and {force_N:.0f} N of {lasting_s:g} s" if force_N else "white"

@@ -35,7 +35,7 @@ def machines() -> dict[str, Machine]:
     """By what gives the acceleration."""
     accelerometer = load_machine("cat262c.toml", [f"settings.trace.methods={list(METHODS)}"])
     derived = {"acc_x_m_s2": Channel(derive="d/dt speed_x_m_s")}
-    settings = accelerometer.settings.with_changes({"forces.acceleration": "kinematic"})
+    settings = accelerometer.settings.copy_with_changes({"forces.acceleration": "kinematic"})
     return {
         "accelerometer": accelerometer,
         "derived from the wheels": accelerometer.model_copy(

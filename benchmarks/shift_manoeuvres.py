@@ -13,7 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.cycles import weigh_cycles
-from analysis.cycles.load_passes import Passes, find_load_passes
+from analysis.cycles.load_passes import LoadPasses, find_load_passes
 from analysis.cycles.shift_totals import make_shift_totals_frame
 from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
@@ -192,7 +192,7 @@ def _with_true_states(truth: DrawnShift, states: LoadStates) -> LoadStates:
     )  # fmt: skip
 
 
-def _true_passes(truth: DrawnShift, states: LoadStates, hat: Floats) -> Passes:
+def _true_passes(truth: DrawnShift, states: LoadStates, hat: Floats) -> LoadPasses:
     """The passes as they were driven, with what their manoeuvres say."""
     weight = 1.0 / (states.std_kg**2 + states.scatter_kg**2)
     total = np.bincount(states.membership, weight)
@@ -200,7 +200,7 @@ def _true_passes(truth: DrawnShift, states: LoadStates, hat: Floats) -> Passes:
     first = np.flatnonzero(np.append(True, np.diff(states.membership) > 0))
     last = np.append(first[1:] - 1, states.membership.size - 1)
     start = (truth.start_s * _NS).astype(np.int64)
-    return Passes(
+    return LoadPasses(
         states.membership,
         weight / total[states.membership],
         truth.loaded[truth.membership[first]],
@@ -311,7 +311,7 @@ def _compared(
     truth: DrawnShift,
     table: pl.DataFrame,
     summary: dict[str, Any],
-    known: Passes | None,
+    known: LoadPasses | None,
     hat: Floats,
 ) -> ManoeuvreShift:
     """Match cycles by their dumps; part each error in what is random and what is common."""

@@ -10,7 +10,7 @@ import polars as pl
 
 from analysis import Machine
 from analysis.model.run_record import Run
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from replay import load_machine
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
@@ -154,7 +154,7 @@ def answer(
     if starts["mass_kg"].n_unique() > 1 or starts["load_end_kg"].n_unique() > 1:
         loads, load, true_kg = loads_found(starts, replayed, load)
     masses, found = replayed.frames["masses"], replayed.frames["nuisances"]
-    shown = column_values(masses, "mass_kg")
+    shown = get_column_values(masses, "mass_kg")
     shown = shown[np.isfinite(shown)]
     pooled = masses.filter(pl.col("method") == "pooled")
     terms = {

@@ -59,7 +59,7 @@ from analysis.simulation.scenario.scenario import (
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from replay.fleet.last_run import TaskLimits
-from replay.fleet.machine_setups import AboutFleet, MachineRule
+from replay.fleet.machine_setups import FleetSection, MachineRule
 
 REPO = Path(__file__).resolve().parent.parent
 PAGES = (
@@ -170,7 +170,7 @@ def campaign_tables() -> str:
 def fleet_tables() -> str:
     """Every key of a fleet file, a table a section."""
     return _tables(
-        [("`[fleet]`", AboutFleet), ("`[limits]`", TaskLimits), ("`[[machines]]`", MachineRule)]
+        [("`[fleet]`", FleetSection), ("`[limits]`", TaskLimits), ("`[[machines]]`", MachineRule)]
     )
 
 

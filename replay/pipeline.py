@@ -35,7 +35,7 @@ from analysis.stages.estimation.masses import (
 )
 from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.digging import (
-    add_digs_column,
+    add_column_of_digging_starts,
     find_digging_starts,
     reject_windows_with_digging,
 )
@@ -282,7 +282,7 @@ def _run_stages(
     # nor does what repeats itself count, if the answer is the same without it
     told = refit_without_failing_stretches(
         seen,
-        (add_digs_column(aligned, digs), t0_unix_ns),
+        (add_column_of_digging_starts(aligned, digs), t0_unix_ns),
         gated,
         machine,
         lambda grid: weigh(grid, excitation, gated, noise, machine),

@@ -122,10 +122,10 @@ def test_every_key_of_a_campaign_file_is_documented_with_its_meaning() -> None:
 
 def test_every_key_of_a_fleet_file_is_documented_with_its_meaning() -> None:
     from replay.fleet.last_run import TaskLimits
-    from replay.fleet.machine_setups import AboutFleet, MachineRule
+    from replay.fleet.machine_setups import FleetSection, MachineRule
 
     page = "docs/fleet.md"
-    for model in (AboutFleet, TaskLimits, MachineRule):
+    for model in (FleetSection, TaskLimits, MachineRule):
         for name, field in model.model_fields.items():
             assert_has_row(page, name, field.description)
 

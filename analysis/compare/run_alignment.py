@@ -69,21 +69,21 @@ def compute_manoeuvre_matching_costs(
     return np.where(phases[0][:, None] == phases[1][None, :], apart, np.inf)
 
 
-def shift_run_b_to_time_of_a(a: Run, b: Run, *, one_log: bool) -> Run:
+def shift_run_b_to_time_of_a(a: Run, b: Run, *, is_same_log: bool) -> Run:
     """Run B on the time line of A.
 
     Args:
         a: run that defines the time line.
         b: run that is moved.
-        one_log: whether both are of the same samples; otherwise manoeuvres are matched, and
+        is_same_log: whether both are of the same samples; otherwise manoeuvres are matched, and
             unmatched ones left out.
 
     Returns:
         B, with A's start of time.
     """
     about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
-    zones = None if one_log else find_time_shifts_of_run_b(a, b)
-    offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
+    zones = None if is_same_log else find_time_shifts_of_run_b(a, b)
+    offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if is_same_log else 0
     return Run(
         {name: shift_frame_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
     )

@@ -257,12 +257,12 @@ def select_differing_estimates(
         if not is_equal_within_tolerance(a.get(name), b.get(name), rtol)
     ]
 
-    def size_of_change(each: EstimateChange) -> float:
+    def compute_size_of_change(each: EstimateChange) -> float:
         if each.value_change is None:
             return float("inf")
         return abs(each.value_change if each.change_in_stds is None else each.change_in_stds)
 
-    return tuple(sorted(changes, key=size_of_change, reverse=True))
+    return tuple(sorted(changes, key=compute_size_of_change, reverse=True))
 
 
 def is_equal_within_tolerance(a: float | None, b: float | None, rtol: float) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from estimators.arrays import Bools, Floats, Ints
 
 Span = tuple[int, int]
@@ -77,7 +77,7 @@ def find_boom_dumps(
         unloading_spans: spans that each contain a dump according to the masses; None if unknown:
             the typical reach of a dump is then that of the boom while the machine is slow.
     """
-    t_ns, boom = excitation["t_ns"].to_numpy(), column_values(aligned, "boom_rad")
+    t_ns, boom = excitation["t_ns"].to_numpy(), get_column_values(aligned, "boom_rad")
     slow = mark_standing_or_creeping_samples(excitation)
     whole = np.isfinite(boom)
     driving = whole & ~slow
@@ -85,13 +85,16 @@ def find_boom_dumps(
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if unloading_spans is None:
-        reached = np.array([estimate_signed_dumping_reach_rad(away[slow & whole])])
+        reached = np.array([estimate_signed_dumping_deflection_rad(away[slow & whole])])
     else:
         reached = np.array(
-            [find_farthest_reach_rad(away, slow & whole, t_ns, span) for span in unloading_spans]
+            [
+                find_largest_boom_deflection_rad(away, slow & whole, t_ns, span)
+                for span in unloading_spans
+            ]
         )
     typical_rad = float(np.median(reached)) if reached.size else 0.0
-    if abs(typical_rad) < LIMITS.boom_min_reach_rad or (
+    if abs(typical_rad) < LIMITS.boom_min_deflection_rad or (
         unloading_spans is not None and len(unloading_spans) < LIMITS.boom_min_changes
     ):
         return NO_DUMPS
@@ -116,7 +119,7 @@ def find_boom_dumps(
 def mark_standing_or_creeping_samples(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps, (n,)."""
     stands = mark_standing_samples(excitation)
-    speed = np.abs(column_values(excitation, "speed_x_m_s"))
+    speed = np.abs(get_column_values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
         return stands
@@ -131,7 +134,7 @@ def mark_standing_samples(excitation: pl.DataFrame) -> Bools:
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
-def estimate_signed_dumping_reach_rad(deflection_rad: Floats) -> float:
+def estimate_signed_dumping_deflection_rad(deflection_rad: Floats) -> float:
     """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
 
     A boom that moves during driving is far from its usual position both at the dump and at the
@@ -140,11 +143,11 @@ def estimate_signed_dumping_reach_rad(deflection_rad: Floats) -> float:
     Args:
         deflection_rad: (n,) angle of the boom from its usual position, while slow.
     """
-    low, high = np.quantile(deflection_rad, LIMITS.boom_reach_quantiles)
+    low, high = np.quantile(deflection_rad, LIMITS.boom_deflection_quantiles)
     return float(high if high > LIMITS.boom_upward_fraction * abs(low) else low)
 
 
-def find_farthest_reach_rad(
+def find_largest_boom_deflection_rad(
     deflection_rad: Floats, is_slow: Bools, t_ns: Ints, span: Span
 ) -> float:
     """Largest deflection of the boom (n,) in a span while slow, with its sign; 0 if unknown."""
@@ -209,7 +212,7 @@ def trim_span_to_standstills(span: Span, standstills_ns: Ints, boom_angle_rad: F
 
 
 def find_load_change_indices_at_dumps(
-    is_loaded: Bools, begin_ns: Ints, end_ns: Ints, dumps: BoomDumps
+    is_loaded: Bools, start_ns: Ints, end_ns: Ints, dumps: BoomDumps
 ) -> list[int]:
     """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
     return [
@@ -217,11 +220,11 @@ def find_load_change_indices_at_dumps(
         for k in range(is_loaded.size - 1)
         if is_loaded[k]
         and is_loaded[k + 1]
-        and dumps.select_dumps(int(end_ns[k]), int(begin_ns[k + 1]))
+        and dumps.select_dumps(int(end_ns[k]), int(start_ns[k + 1]))
     ]
 
 
-def mark_manoeuvres_while_dumping(begin_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
+def mark_manoeuvres_while_dumping(start_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
     """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
     dumped = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
-    return np.searchsorted(dumped, begin_ns) < np.searchsorted(dumped, end_ns, "right")
+    return np.searchsorted(dumped, start_ns) < np.searchsorted(dumped, end_ns, "right")

@@ -11,7 +11,7 @@ from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
-from analysis.model.schema import MOVED, QUALITY, column_values, conform_frame_to_schema
+from analysis.model.schema import MOVED, QUALITY, conform_frame_to_schema, get_column_values
 from estimators.errors import DataError, suggest_choice
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
@@ -45,17 +45,17 @@ def calibrate_cycles(
             f"{suggest_choice(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
-    scale_1 = column_values(cycles, "scale_1")
-    payload_kg = column_values(cycles, "payload_kg") / scale_1
+    scale_1 = get_column_values(cycles, "scale_1")
+    payload_kg = get_column_values(cycles, "payload_kg") / scale_1
     on_line = calibrate_mass_differences(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
-        on_line.common_u_not_absorbed_by_line_kg(column_values(cycles, f"own_u_{n}_kg"))
+        on_line.compute_common_u_not_absorbed_by_line_kg(get_column_values(cycles, f"own_u_{n}_kg"))
         for n in _COMMON
     )
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
     common_kg = np.maximum(common_kg, shared_kg)
-    random_kg = column_values(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
+    random_kg = get_column_values(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
     found = {
         "payload_kg": on_line.payload_kg,
         "payload_u_random_kg": random_kg,
@@ -103,13 +103,15 @@ def is_empty_mass_scale_more_certain(
     if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
         return False
 
-    def relative_u_of_payload_sum(table: pl.DataFrame) -> float:
-        sums = {name: column_values(table, name)[counted] for name in names}
+    def compute_relative_u_of_payload_sum(table: pl.DataFrame) -> float:
+        sums = {name: get_column_values(table, name)[counted] for name in names}
         shared = sums["payload_u_shared_kg"].sum()
         random = np.linalg.norm(sums["payload_u_random_kg"])
         return float(np.hypot(shared, random) / abs(sums["payload_kg"].sum()))
 
-    return relative_u_of_payload_sum(cycles) < relative_u_of_payload_sum(line_payloads)
+    return compute_relative_u_of_payload_sum(cycles) < compute_relative_u_of_payload_sum(
+        line_payloads
+    )
 
 
 def estimate_mean_offset_from_line_and_u_kg(
@@ -129,7 +131,7 @@ def estimate_mean_offset_from_line_and_u_kg(
     ):
         return 0.0, 0.0
     moved_kg = np.mean(of_masses, axis=0)
-    return shared_errors.estimate_minus_line_kg_and_u_kg(
+    return shared_errors.compute_offset_from_line_kg_and_u_kg(
         moved_kg, shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
     )
 

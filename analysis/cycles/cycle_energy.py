@@ -28,9 +28,9 @@ from analysis.cycles.energy_integrals import (
 )
 from analysis.cycles.energy_terms import (
     ForceModel,
+    combine_relative_work_u_and_missing_settings,
+    compute_relative_common_and_individual_mass_u,
     perturb_terms_one_by_one,
-    relative_common_and_individual_mass_u,
-    relative_work_u_and_missing_settings,
 )
 from analysis.cycles.fitted_drive import FittedDrive, collect_fitted_drive
 from analysis.model.machine import Machine
@@ -101,7 +101,7 @@ NO_ENERGY: Final = ShiftEnergy()
 
 
 def compute_shift_energy(
-    frames: Mapping[str, pl.DataFrame], machine: Machine, holes_ns: Sequence[tuple[int, int]]
+    frames: Mapping[str, pl.DataFrame], machine: Machine, long_gaps_ns: Sequence[tuple[int, int]]
 ) -> ShiftEnergy:
     """Compute the energy of each cycle and of the shift.
 
@@ -109,13 +109,13 @@ def compute_shift_energy(
         frames: frames of the run: aligned, excitation, digging, cycles, manoeuvres, loads,
             nuisances, budget.
         machine: machine of the replay.
-        holes_ns: see `cycles_without_mass.find_spans_of_missing_channels_ns`.
+        long_gaps_ns: see `cycles_without_mass.find_spans_of_missing_channels_ns`.
 
     Returns:
         The energies; without rows if there is no mass or no cycle.
     """
     manoeuvres = frames["manoeuvres"]
-    spans = split_cycles_into_phases(frames["cycles"], holes_ns)
+    spans = split_cycles_into_phases(frames["cycles"], long_gaps_ns)
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
@@ -124,8 +124,8 @@ def compute_shift_energy(
     value = split_energy_by_phase_and_part_joules(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
-    gain_u_1, unknown = relative_work_u_and_missing_settings(machine)
-    common_1, random_1 = relative_common_and_individual_mass_u(frames)
+    gain_u_1, unknown = combine_relative_work_u_and_missing_settings(machine)
+    common_1, random_1 = compute_relative_common_and_individual_mass_u(frames)
     common = [
         *compute_energy_changes_by_term_u_joules(drive, spans, found, value),
         gain_u_1 * value,
@@ -173,14 +173,17 @@ def compute_energy_changes_by_term_u_joules(
 
 
 def split_cycles_into_phases(
-    cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
+    cycles: pl.DataFrame, long_gaps_ns: Sequence[tuple[int, int]]
 ) -> list[PhaseSpan]:
-    """Phase spans of the cycles without holes; an incomplete cycle is one span."""
+    """Phase spans of the cycles that lack at most `energy_gap_s` of data.
+
+    An incomplete cycle is one span.
+    """
     spans: list[PhaseSpan] = []
     for row in cycles.iter_rows(named=True):
         start, end = row["start_t_ns"], row["end_t_ns"]
-        hidden_ns = sum(max(min(e, end) - max(s, start), 0) for s, e in holes_ns)
-        if hidden_ns > LIMITS.energy_hole_s * NS_PER_S:
+        hidden_ns = sum(max(min(e, end) - max(s, start), 0) for s, e in long_gaps_ns)
+        if hidden_ns > LIMITS.energy_gap_s * NS_PER_S:
             continue
         edges = list_phase_edges_ns(row)
         if edges is None:

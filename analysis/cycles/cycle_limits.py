@@ -26,7 +26,7 @@ class CycleLimits:
     #: Masses and digging contradict each other if more than one load is hauled in this fraction.
     hauled_twice_fraction: float = 0.5
     #: Length in s of a hole up to which it loses no cycle.
-    cycle_hole_s: float = 1.0
+    cycle_gap_s: float = 1.0
 
     # shift_totals
     #: Smallest load that is told from none, in standard deviations of one start's mass: 5 % of
@@ -39,7 +39,7 @@ class CycleLimits:
     #: and their fraction, for a boom that shows dumps.
     boom_change_fraction: float = 0.7
     #: Quantiles of the boom's angle that are its reach on either side.
-    boom_reach_quantiles: tuple[float, float] = (0.01, 0.99)
+    boom_deflection_quantiles: tuple[float, float] = (0.01, 0.99)
     #: Reach upwards over that downwards from which a boom dumps by going up: 0.45 in a shift whose
     #: boom moves while driving, next to 0 where the angle's sign is wrong.
     boom_upward_fraction: float = 0.4
@@ -56,7 +56,7 @@ class CycleLimits:
     #: which is this quantile of its speed.
     reached_speed_quantile: float = 0.95
     #: Reach of a boom, in rad, from which its movement shows dumps.
-    boom_min_reach_rad: float = 0.15
+    boom_min_deflection_rad: float = 0.15
     #: Time in ns within which a boom that is out again shakes its bucket.
     one_dump_ns: int = 10 * 10**9
 
@@ -74,13 +74,13 @@ class CycleLimits:
     # cycle_energy
     #: Longest hole in a cycle, in s, beyond which its energy is not known: a drive that pushes for
     #: so long takes about 1 % of the work of a cycle of 100 s, half of its interval.
-    energy_hole_s: float = 0.5
+    energy_gap_s: float = 0.5
     #: Fewest cycles that show how their friction scatters.
     friction_scatter_min_cycles: int = 4
 
     # cycle_parts
     #: Time without a sample in s in which a load may have been dumped.
-    dump_hole_s: float = 5.0
+    dump_gap_s: float = 5.0
     #: Length in s from which a stand is no part of the work.
     idle_s: float = 30.0
 
@@ -200,7 +200,7 @@ class CycleLimits:
     #: Fewest cycles that show how long one lasts.
     filling_min_cycles: int = 4
     #: Largest interval in ns of starts that dig and are one filling of the bucket, nothing between,
-    one_filling_ns: int = 25 * 10**9
+    max_filling_pause_ns: int = 25 * 10**9
     #: and as a fraction of the time from digging to digging over an empty pass; the shorter holds.
     one_filling_cycles: float = 0.5
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from analysis.cycles.boom_dumps import mark_standing_or_creeping_samples, mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.load_passes import Passes
+from analysis.cycles.load_passes import LoadPasses
 from analysis.model.physical_units import NS_PER_S
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Bools, Floats, Ints
 
@@ -20,7 +20,7 @@ from estimators.arrays import Bools, Floats, Ints
 class DumpStandstill(NamedTuple):
     """Standstill of a dump in ns, and whether the boom moves during it."""
 
-    begin_ns: int
+    start_ns: int
     end_ns: int
     does_boom_move: bool
 
@@ -74,13 +74,13 @@ class _DriveSamples(NamedTuple):
         return cls(
             t_ns,
             np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s),
-            np.abs(column_values(excitation, "speed_x_m_s")),
+            np.abs(get_column_values(excitation, "speed_x_m_s")),
             mark_standing_samples(excitation),
             excitation["phase"].is_not_null().to_numpy(),
         )
 
     def summarise_span(
-        self, start_ns: int, end_ns: int, holes_ns: Sequence[tuple[int, int]]
+        self, start_ns: int, end_ns: int, long_gaps_ns: Sequence[tuple[int, int]]
     ) -> DriveSummary:
         """Summarise the motion within a time span."""
         part = slice(*np.searchsorted(self.t_ns, [start_ns, end_ns]))
@@ -92,7 +92,7 @@ class _DriveSamples(NamedTuple):
             float(speed[known].max()) if known.any() else None,
             float(step_s[moves].sum()),
             float(step_s[self.stands[part]].sum()),
-            sum(max(min(e, end_ns) - max(s, start_ns), 0) for s, e in holes_ns) / NS_PER_S,
+            sum(max(min(e, end_ns) - max(s, start_ns), 0) for s, e in long_gaps_ns) / NS_PER_S,
         )
 
 
@@ -154,16 +154,16 @@ class CycleParts:
         return weights
 
 
-def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CycleParts]:
+def split_cycles_into_parts(passes: LoadPasses, digging: pl.DataFrame) -> list[CycleParts]:
     """Assign passes and digging starts to cycles, in order of time.
 
     Each hauled load is a cycle, and so is digging without a weighed load.
     """
     events = [
         *((int(t), 1, n) for n, t in enumerate(passes.start_ns)),
-        *((int(t), 0, n) for n, t in enumerate(digs["start_t_ns"])),
+        *((int(t), 0, n) for n, t in enumerate(digging["start_t_ns"])),
     ]
-    ends = digs["end_t_ns"].to_list()
+    ends = digging["end_t_ns"].to_list()
     cycles: list[CycleParts] = []
     now: CycleParts | None = None
     empty: int | None = None
@@ -175,7 +175,7 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
                 now is not None
                 and now.loaded_pass is None
                 and now.dig_ns is not None
-                and start_ns - now.dig_ns[1] < passes.one_filling_ns
+                and start_ns - now.dig_ns[1] < passes.max_filling_pause_ns
                 and not passes.dumps.select_dumps(now.dig_ns[1], start_ns)
             )
             # a bucket that is not dumped since is full: what looks like digging fills none
@@ -205,7 +205,7 @@ def split_cycles_into_parts(passes: Passes, digs: pl.DataFrame) -> list[CyclePar
     return _set_nearest_empty_passes(cycles, passes)
 
 
-def _set_nearest_empty_passes(cycles: list[CycleParts], passes: Passes) -> list[CycleParts]:
+def _set_nearest_empty_passes(cycles: list[CycleParts], passes: LoadPasses) -> list[CycleParts]:
     """Set the nearest empty passes before and after the loaded pass of each cycle with one."""
     empties = np.flatnonzero(~passes.loaded)
     for cycle in cycles:
@@ -218,7 +218,7 @@ def _set_nearest_empty_passes(cycles: list[CycleParts], passes: Passes) -> list[
 
 
 def fill_in_dump_times(
-    cycles: list[CycleParts], passes: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
+    cycles: list[CycleParts], passes: LoadPasses, aligned: pl.DataFrame, excitation: pl.DataFrame
 ) -> None:
     """Find the dump time of each load by the boom.
 
@@ -233,7 +233,7 @@ def fill_in_dump_times(
     """
     t_ns = excitation["t_ns"].to_numpy()
     stands, stops = mark_standing_samples(excitation), mark_standing_or_creeping_samples(excitation)
-    boom = column_values(aligned, "boom_rad")
+    boom = get_column_values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
         ready = find_last_loaded_time_ns(cycle, passes)
         over = [int(ns) for ns in passes.start_ns[np.searchsorted(passes.start_ns, ready) :][:1]]
@@ -266,7 +266,7 @@ def fill_in_dump_times(
             )
 
 
-def find_last_loaded_time_ns(cycle: CycleParts, passes: Passes) -> int:
+def find_last_loaded_time_ns(cycle: CycleParts, passes: LoadPasses) -> int:
     """Last time with the load, in ns: end of its pass, or of its digging."""
     if cycle.loaded_pass is not None:
         return int(passes.end_ns[cycle.loaded_pass])
@@ -290,7 +290,7 @@ def extend_span_over_standstills(
 def find_longest_data_gap_ns(t_ns: Ints) -> tuple[int, int] | None:
     """Begin and end in ns of the longest time without samples; None if it is short."""
     steps = np.diff(t_ns)
-    if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
+    if not steps.size or steps.max() < LIMITS.dump_gap_s * NS_PER_S:
         return None
     widest = int(np.argmax(steps))
     return int(t_ns[widest]), int(t_ns[widest + 1])
@@ -324,7 +324,7 @@ def choose_standstill_of_dump(
         [_peak_to_peak_without_nan(boom_rad[b : e + 1]) for b, e in zip(begins, ends, strict=True)]
     )
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
-    by_boom = bool(moves.max() > LIMITS.boom_min_reach_rad)
+    by_boom = bool(moves.max() > LIMITS.boom_min_deflection_rad)
     best = int(np.argmax(moves if by_boom else length))
     return DumpStandstill(int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom)
 
@@ -352,14 +352,14 @@ def _peak_to_peak_without_nan(values: NDArray[np.float64]) -> float:
 
 
 def summarise_cycle_motion(
-    cycles: pl.DataFrame, excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
+    cycles: pl.DataFrame, excitation: pl.DataFrame, long_gaps_ns: Sequence[tuple[int, int]]
 ) -> list[CycleMotion]:
     """Summarise the motion of each cycle.
 
     Args:
         cycles: the frame `cycles`.
         excitation: frame with times, phases and speed.
-        holes_ns: see `cycles_without_mass.find_spans_of_missing_channels_ns`.
+        long_gaps_ns: see `cycles_without_mass.find_spans_of_missing_channels_ns`.
     """
     samples = _DriveSamples.from_excitation(excitation)
     found: list[CycleMotion] = []
@@ -370,20 +370,20 @@ def summarise_cycle_motion(
             loaded_ns = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
             haul = samples.summarise_span(loaded_ns, loaded_ns + int(row["haul_s"] * NS_PER_S), ())
             haul_m = haul.distance_m
-        whole = samples.summarise_span(start_ns, end_ns, holes_ns)
+        whole = samples.summarise_span(start_ns, end_ns, long_gaps_ns)
         found.append(CycleMotion(row["cycle"], haul_m, whole))
     return found
 
 
 def summarise_shift_motion(
-    excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
+    excitation: pl.DataFrame, long_gaps_ns: Sequence[tuple[int, int]]
 ) -> DriveSummary:
     """Summarise the motion of the whole shift; arguments as in `summarise_cycle_motion`."""
     t_ns = excitation["t_ns"].to_numpy()
     if not t_ns.size:
         return DriveSummary(None, None, 0.0, 0.0, 0.0)
     return _DriveSamples.from_excitation(excitation).summarise_span(
-        int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns
+        int(t_ns[0]), int(t_ns[-1]) + 1, long_gaps_ns
     )
 
 

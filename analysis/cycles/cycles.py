@@ -27,7 +27,7 @@ from analysis.cycles.empty_machine import (
     weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
-from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
+from analysis.cycles.load_passes import NO_PASSES, LoadPasses, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build_frame
@@ -95,7 +95,7 @@ def weigh_cycles(
     frames: dict[str, pl.DataFrame],
     machine: Machine,
     verdict: Verdict,
-    passes: Passes | None = None,
+    passes: LoadPasses | None = None,
 ) -> LogCycles:
     """Make `cycles`, with each payload's composition and the source of the scale.
 
@@ -106,21 +106,21 @@ def weigh_cycles(
         verdict: the verdict, which withholds quantities.
         passes: the passes, if already found.
     """
-    digs, motion = frames["digging"], (frames["aligned"], frames["excitation"])
+    digging, motion = frames["digging"], (frames["aligned"], frames["excitation"])
     masses = frames["loads"], frames["manoeuvres"]
     drift = None if weighing is None else weighing.significant_empty_mass_drift
     drift_1 = 0.0 if drift is None else drift.nearby_1.mean(axis=0)
-    found = passes or find_load_passes(*masses, digs, *motion, drift_1) or NO_PASSES
-    twice = passes is None and do_digs_contradict_loaded_passes(found, digs)
+    found = passes or find_load_passes(*masses, digging, *motion, drift_1) or NO_PASSES
+    twice = passes is None and do_digs_contradict_loaded_passes(found, digging)
     found = NO_PASSES if twice else found
-    parts = split_cycles_into_parts(found, digs)
+    parts = split_cycles_into_parts(found, digging)
     fill_in_dump_times(parts, found, *motion)
     contradicts = False
     if passes is None:
-        parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
+        parts, contradicts = add_boom_cycles(parts, found, digging, *motion)
     if not parts:
         return LogCycles(_make_cycle_frame([]), {}, ShiftScale())
-    withheld = ", ".join(check.check for check in verdict.withholding_checks("mass"))
+    withheld = ", ".join(check.check for check in verdict.list_withholding_checks("mass"))
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
@@ -198,7 +198,7 @@ def _explain_if_payload_counts(cycle_row: dict[str, object], cycle: CycleParts) 
 
 
 def _make_payload_row(
-    cycle: CycleParts, passes: Passes, tare_coefficients: Floats, clean: tuple[float, float]
+    cycle: CycleParts, passes: LoadPasses, tare_coefficients: Floats, clean: tuple[float, float]
 ) -> dict[str, object]:
     row: dict[str, object] = {}
     for name, number in (
@@ -212,7 +212,7 @@ def _make_payload_row(
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
     weights = cycle.pass_weights_of_payload(tare_coefficients, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
-    carry_back_kg2 = payload_variance_by_carry_back_kg2(cycle, passes, tare_coefficients)
+    carry_back_kg2 = compute_payload_variance_by_carry_back_kg2(cycle, passes, tare_coefficients)
     variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_kg2
     row |= {
         "tare_before_1": 0.0
@@ -258,7 +258,7 @@ def make_payload_uncertainty_columns(
     }
 
 
-def compute_tare_coefficient_before_each_pass(passes: Passes) -> Floats:
+def compute_tare_coefficient_before_each_pass(passes: LoadPasses) -> Floats:
     """Minimum-variance weight of the empty pass before each loaded pass, (passes,)."""
     share = np.full(passes.mass_kg.size, 0.5)
     empties = np.flatnonzero(~passes.loaded)
@@ -271,8 +271,8 @@ def compute_tare_coefficient_before_each_pass(passes: Passes) -> Floats:
     return share
 
 
-def payload_variance_by_carry_back_kg2(
-    cycle: CycleParts, passes: Passes, carry_back_fraction: Floats
+def compute_payload_variance_by_carry_back_kg2(
+    cycle: CycleParts, passes: LoadPasses, carry_back_fraction: Floats
 ) -> float:
     """Variance of a payload due to a different carry-back before it, in kg²."""
     variance = 2.0 * estimate_carry_back_variance_kg2(passes)
@@ -292,7 +292,7 @@ def payload_variance_by_carry_back_kg2(
 
 
 def sum_pass_weights_of_payloads(
-    passes: Passes, cycle_parts: list[CycleParts], tare_coefficients: Floats
+    passes: LoadPasses, cycle_parts: list[CycleParts], tare_coefficients: Floats
 ) -> Floats:
     """Weights of the passes in the sum of all payloads, (passes,)."""
     count = passes.mass_kg.size
@@ -324,7 +324,7 @@ class _CommonUncertaintyByScale:
 def compute_common_payload_u_on_own_and_empty_scale(
     weighing: Weighing | None,
     machine: Machine,
-    passes: Passes,
+    passes: LoadPasses,
     coefficients: Floats,
     empty: EmptyMachine | None,
 ) -> _CommonUncertaintyByScale:
@@ -362,7 +362,7 @@ def compute_common_payload_u_on_own_and_empty_scale(
 def compute_common_payload_uncertainty(
     weighing: Weighing,
     machine: Machine,
-    passes: Passes,
+    passes: LoadPasses,
     coefficients: Floats,
     datum: EmptyDatum | None,
 ) -> _CommonUncertainty:

@@ -15,13 +15,13 @@ import polars as pl
 from analysis.cycles.boom_dumps import BoomDumps, Span, find_boom_dumps, mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
-from analysis.cycles.load_passes import Passes
+from analysis.cycles.load_passes import LoadPasses
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import find_flagged_runs
 from estimators.arrays import Ints
 
 
-def do_digs_contradict_loaded_passes(passes: Passes, digs: pl.DataFrame) -> bool:
+def do_digs_contradict_loaded_passes(passes: LoadPasses, digging: pl.DataFrame) -> bool:
     """Whether masses change so often that most fillings would be hauled twice.
 
     With loads too small for the ground, masses follow other alternating effects, such as the
@@ -29,12 +29,12 @@ def do_digs_contradict_loaded_passes(passes: Passes, digs: pl.DataFrame) -> bool
 
     Args:
         passes: the passes.
-        digs: the frame `digging`.
+        digging: the frame `digging`.
     """
-    if passes.dumps.shows_dumps or digs.height <= LIMITS.boom_min_cycles:
+    if passes.dumps.shows_dumps or digging.height <= LIMITS.boom_min_cycles:
         return False
-    begin_ns, end_ns = (np.sort(digs[name].to_numpy()) for name in ("start_t_ns", "end_t_ns"))
-    fills = begin_ns[np.append(True, begin_ns[1:] - end_ns[:-1] > passes.one_filling_ns)]
+    start_ns, end_ns = (np.sort(digging[name].to_numpy()) for name in ("start_t_ns", "end_t_ns"))
+    fills = start_ns[np.append(True, start_ns[1:] - end_ns[:-1] > passes.max_filling_pause_ns)]
     lasts_ns = np.diff(fills)
     one = lasts_ns <= LIMITS.one_cycle_ratio * lasts_ns.min(initial=np.iinfo(np.int64).max)
     if one.sum() < LIMITS.boom_min_cycles:
@@ -45,8 +45,8 @@ def do_digs_contradict_loaded_passes(passes: Passes, digs: pl.DataFrame) -> bool
 
 def add_boom_cycles(
     cycle_parts: list[CycleParts],
-    passes: Passes,
-    digs: pl.DataFrame,
+    passes: LoadPasses,
+    digging: pl.DataFrame,
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
 ) -> tuple[list[CycleParts], bool]:
@@ -55,7 +55,7 @@ def add_boom_cycles(
     Args:
         cycle_parts: cycles by masses, with their dumps.
         passes: the passes.
-        digs: the frame `digging`.
+        digging: the frame `digging`.
         aligned: frame with `boom_rad`, if measured.
         excitation: frame with the phases.
 
@@ -76,7 +76,7 @@ def add_boom_cycles(
     ]
     contradicts = bool(agree) and float(np.mean(agree)) < LIMITS.dump_match_fraction
     if contradicts or not told:
-        return _make_cycles_from_dumps(seen, digs) or cycle_parts, contradicts
+        return _make_cycles_from_dumps(seen, digging) or cycle_parts, contradicts
     # sooner after a dump than half a cycle the machine is empty
     apart_ns = (
         int(LIMITS.min_dump_interval_cycles * float(np.median(np.diff(times))))
@@ -88,17 +88,17 @@ def add_boom_cycles(
         for each in passes.dumps.dumps
         if not each.is_near_any_time(times, max(LIMITS.one_dump_ns, apart_ns))
     ]
-    return sorted([*cycle_parts, *missed], key=_find_begin_of_earliest_part_ns), False
+    return sorted([*cycle_parts, *missed], key=_find_start_of_earliest_part_ns), False
 
 
-def _find_begin_of_earliest_part_ns(cycle: CycleParts) -> int:
+def _find_start_of_earliest_part_ns(cycle: CycleParts) -> int:
     """Time of the first evidence of a cycle."""
     return next(span[0] for span in (cycle.dig_ns, cycle.haul_ns, cycle.dump_ns) if span)
 
 
-def _make_cycles_from_dumps(boom_dumps: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
+def _make_cycles_from_dumps(boom_dumps: BoomDumps, digging: pl.DataFrame) -> list[CycleParts]:
     """Make a cycle for each dump of the boom, with the digging before it."""
-    dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
+    dug = sorted(digging.select("start_t_ns", "end_t_ns").iter_rows())
     before = [0, *(each.end_ns for each in boom_dumps.dumps)]
     return [
         CycleParts(
@@ -237,14 +237,16 @@ def estimate_unweighed_cycle_probabilities_and_count_u(
         if is_dig_detection_reliable(cycles)
         else _estimate_probability_that_boom_dump_is_cycle(cycles, boom_dumps)
     )
-    digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
+    dug, dumped, hauled = (
+        blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s")
+    )
     shown = [
         _CERTAIN
         if haul or (dig and dump and boom_dumps.shows_dumps)
         else only_dug
         if dig
         else only_dumped
-        for dig, dump, haul in zip(digs, dumps, hauls, strict=True)
+        for dig, dump, haul in zip(dug, dumped, hauled, strict=True)
     ]
     # one doubt of all that the same witness shows
     parts = [shown.count(each) * each.u for each in {only_dug, only_dumped}]
@@ -283,7 +285,7 @@ def estimate_missed_cycle_probabilities(dumps_ns: Ints, excitation: pl.DataFrame
     t_ns, stands = excitation["t_ns"].to_numpy(), mark_standing_samples(excitation)
     step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
     # cycles of a hole are priced apart
-    step_s[step_s > LIMITS.cycle_hole_s] = 0.0
+    step_s[step_s > LIMITS.cycle_gap_s] = 0.0
     for begin, end in zip(*find_flagged_runs(stands), strict=True):
         if t_ns[end] - t_ns[begin] > LIMITS.idle_s * NS_PER_S:
             step_s[begin : end + 1] = 0.0
@@ -327,7 +329,7 @@ def find_spans_of_missing_channels_ns(
     here = t_ns[~aligned["gap"].to_numpy()]
     if here.size < 2:
         return []
-    wide = np.flatnonzero(np.diff(here) > LIMITS.cycle_hole_s * NS_PER_S)
+    wide = np.flatnonzero(np.diff(here) > LIMITS.cycle_gap_s * NS_PER_S)
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 
@@ -339,12 +341,12 @@ def mark_gaps_that_may_be_breaks(
     t_ns, moves = known["t_ns"].to_numpy(), ~mark_standing_samples(known)
     moving_ns = t_ns[moves]
 
-    def may_be_break(begin_ns: int, end_ns: int) -> bool:
+    def may_be_break(start_ns: int, end_ns: int) -> bool:
         # samples beside a gap may be of no phase
-        before, after = np.searchsorted(t_ns, begin_ns, "right") - 1, np.searchsorted(t_ns, end_ns)
+        before, after = np.searchsorted(t_ns, start_ns, "right") - 1, np.searchsorted(t_ns, end_ns)
         if before < 0 or after >= t_ns.size or moves[before] or moves[after]:
             return False
-        at = np.searchsorted(moving_ns, begin_ns)
+        at = np.searchsorted(moving_ns, start_ns)
         stood_ns = t_ns[before] - (moving_ns[at - 1] if at else t_ns[0])
         stands_ns = (moving_ns[at] if at < moving_ns.size else t_ns[-1]) - t_ns[after]
         return bool(max(stood_ns, stands_ns) > LIMITS.idle_s * NS_PER_S)

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.load_passes import Passes
+from analysis.cycles.load_passes import LoadPasses
 from analysis.model.machine import Machine
 from analysis.weighing.empty_mass_datum import EmptyMachine
 from analysis.weighing.fuel_on_board import FuelOnBoard
@@ -27,8 +27,8 @@ BY_CALIBRATION: Final = "calibration"
 
 
 @dataclass(frozen=True)
-class MixedMachines:
-    """A jump of the empty mass at the begin of a log.
+class EmptyMassJump:
+    """A jump of the empty mass at the start of a log.
 
     Attributes:
         log: number of the log with the jump, from 0.
@@ -40,7 +40,7 @@ class MixedMachines:
     before_kg: float
     after_kg: float
 
-    def warning_text(self, log_name: str) -> str:
+    def make_warning_text(self, log_name: str) -> str:
         """Warning about the jump.
 
         Args:
@@ -71,7 +71,7 @@ class ShiftScale(NamedTuple):
     gain_u_1: float | None = None
 
 
-def state_shares_of_passes(fit: JointFit, passes: Passes) -> Floats:
+def state_shares_of_passes(fit: JointFit, passes: LoadPasses) -> Floats:
     """(states, passes) weights of the states' masses in the passes' masses."""
     assert fit.states is not None
     weights = np.zeros((fit.mass_count, passes.mass_kg.size))
@@ -79,7 +79,7 @@ def state_shares_of_passes(fit: JointFit, passes: Passes) -> Floats:
     return weights
 
 
-def estimate_carry_back_variance_kg2(passes: Passes) -> float:
+def estimate_carry_back_variance_kg2(passes: LoadPasses) -> float:
     """Variance of the carry-back in kg²: variance of the empty passes beyond their noise."""
     mass, u = passes.drift_corrected_masses_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if mass.size < LIMITS.carried_min_passes:
@@ -88,7 +88,7 @@ def estimate_carry_back_variance_kg2(passes: Passes) -> float:
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
-def estimate_clean_machine_mass_and_u_kg(passes: Passes) -> tuple[float, float]:
+def estimate_clean_machine_mass_and_u_kg(passes: LoadPasses) -> tuple[float, float]:
     """Mass of the machine with a clean bucket, and its uncertainty, in kg.
 
     The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
@@ -106,7 +106,7 @@ def estimate_clean_machine_mass_and_u_kg(passes: Passes) -> tuple[float, float]:
 
 
 def weigh_empty_machine(
-    weighing: Weighing | None, machine: Machine, passes: Passes, fuel: FuelOnBoard | None = None
+    weighing: Weighing | None, machine: Machine, passes: LoadPasses, fuel: FuelOnBoard | None = None
 ) -> EmptyMachine | None:
     """The empty machine as weighed by the empty passes; None without any.
 
@@ -130,19 +130,21 @@ def weigh_empty_machine(
     weights = state_shares_of_passes(weighing.fit, passes) @ share
     middles_ns = (passes.start_ns + passes.end_ns) / 2.0
     fuel_kg = (
-        (0.0, 0.0) if fuel is None else fuel.fuel_mass_since_ticket_and_u_kg(middles_ns, share)
+        (0.0, 0.0)
+        if fuel is None
+        else fuel.estimate_fuel_mass_beyond_ticket_and_u_kg(middles_ns, share)
     )
     return EmptyMachine(weighing, machine, weights, carried, fuel_kg)
 
 
 def find_machine_change_by_empty_mass(
-    manoeuvres: pl.DataFrame, log_begins_ns: Sequence[int]
-) -> MixedMachines | None:
+    manoeuvres: pl.DataFrame, log_starts_ns: Sequence[int]
+) -> EmptyMassJump | None:
     """Find the log from which on the empty machine has another mass.
 
     Args:
         manoeuvres: the frame `manoeuvres`.
-        log_begins_ns: (logs,) begin of each log since the first aligned sample, ascending.
+        log_starts_ns: (logs,) start of each log since the first aligned sample, ascending.
 
     Returns:
         The largest jump; None if there is none, or too few starts on either side.
@@ -153,8 +155,8 @@ def find_machine_change_by_empty_mass(
     mass_kg, std_kg, start_ns = (
         known[name].to_numpy() for name in ("mass_kg", "mass_std_kg", "start_t_ns")
     )
-    found: list[tuple[float, MixedMachines]] = []
-    for number, border_ns in enumerate(log_begins_ns[1:], 1):
+    found: list[tuple[float, EmptyMassJump]] = []
+    for number, border_ns in enumerate(log_starts_ns[1:], 1):
         later = start_ns >= border_ns
         sides = [
             compute_lightest_start_mean_and_std_kg(mass_kg[side], std_kg[side])
@@ -168,7 +170,7 @@ def find_machine_change_by_empty_mass(
             np.hypot(u_kg, other_u_kg)
         )
         if jump > LIMITS.empty_mass_jump and surely:
-            found.append((jump, MixedMachines(number, before_kg, after_kg)))
+            found.append((jump, EmptyMassJump(number, before_kg, after_kg)))
     return max(found, key=lambda each: each[0])[1] if found else None
 
 

@@ -14,7 +14,7 @@ from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
 from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.stages.motion.forces import (
     compute_longitudinal_force,
     compute_regressor_acceleration,
@@ -39,13 +39,13 @@ class MotionErrors:
     """Errors of measured force and speed against those at the ground.
 
     Attributes:
-        force_late_s: delay of the force behind the acceleration.
-        speed_late_s: delay of the speed behind the acceleration.
+        force_delay_s: delay of the force behind the acceleration.
+        speed_delay_s: delay of the speed behind the acceleration.
         slip_1_N: wheel slip per newton, as a fraction of the speed.
     """
 
-    force_late_s: float
-    speed_late_s: float
+    force_delay_s: float
+    speed_delay_s: float
     slip_1_N: float
 
 
@@ -102,7 +102,7 @@ def collect_energy_samples(
     t_ns = aligned["t_ns"].to_numpy()
     step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
     step_s = np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s)
-    speed = column_values(aligned, "speed_x_m_s")
+    speed = get_column_values(aligned, "speed_x_m_s")
     force = compute_longitudinal_force(aligned, machine.machine)
     acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
@@ -138,7 +138,7 @@ def collect_energy_samples(
         drives,
         drives & digs,
         moves & ~drives & ~turns & ~digs,
-        column_values(aligned, "fuel_rate_L_h") if "fuel_rate_L_h" in aligned.columns else None,
+        get_column_values(aligned, "fuel_rate_L_h") if "fuel_rate_L_h" in aligned.columns else None,
     )
 
 
@@ -193,10 +193,10 @@ def drop_driving_samples_under_brakes(
     return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
 
 
-def advance_force_samples(samples: EnergySamples, force_late_s: float) -> EnergySamples:
+def advance_force_samples(samples: EnergySamples, force_delay_s: float) -> EnergySamples:
     """Shift the driving stretches from the time of measurement to the time of action."""
     sampled = samples.step_s[samples.step_s > 0.0]
-    rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
+    rows = round(force_delay_s / float(np.median(sampled))) if sampled.size else 0
     return delay_force_samples(samples, -rows)
 
 
@@ -227,7 +227,7 @@ def shift_trailing_mean_to_centre(
 ) -> Floats:
     """Column after the trailing mean, advanced by half its length, (n,); 0 where unknown."""
     return np.roll(
-        np.nan_to_num(column_values(excitation, column_name)),
+        np.nan_to_num(get_column_values(excitation, column_name)),
         -count_trailing_mean_delay_rows(machine),
     )
 
@@ -250,7 +250,7 @@ def compute_turning_power_watts(aligned: pl.DataFrame, body: Body) -> Floats:
     torque = compute_yaw_torque(aligned, body)
     if torque is None or "yaw_rate_rad_s" not in aligned.columns:
         return np.zeros(aligned.height)
-    return np.nan_to_num(torque * column_values(aligned, "yaw_rate_rad_s"))
+    return np.nan_to_num(torque * get_column_values(aligned, "yaw_rate_rad_s"))
 
 
 #: The integrals of each set of samples, in J over the unit of what multiplies them; the speed is
@@ -317,8 +317,8 @@ def integrate_energy_terms_over_phases(
         motion_errors: errors of force and speed.
         ground_N: (n,) force between tyres and ground without digging.
     """
-    force = advance_sample_column(samples, "force_N", motion_errors.force_late_s)
-    wheels = advance_sample_column(samples, "speed_m_s", motion_errors.speed_late_s)
+    force = advance_sample_column(samples, "force_N", motion_errors.force_delay_s)
+    wheels = advance_sample_column(samples, "speed_m_s", motion_errors.speed_delay_s)
     # brakes slip as well, and leave no measured force
     slipping_N = np.where(samples.digs, force, ground_N)
     speed = wheels * compute_ground_to_wheel_speed_ratio(wheels, slipping_N, motion_errors.slip_1_N)

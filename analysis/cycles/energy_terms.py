@@ -11,7 +11,7 @@ from analysis.cycles.boom_dumps import mark_standing_samples
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.settings import PriorSettings
 from analysis.model.windows import find_flagged_runs
 from analysis.weighing.friction_warming import WARMING
@@ -67,39 +67,39 @@ def read_force_model_and_u(
     rows = frames["nuisances"].select("term", "posterior", "posterior_std", "prior_std")
     term = {name: (value, std, prior) for name, value, std, prior in rows.iter_rows()}
 
-    def term_value_and_std(name: str) -> tuple[float, float]:
+    def read_term_value_and_std(name: str) -> tuple[float, float]:
         value, std, _ = term.get(name, (0.0, 0.0, 0.0))
         return value, std
 
-    const, const_u = term_value_and_std("const")
-    offset, offset_u = term_value_and_std("offset")
+    const, const_u = read_term_value_and_std("const")
+    offset, offset_u = read_term_value_and_std("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    wrong_N = priors.const_share * high_quantile_of_driving_force_newtons(excitation)
+    wrong_N = priors.const_share * compute_high_quantile_of_driving_force_newtons(excitation)
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
     # none of them has what grows with the load, which is therefore uncertain
     loaded_1 = float(np.quantile(mass_kg, 0.9) / np.quantile(mass_kg, 0.1)) - 1.0
     const_u, direction_u, viscous_u = (
-        float(np.hypot(std, loaded_1 * np.hypot(*term_value_and_std(f"weight_{name}"))))
+        float(np.hypot(std, loaded_1 * np.hypot(*read_term_value_and_std(f"weight_{name}"))))
         for name, std in (
             ("const", const_u),
-            ("direction", term_value_and_std("direction")[1]),
+            ("direction", read_term_value_and_std("direction")[1]),
             ("viscous", viscous[1]),
         )
     )
     pairs = {
-        "transfer": term_value_and_std("load_transfer"),
-        "gain_drift": term_value_and_std("gain_drift"),
+        "transfer": read_term_value_and_std("load_transfer"),
+        "gain_drift": read_term_value_and_std("gain_drift"),
         "const": (const, const_u),
         "offset": combine_fitted_and_standstill_force_offset(
             (wrong_1 * const + offset, offset_u), excitation, mass_kg
         ),
         "viscous": (viscous[0], viscous_u),
-        **{name: term_value_and_std(name) for name in WARMING},
-        "direction": (term_value_and_std("direction")[0], direction_u),
-        "quadratic": term_value_and_std("quadratic"),
+        **{name: read_term_value_and_std(name) for name in WARMING},
+        "direction": (read_term_value_and_std("direction")[0], direction_u),
+        "quadratic": read_term_value_and_std("quadratic"),
     }
     value = ForceModel(**{name: pair[0] for name, pair in pairs.items()})
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
@@ -120,14 +120,14 @@ def estimate_unfitted_coulomb_std_newtons(
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
     return friction_prior_std_newtons(
-        high_quantile_of_driving_force_newtons(frames["excitation"]), weight_N, priors
+        compute_high_quantile_of_driving_force_newtons(frames["excitation"]), weight_N, priors
     )
 
 
-def high_quantile_of_driving_force_newtons(excitation: pl.DataFrame) -> float:
+def compute_high_quantile_of_driving_force_newtons(excitation: pl.DataFrame) -> float:
     """Large quantile of the log's force, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
-    pushed_N = np.abs(column_values(driving, "force_x_N"))
+    pushed_N = np.abs(get_column_values(driving, "force_x_N"))
     return float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
 
 
@@ -161,7 +161,7 @@ def estimate_standstill_force_offset_and_u(
         None if there are too few standstills.
     """
     force, acceleration = (
-        column_values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
+        get_column_values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
     for begin, end in zip(*find_flagged_runs(mark_standing_samples(excitation)), strict=True):
@@ -210,7 +210,7 @@ def perturb_terms_one_by_one(term_values: Terms, stds: Terms) -> list[Terms]:
     ]
 
 
-def relative_work_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
+def combine_relative_work_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     """Relative standard uncertainty of the measured work, and the settings missing for it.
 
     Torque times the speed of the same wheels needs no radius.
@@ -229,7 +229,7 @@ def relative_work_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
 
 
-def relative_common_and_individual_mass_u(
+def compute_relative_common_and_individual_mass_u(
     frames: Mapping[str, pl.DataFrame],
 ) -> tuple[float, float]:
     """Relative standard uncertainty of masses on the force's scale: common, and individual."""

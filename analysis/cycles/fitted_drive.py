@@ -90,7 +90,7 @@ def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -
     errors, errors_u = read_motion_errors_and_u(frames["nuisances"], model, machine)
     samples = collect_energy_samples(*grids, machine, model.offset)
     mass_kg = estimate_total_mass_of_samples_kg(samples, cycles, manoeuvres)
-    samples = advance_force_samples(samples, errors.force_late_s)
+    samples = advance_force_samples(samples, errors.force_delay_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(
@@ -124,7 +124,7 @@ def estimate_total_mass_of_samples_kg(
     order = np.argsort(middle)
     starts = _StartMasses(middle[order], by_state[state][order])
     t_ns = samples.t_ns
-    mass_kg = starts.masses_of_nearest_starts_kg(t_ns)
+    mass_kg = starts.look_up_masses_of_nearest_starts_kg(t_ns)
     for row in cycles.iter_rows(named=True):
         if row["dig_t_ns"] is None or row["load_s"] is None:
             continue
@@ -138,8 +138,8 @@ def estimate_total_mass_of_samples_kg(
         after = starts.select_starts_between(filled, end, row["loaded_kg"])
         if before is None or after is None:
             continue
-        mass_kg[begin:first] = before.masses_of_nearest_starts_kg(t_ns[begin:first])
-        mass_kg[last:stop] = after.masses_of_nearest_starts_kg(t_ns[last:stop])
+        mass_kg[begin:first] = before.look_up_masses_of_nearest_starts_kg(t_ns[begin:first])
+        mass_kg[last:stop] = after.look_up_masses_of_nearest_starts_kg(t_ns[last:stop])
         filling = samples.digs[first:last]
         # the bucket fills while the machine pushes into the pile
         grown = np.cumsum(filling) / max(int(filling.sum()), 1)
@@ -155,17 +155,17 @@ class _StartMasses(NamedTuple):
     mass_kg: Floats
 
     def select_starts_between(
-        self, begin_ns: int, end_ns: int, default_kg: float | None
+        self, start_ns: int, end_ns: int, default_kg: float | None
     ) -> "_StartMasses | None":
         """Starts between two times; without any, one of `default_kg`, or None if that is None."""
-        chosen = (self.middle_ns >= begin_ns) & (self.middle_ns <= end_ns)
+        chosen = (self.middle_ns >= start_ns) & (self.middle_ns <= end_ns)
         if chosen.any():
             return _StartMasses(self.middle_ns[chosen], self.mass_kg[chosen])
         if default_kg is None:
             return None
-        return _StartMasses(np.array([float(begin_ns)]), np.array([default_kg]))
+        return _StartMasses(np.array([float(start_ns)]), np.array([default_kg]))
 
-    def masses_of_nearest_starts_kg(self, t_ns: Ints) -> Floats:
+    def look_up_masses_of_nearest_starts_kg(self, t_ns: Ints) -> Floats:
         """Mass of the nearest start to each time, (n,)."""
         halfway = (self.middle_ns[1:] + self.middle_ns[:-1]) / 2.0
         return self.mass_kg[np.searchsorted(halfway, t_ns)]

@@ -13,9 +13,9 @@ import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
-from analysis.cycles.load_passes import Passes
+from analysis.cycles.load_passes import LoadPasses
 from analysis.model.machine_body import Body
-from analysis.model.schema import column_values, conform_frame_to_schema
+from analysis.model.schema import conform_frame_to_schema, get_column_values
 from estimators.arrays import Floats
 
 #: Columns that are in proportion to the payload.
@@ -28,7 +28,7 @@ _IN_PROPORTION: Final = (
 def subtract_spillage(
     cycles: pl.DataFrame,
     cycle_parts: Sequence[CycleParts],
-    passes: Passes,
+    passes: LoadPasses,
     frames: Mapping[str, pl.DataFrame],
     body: Body,
 ) -> pl.DataFrame:
@@ -36,7 +36,7 @@ def subtract_spillage(
 
     Args:
         cycles: frame with payloads as weighed.
-        cycle_parts: begin of each haul, and stop for its dump.
+        cycle_parts: start of each haul, and stop for its dump.
         passes: manoeuvres that weigh each load.
         frames: the frames `manoeuvres` and `excitation`.
         body: machine body with its spillage.
@@ -91,7 +91,7 @@ def subtract_spillage_from_payload_columns(cycles: pl.DataFrame) -> pl.DataFrame
 
 def find_haul_fractions_when_weighed(
     cycle_parts: Sequence[CycleParts],
-    passes: Passes,
+    passes: LoadPasses,
     manoeuvres: pl.DataFrame,
     excitation: pl.DataFrame,
 ) -> Floats:
@@ -103,7 +103,7 @@ def find_haul_fractions_when_weighed(
     t_ns = excitation["t_ns"].to_numpy()
     moves = (excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     driven = np.cumsum(moves).astype(np.float64)
-    weight = np.square(np.nan_to_num(column_values(excitation, "regressor_acc_x_m_s2")))
+    weight = np.square(np.nan_to_num(get_column_values(excitation, "regressor_acc_x_m_s2")))
     sums, moments = (np.append(0.0, np.cumsum(x)) for x in (weight, weight * driven))
     first, last = (
         np.searchsorted(t_ns, manoeuvres[name].to_numpy()) for name in ("start_t_ns", "end_t_ns")

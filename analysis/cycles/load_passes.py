@@ -24,20 +24,20 @@ from estimators.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
-class Passes:
+class LoadPasses:
     """Passes in order of time.
 
     Attributes:
         membership: (manoeuvres,) pass of each manoeuvre.
-        share: (manoeuvres,) weight in the pass' mass; the weights of a pass add up to 1.
+        share: (manoeuvres,) weight in the pass's mass; the weights of a pass add up to 1.
         loaded: (passes,) whether each pass is loaded.
         mass_kg: (passes,) mass.
         u_kg: (passes,) random uncertainty of the mass, from noise and scatter of the manoeuvres.
         start_ns: (passes,) first fitted sample.
         end_ns: (passes,) last fitted sample.
-        one_filling_ns: largest distance between digging starts that fill the bucket once.
-        dumps: dumps that the boom shows.
-        drift_1: (passes,) drift of the empty machine's mass at each pass, over its mean.
+        max_filling_pause_ns: longest pause between digging starts that fill the same bucket.
+        dumps: dumps seen in the boom angle.
+        drift_1: (passes,) relative drift of the empty machine's mass at each pass.
     """
 
     membership: Ints
@@ -47,7 +47,7 @@ class Passes:
     u_kg: Floats
     start_ns: Ints
     end_ns: Ints
-    one_filling_ns: int = LIMITS.one_filling_ns
+    max_filling_pause_ns: int = LIMITS.max_filling_pause_ns
     dumps: BoomDumps = NO_DUMPS
     drift_1: Floats | float = 0.0
 
@@ -58,7 +58,7 @@ class Passes:
 
 
 #: Of a log whose loads cannot be told from empty passes.
-NO_PASSES: Final = Passes(
+NO_PASSES: Final = LoadPasses(
     np.zeros(0, np.int64),
     np.zeros(0),
     np.zeros(0, np.bool_),
@@ -72,17 +72,17 @@ NO_PASSES: Final = Passes(
 def find_load_passes(
     loads: pl.DataFrame,
     manoeuvres: pl.DataFrame,
-    digs: pl.DataFrame,
+    digging: pl.DataFrame,
     aligned: pl.DataFrame | None = None,
     excitation: pl.DataFrame | None = None,
     drift_1: Floats | float = 0.0,
-) -> Passes | None:
+) -> LoadPasses | None:
     """Join manoeuvres to passes; None if loaded and empty cannot be distinguished.
 
     Args:
         loads: frame with the scatter.
         manoeuvres: frame with states and masses.
-        digs: the frame `digging`: a digging start separates empty before from loaded after.
+        digging: the frame `digging`; one separates empty before from loaded after.
         aligned: frame with the boom, if measured.
         excitation: frame with phases and speed.
         drift_1: (states,) drift of the empty machine's mass at each state, over its mean.
@@ -98,7 +98,7 @@ def find_load_passes(
     total = np.bincount(state, weight)
     mass_kg = np.bincount(state, weight * level) / total
     u_kg = 1.0 / np.sqrt(total)
-    loaded = classify_loaded_states(mass_kg / (1.0 + drift_1), u_kg, state, (begin, end), digs)
+    loaded = classify_loaded_states(mass_kg / (1.0 + drift_1), u_kg, state, (begin, end), digging)
     if loaded is None:
         return None
     of_state = loaded[state]
@@ -108,13 +108,13 @@ def find_load_passes(
         # one who creeps to the dump may have emptied the bucket before the start ends
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
-        of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digs, dumps)
-    one_filling_ns = max_refill_pause_ns(of_state, begin, end, digs)
+        of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digging, dumps)
+    pause_ns = compute_max_filling_pause_ns(of_state, begin, end, digging)
     parts = np.diff(of_state) != 0
-    parts[find_manoeuvres_after_refills(of_state, begin, end, digs, dumps, one_filling_ns)] = True
-    if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
+    parts[find_manoeuvres_after_refills(of_state, begin, end, digging, dumps, pause_ns)] = True
+    if digging.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
         parts[find_load_change_indices_at_dumps(of_state, begin, end, dumps)] = True
-    hauls_nothing = mark_short_hauls(of_state, parts, begin, end, digs)
+    hauls_nothing = mark_short_hauls(of_state, parts, begin, end, digging)
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
@@ -130,7 +130,7 @@ def find_load_passes(
     # a pass ends before its machine dumps
     counts = np.flatnonzero(weight > 0.0)
     last[of[counts]] = counts
-    return Passes(
+    return LoadPasses(
         of,
         weight / total[of],
         of_state[first],
@@ -138,14 +138,14 @@ def find_load_passes(
         1.0 / np.sqrt(total),
         begin[first],
         end[last],
-        one_filling_ns,
+        pause_ns,
         dumps,
         np.broadcast_to(drift_1, mass_kg.shape)[state[first]],
     )
 
 
 def mark_short_hauls(
-    is_loaded: Bools, is_border: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
+    is_loaded: Bools, is_border: Bools, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
 ) -> Bools:
     """Mark very short hauls of a load without a filling, (manoeuvres,).
 
@@ -156,9 +156,9 @@ def mark_short_hauls(
     Args:
         is_loaded: (manoeuvres,) whether each is loaded.
         is_border: (manoeuvres - 1,) borders between passes.
-        begin_ns: (manoeuvres,) begin of each.
+        start_ns: (manoeuvres,) start of each.
         end_ns: (manoeuvres,) end of each.
-        digs: the frame `digging`.
+        digging: the frame `digging`.
     """
     found = np.zeros(is_loaded.size, np.bool_)
     first = np.flatnonzero(np.append(True, is_border))
@@ -168,36 +168,38 @@ def mark_short_hauls(
     first, last = first[inner], last[inner]
     if first.size < LIMITS.filling_min_cycles:
         return found
-    spans_ns = end_ns[last] - begin_ns[first]
-    between_ns = begin_ns[last + 1] - end_ns[first - 1]
+    spans_ns = end_ns[last] - start_ns[first]
+    between_ns = start_ns[last + 1] - end_ns[first - 1]
     is_short = spans_ns < LIMITS.short_haul_fraction * np.median(spans_ns)
     is_short &= between_ns < LIMITS.short_between_fraction * np.median(between_ns)
-    dug_ns = digs["start_t_ns"].to_numpy()
+    dug_ns = digging["start_t_ns"].to_numpy()
     for k, to in zip(first[is_short].tolist(), last[is_short].tolist(), strict=True):
-        found[k : to + 1] = not np.any((dug_ns >= begin_ns[k - 1]) & (dug_ns < end_ns[to]))
+        found[k : to + 1] = not np.any((dug_ns >= start_ns[k - 1]) & (dug_ns < end_ns[to]))
     return found
 
 
-def max_refill_pause_ns(is_loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame) -> int:
+def compute_max_filling_pause_ns(
+    is_loaded: Bools, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
+) -> int:
     """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
-    starts = np.sort(digs["start_t_ns"].to_numpy())
-    stops = np.sort(digs["end_t_ns"].to_numpy())
-    middle = (begin_ns + end_ns) // 2
+    starts = np.sort(digging["start_t_ns"].to_numpy())
+    stops = np.sort(digging["end_t_ns"].to_numpy())
+    middle = (start_ns + end_ns) // 2
     apart = [
         int(start - stop)
         for stop, start in zip(stops[:-1], starts[1:], strict=True)
         if (seen := is_loaded[(middle > stop) & (middle < start)]).any() and not seen.all()
     ]
     if len(apart) < LIMITS.filling_min_cycles:
-        return LIMITS.one_filling_ns
-    return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
+        return LIMITS.max_filling_pause_ns
+    return min(LIMITS.max_filling_pause_ns, int(LIMITS.one_filling_cycles * np.median(apart)))
 
 
 def find_manoeuvres_after_refills(
     is_loaded: Bools,
-    begin_ns: Ints,
+    start_ns: Ints,
     end_ns: Ints,
-    digs: pl.DataFrame,
+    digging: pl.DataFrame,
     dumps: BoomDumps,
     max_filling_pause_ns: int,
 ) -> list[int]:
@@ -208,12 +210,12 @@ def find_manoeuvres_after_refills(
     """
     found: list[int] = []
     last_ns = -max_filling_pause_ns
-    for start, stop in digs.select("start_t_ns", "end_t_ns").sort("start_t_ns").iter_rows():
-        after = int(np.searchsorted(begin_ns, start, "left"))
+    for start, stop in digging.select("start_t_ns", "end_t_ns").sort("start_t_ns").iter_rows():
+        after = int(np.searchsorted(start_ns, start, "left"))
         if 0 < after < is_loaded.size and is_loaded[after - 1] and is_loaded[after]:
             empties = np.flatnonzero(~is_loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
-            since_ns = max(int(begin_ns[first]), last_ns)
+            since_ns = max(int(start_ns[first]), last_ns)
             dumped = bool(dumps.select_dumps(int(end_ns[after - 1]), start))
             # what drives while it is seen to dig is no haul
             if (start - since_ns > max_filling_pause_ns or dumped) and end_ns[after - 1] <= start:
@@ -223,18 +225,18 @@ def find_manoeuvres_after_refills(
 
 
 def correct_loaded_flags_at_dumps(
-    is_loaded: Bools, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame, dumps: BoomDumps
+    is_loaded: Bools, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
 
     If masses place a dump a few manoeuvres away from the boom's, the manoeuvres in between change
     class.
     """
-    at = [int(np.searchsorted(begin_ns, each.bucket_emptied_ns)) for each in dumps.dumps]
-    dug = np.unique(np.searchsorted(begin_ns, digs["start_t_ns"].to_numpy()))
+    at = [int(np.searchsorted(start_ns, each.bucket_emptied_ns)) for each in dumps.dumps]
+    dug = np.unique(np.searchsorted(start_ns, digging["start_t_ns"].to_numpy()))
     moved = is_loaded.copy()
     for first in np.flatnonzero(is_loaded[:-1] & ~is_loaded[1:]) + 1:
-        if dumps.select_dumps(int(end_ns[first - 1]), int(begin_ns[first])):
+        if dumps.select_dumps(int(end_ns[first - 1]), int(start_ns[first])):
             continue
         # from one filling to the next
         low = int(max(dug[dug < first], default=0))
@@ -273,7 +275,7 @@ def mark_spilled_loads(
 
 
 def classify_loaded_states(
-    mass_kg: Floats, u_kg: Floats, state: Ints, times_ns: tuple[Ints, Ints], digs: pl.DataFrame
+    mass_kg: Floats, u_kg: Floats, state: Ints, times_ns: tuple[Ints, Ints], digging: pl.DataFrame
 ) -> Bools | None:
     """Whether each state is loaded, (states,); None if undecidable.
 
@@ -281,10 +283,10 @@ def classify_loaded_states(
         mass_kg: (states,).
         u_kg: (states,) random uncertainty.
         state: (manoeuvres,) load state of each.
-        times_ns: (manoeuvres,) begins, and ends.
-        digs: the frame `digging`: a digging start separates empty before from loaded after.
+        times_ns: (manoeuvres,) starts, and ends.
+        digging: the frame `digging`; one separates empty before from loaded after.
     """
-    label = label_state_loaded_by_digging(mass_kg, u_kg, state, *times_ns, digs)
+    label = label_state_loaded_by_digging(mass_kg, u_kg, state, *times_ns, digging)
     possible = mark_plausible_masses(mass_kg)
     found = classify_loaded_by_threshold(mass_kg[possible], u_kg[possible], label[possible])
     # a mass that no machine has tells of no change of the load
@@ -292,13 +294,13 @@ def classify_loaded_states(
 
 
 def label_state_loaded_by_digging(
-    mass_kg: Floats, u_kg: Floats, state: Ints, begin_ns: Ints, end_ns: Ints, digs: pl.DataFrame
+    mass_kg: Floats, u_kg: Floats, state: Ints, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
 ) -> Ints:
     """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
     label = np.full(mass_kg.size, -1)
-    for start, stop in digs.select("start_t_ns", "end_t_ns").iter_rows():
+    for start, stop in digging.select("start_t_ns", "end_t_ns").iter_rows():
         before = int(np.searchsorted(end_ns, start, "right")) - 1
-        after = int(np.searchsorted(begin_ns, stop, "left"))
+        after = int(np.searchsorted(start_ns, stop, "left"))
         if before < 0 or after >= state.size:
             continue
         empty, full = state[before], state[after]

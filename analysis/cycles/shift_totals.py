@@ -178,7 +178,7 @@ def make_totals_of_counted_cycles(
     out = pl.col("cycle").is_in(list(rejected_cycles))
     counted = cycles.filter(pl.col("counted") & ~out)
     payload, back = counted["payload_kg"], counted["carry_back_kg"]
-    random_kg = random_u_of_payload_sum_kg(counted)
+    random_kg = compute_random_u_of_payload_sum_kg(counted)
     common_kg = float(counted["payload_u_shared_kg"].sum())
     return {
         "cycles": cycles.height,
@@ -203,7 +203,7 @@ def _replace_nonfinite_by_none(value: object) -> float | None:
     return value if isinstance(value, float) else None
 
 
-def random_u_of_payload_sum_kg(counted_cycles: pl.DataFrame) -> float:
+def compute_random_u_of_payload_sum_kg(counted_cycles: pl.DataFrame) -> float:
     """Random standard uncertainty of the sum of payloads, in kg."""
     weight: dict[int, float] = {}
     u_kg: dict[int, float] = {}

@@ -26,7 +26,7 @@ from analysis.model.axes import (
 from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combine_u
 from analysis.stages.estimation import fit_quality
-from analysis.stages.motion.phases import sign_of_yaw_rate_change
+from analysis.stages.motion.phases import compute_sign_of_yaw_rate_change
 from analysis.weighing.empty_mass_datum import list_factors_without_uncertainty
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.weigh import Weighing
@@ -231,7 +231,7 @@ class CheckInputs:
         A, f = make_spin_regressor_and_torque(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         spinning = known & self.mark_samples_in_phases("spinning")
-        changes = sign_of_yaw_rate_change(A[:, 1], self.machine.settings)
+        changes = compute_sign_of_yaw_rate_change(A[:, 1], self.machine.settings)
         braking = spinning & (changes < 0)
         welcome = not self.machine.settings.gate.exclude_braking
         moving = spinning if welcome else spinning & ~braking
@@ -257,7 +257,7 @@ def compare_lightest_load_with_empty_mass(
         return None
     fit = weighing.fit
     lightest = int(np.argmin(fit.masses_kg))
-    sources = make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest))
+    sources = make_mass_budget(weighing, machine, fit.make_mass_coefficients_of_state(lightest))
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(list_factors_without_uncertainty(sources))
     scale_kg = WEIGHING_LIMITS.unknown_scale_u * abs(mass_kg) if unknown else 0.0

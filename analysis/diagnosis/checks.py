@@ -17,7 +17,7 @@ from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.model.schema import build_frame, column_values
+from analysis.model.schema import build_frame, get_column_values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.estimation import fit_quality
@@ -107,7 +107,7 @@ def _explained_force_variance_fraction(_inputs: CheckInputs, motion: AxisMotion)
 
 def _share_of_braking_with_force_against_motion(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of samples braked by the drive whose force opposes the motion."""
-    return fit_quality.force_fraction_against_motion(
+    return fit_quality.compute_force_fraction_against_motion(
         motion.A, motion.f, motion.braking, motion.speeding
     )
 
@@ -121,7 +121,7 @@ def _share_of_braking_with_torque_against_spin(inputs: CheckInputs, motion: Axis
     rows = count_rows_in_duration(LIMITS.falling_torque_s, settings.align.rate_hz)
     rows += settings.smooth.samples
     still_falling = flag_windows_with_flagged_rows(motion.speeding, rows)
-    return fit_quality.force_fraction_against_motion(
+    return fit_quality.compute_force_fraction_against_motion(
         motion.A,
         motion.f,
         motion.braking & ~still_falling,
@@ -136,15 +136,15 @@ def _share_of_speeding_with_force_along_motion(_inputs: CheckInputs, motion: Axi
     # where gravity drives downhill, the force holds back
     chosen = motion.speeding & (motion.A[:, 0] * np.sign(rate) > -LIMITS.driven_downhill_min_m_s2)
     chosen = chosen if chosen.any() else motion.speeding
-    return fit_quality.force_fraction_along_motion(rate, motion.f, chosen)
+    return fit_quality.compute_force_fraction_along_motion(rate, motion.f, chosen)
 
 
 def _imu_to_wheel_acceleration_slope(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
     used = motion.complete & inputs.mark_samples_in_phases("accelerating", "cruising", "braking")
-    measured = column_values(inputs.excitation, "specific_force_x_m_s2")
+    measured = get_column_values(inputs.excitation, "specific_force_x_m_s2")
     imu = average_acceleration_over_rate_span(measured, inputs.machine.settings)
-    rate = column_values(inputs.excitation, "speed_rate_x_m_s2")
+    rate = get_column_values(inputs.excitation, "speed_rate_x_m_s2")
     return fit_quality.fit_slope_with_noisy_x(
         rate, imu, used, wheel_acceleration_noise_variance(inputs)
     )
@@ -206,7 +206,7 @@ def _describe_ratio_to_empty_mass(inputs: CheckInputs, _motion: AxisMotion) -> s
 
 
 def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
-    x, y = (column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
+    x, y = (get_column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.estimate_spin_centre_offset_m(
         x, y, motion.speed_or_yaw_rate, motion.A[:, 0], motion.complete
     )

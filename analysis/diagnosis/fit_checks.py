@@ -8,8 +8,8 @@ import numpy as np
 from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.diagnosis_limits import LIMITS
-from analysis.model.schema import column_values
-from analysis.weighing.mass_budget import relative_load_mass_u
+from analysis.model.schema import get_column_values
+from analysis.weighing.mass_budget import compute_relative_load_mass_u
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.other_motion import compute_wheel_imu_disagreement_over_speed
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing, find_term_farthest_from_prior
@@ -53,8 +53,8 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     out: list[Disagreement] = []
     columns = (
         totals["method"].to_list(),
-        column_values(totals, "mass_kg"),
-        column_values(totals, "mass_std_kg"),
+        get_column_values(totals, "mass_kg"),
+        get_column_values(totals, "mass_std_kg"),
     )
     for method, mass_kg, std_kg in zip(*columns, strict=True):
         if not np.isfinite(mass_kg):
@@ -124,12 +124,12 @@ def _describe_remedy_for_early_force(inputs: CheckInputs, _motion: AxisMotion) -
     )
 
 
-def relative_mass_u_of_main_load(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def compute_relative_mass_u_of_main_load(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Relative standard uncertainty of the load with the most manoeuvres."""
     weighing = inputs.weighing
     if weighing is None:
         return np.nan
-    return relative_load_mass_u(weighing, inputs.machine, weighing.fit.most_frequent_state)
+    return compute_relative_load_mass_u(weighing, inputs.machine, weighing.fit.most_frequent_state)
 
 
 def _find_term_farthest_from_prior(inputs: CheckInputs) -> tuple[str, float]:
@@ -181,12 +181,12 @@ def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _motion: AxisM
     return float(sum(each.contradicted for each in compare_methods_with_joint_fit(inputs)))
 
 
-def gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
+def compute_gating_bias_in_stds(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Gated minus ungated pooled mass, in standard deviations; NaN if a spring biases both."""
     if inputs.totals is None or inputs.position_dependent_force_newtons is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
-    mass_kg, std_kg = (column_values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
+    mass_kg, std_kg = (get_column_values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
     if not mass_kg.size:
         return np.nan
     mean_difference_kg = abs(mass_kg[0] - motion.ungated_fit.value)
@@ -223,7 +223,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "relative_u",
         "mass",
-        relative_mass_u_of_main_load,
+        compute_relative_mass_u_of_main_load,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
         applies=lambda inputs, _: inputs.totals is not None,  # frames alone give no answer
@@ -384,7 +384,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "gating_bias",
         "mass",
-        gating_bias_in_stds,
+        compute_gating_bias_in_stds,
         "pooled mass with and without gating: difference in standard deviations",
         maximum="gated_max",
         optional=True,

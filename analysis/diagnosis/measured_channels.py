@@ -34,7 +34,7 @@ _BESIDE: Final = ("position_x_m", "acc_x_m_s2")
 class RepeatedReading(NamedTuple):
     """A stretch that repeats one reading: begin and end in Unix ns, and the value."""
 
-    begin_ns: int
+    start_ns: int
     end_ns: int
     value: float
 
@@ -114,7 +114,7 @@ class RawSignals:
         rests = set(self.force_channels) - {*FORCES} if len(self.force_channels) > 1 else set()
         return {
             name: [
-                (run.begin_ns, run.end_ns)
+                (run.start_ns, run.end_ns)
                 for run in runs
                 if run.value not in self.fraction_by_clipping_level_of_channel.get(name, {})
             ]
@@ -310,7 +310,7 @@ def find_repeated_readings(
     surely = [
         run
         for run in runs
-        if any(does_channel_change(*each, run.begin_ns, run.end_ns) for each in others)
+        if any(does_channel_change(*each, run.start_ns, run.end_ns) for each in others)
     ]
     # what froze there, and has noise elsewhere, froze wherever it repeats itself
     return runs if surely and never else surely
@@ -329,11 +329,11 @@ def should_constant_channel_have_changed(
 
 
 def does_channel_change(
-    unix_ns: Ints, readings: Floats, min_change: float, begin_ns: int, end_ns: int
+    unix_ns: Ints, readings: Floats, min_change: float, start_ns: int, end_ns: int
 ) -> bool:
     """Whether a channel changes by more than `min_change` between the halves of a stretch."""
     part = readings[
-        np.searchsorted(unix_ns, begin_ns) : np.searchsorted(unix_ns, end_ns, side="right")
+        np.searchsorted(unix_ns, start_ns) : np.searchsorted(unix_ns, end_ns, side="right")
     ]
     if part.size < 4:
         return False
@@ -373,7 +373,8 @@ def find_spans_at_limits(limits: list[float], unix_ns: Ints, readings: Floats) -
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     near = max(
-        round(LIMITS.limit_window_s * 1e9 / median_period_ns(unix_ns)), LIMITS.run_min_readings
+        round(LIMITS.limit_window_s * 1e9 / median_period_ns(unix_ns)),
+        LIMITS.run_min_readings,
     )
     at = np.isin(readings, limits).astype(np.float64)
     first, last = find_flagged_runs(

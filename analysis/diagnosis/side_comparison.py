@@ -108,7 +108,7 @@ def compare_left_and_right_sides(
             [] if turns is None else [turns, np.clip(turns / LIMITS.scrubbing_rad_s, -1.0, 1.0)]
         )
         stands = blocks_in_phase("standstill")
-        ahead = sign_of_driving_direction(speeds, torques)
+        ahead = compute_sign_of_driving_direction(speeds, torques)
         found["torque"] = compare_side_torques(
             torques[0], torques[1], turning, ahead, driving, stands
         )
@@ -123,7 +123,7 @@ def compare_left_and_right_sides(
     return {kind: each for kind, each in found.items() if each is not None}
 
 
-def sign_of_driving_direction(
+def compute_sign_of_driving_direction(
     side_speeds: Sequence[Floats | None], side_torques: Sequence[Floats | None]
 ) -> Floats:
     """Driving direction (n,) by the wheel speeds, or else by the torques."""

@@ -17,7 +17,7 @@ def _unfiltered_force_fraction_against_motion(inputs: CheckInputs, motion: AxisM
     force = interpolate_unfiltered_force(inputs)
     if force is None:
         return np.nan
-    return fit_quality.force_fraction_against_motion(
+    return fit_quality.compute_force_fraction_against_motion(
         motion.A, motion.f, motion.braking, motion.speeding, force
     )
 
@@ -35,7 +35,7 @@ def _has_raw_signals(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     return inputs.signals is not None
 
 
-def _imu_tilt_rad(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def _imu_tilt_deg(inputs: CheckInputs, _motion: AxisMotion) -> float:
     return estimate_gravity_tilt_deg(inputs.excitation, inputs.machine)
 
 
@@ -48,11 +48,11 @@ def _make_reader_of_mass_change_over_uncertainty(
 ) -> Callable[[CheckInputs, AxisMotion], float | None]:
     """Make a function that returns the change of the answer without a check's stretches."""
 
-    def mass_shift_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
+    def read_mass_change_over_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
         found = inputs.left_out.get(check_name)
         return None if found is None else found.moved_u
 
-    return mass_shift_u
+    return read_mass_change_over_u
 
 
 def _make_writer_of_exclusion_text(
@@ -158,7 +158,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "imu_tilt_deg",
         "mass",
-        _imu_tilt_rad,
+        _imu_tilt_deg,
         "angle between gravity at standstill and the machine's upward axis, degrees",
         maximum="imu_tilt_max_deg",
         applies=lambda inputs, _: inputs.machine.settings.forces.acceleration == "specific_force",

@@ -217,7 +217,9 @@ def predict_estimate_errors_of_drive(
             ) * compute_reciprocal_row_noise_stds(motion_kind, noise)
             both = np.zeros((weight.shape[0], 2))
             both[:, rows] = weight
-            shares = predict_error_variances_by_force_and_rest(filters, both, phi, full, noise)
+            shares = predict_error_variances_by_force_and_motion_noise(
+                filters, both, phi, full, noise
+            )
             predictions[name] = ErrorPrediction(
                 value=value,
                 variance_per_force=shares[0] / float(noise.force_x_N) ** 2,
@@ -240,7 +242,7 @@ def compute_true_quantities_and_gradients(body: RigidBody) -> dict[str, tuple[fl
     }
 
 
-def predict_error_variances_by_force_and_rest(
+def predict_error_variances_by_force_and_motion_noise(
     filters: Filters,
     error_weights: Floats,
     true_parameters: Floats,

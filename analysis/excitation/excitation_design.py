@@ -331,7 +331,7 @@ def score_waveform(
     truth = MeasuredSignals.from_motion(driven)
     asked = _ASKED[motion_kind]
 
-    def largest_relative_rms(predictions: Mapping[str, ErrorPrediction]) -> float:
+    def find_largest_relative_rms(predictions: Mapping[str, ErrorPrediction]) -> float:
         return max(
             predictions[name].predicted_rms_error / predictions[name].value for name in asked
         )
@@ -347,7 +347,7 @@ def score_waveform(
                 predict_estimate_errors_of_drive(motion_kind, filters, part, motion.body, noise),
             )
         )
-    first, part, predictions = max(windows, key=lambda window: largest_relative_rms(window[2]))
+    first, part, predictions = max(windows, key=lambda window: find_largest_relative_rms(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))
     applied = truth.torque_z_N_m if motion_kind == "spin" else truth.force_x_N
     noisy = float(noise.torque_z_N_m if motion_kind == "spin" else noise.force_x_N)
@@ -375,7 +375,7 @@ def score_waveform(
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),
         reach_m=float(np.abs(path_m).max()),
-        relative_error=largest_relative_rms(predictions),
+        relative_error=find_largest_relative_rms(predictions),
     )
 
 

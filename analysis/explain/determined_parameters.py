@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.explain.explain_limits import LIMITS
 from analysis.model.axes import X
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.settings import Settings
 from analysis.stages.noise.column_noise import ColumnNoise
 from estimators.arrays import Bools, Floats
@@ -56,10 +56,10 @@ def find_determined_parameters(
     Returns:
         None if there are too few samples, or their noise is unknown.
     """
-    acceleration = column_values(excitation, "regressor_acc_x_m_s2")
-    speed = column_values(excitation, "speed_x_m_s")
+    acceleration = get_column_values(excitation, "regressor_acc_x_m_s2")
+    speed = get_column_values(excitation, "speed_x_m_s")
     if "direction_x_1" in excitation.columns:
-        direction = column_values(excitation, "direction_x_1")
+        direction = get_column_values(excitation, "direction_x_1")
     else:
         direction = np.sign(speed)
     A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])

@@ -23,7 +23,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import mass_change_by_refit
 from analysis.model.physical_units import gain_and_offset_to_si
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.motion.phases import average_acceleration_over_rate_span
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -168,10 +168,10 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     ):
         return []
     settings = inputs.machine.settings
-    rate = column_values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
+    rate = get_column_values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
         average_acceleration_over_rate_span(
-            column_values(inputs.check_inputs.excitation, name), settings
+            get_column_values(inputs.check_inputs.excitation, name), settings
         )
         for name in (ACC, _Y)
     )
@@ -343,8 +343,8 @@ def compute_imu_spectra_after_starts_and_at_rest(
     size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
         return None
-    reads = column_values(inputs.aligned, ACC)
-    speed = column_values(inputs.aligned, "speed_x_m_s")
+    reads = get_column_values(inputs.aligned, ACC)
+    speed = get_column_values(inputs.aligned, "speed_x_m_s")
     force = compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)

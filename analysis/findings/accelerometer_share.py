@@ -5,7 +5,7 @@ import numpy as np
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
 from analysis.findings.finding_inputs import ACC, FindingInputs
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from estimators.arrays import Floats
 
 
@@ -27,8 +27,10 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     def block_means(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
-    speed = block_means(column_values(inputs.aligned, "speed_x_m_s"))
-    reads = block_means(column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs))
+    speed = block_means(get_column_values(inputs.aligned, "speed_x_m_s"))
+    reads = block_means(
+        get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
+    )
     moves = block_means((~inputs.is_standing_sample).astype(float)) > 0.0
     x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]

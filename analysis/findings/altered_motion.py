@@ -9,16 +9,16 @@ from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
 
-def correct_channel_delay(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
-    """Undo the delay of `force`, `speed` or `imu`: move the channel earlier by `late_s`."""
+def correct_channel_delay(motion: MotionSamples, channel: str, delay_s: float) -> MotionSamples:
+    """Undo the delay of `force`, `speed` or `imu`: move the channel earlier by `delay_s`."""
     if channel == "force":
-        return motion.advance_force(late_s)
+        return motion.advance_force(delay_s)
     if channel == "speed":
-        return motion.advance_speed(late_s)
+        return motion.advance_speed(delay_s)
     rows = np.arange(motion.force.size, dtype=np.float64)
 
     def advance_samples(x: Floats) -> Floats:
-        return np.interp(rows + late_s * motion.rate_hz, rows, x)
+        return np.interp(rows + delay_s * motion.rate_hz, rows, x)
 
     return transform_accelerometer_signals(motion, advance_samples)
 

@@ -84,12 +84,12 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
         ProjectedEquation.project_out(one, ()),
         ProjectedEquation.project_out(one, ("driveline",)),
     )
-    square = before.remaining_information_about_cause("driveline")
+    square = before.compute_remaining_information_about_cause("driveline")
     if not square > 0.0:
         return None
     variance = min(by_loads.variance, after.variance)
     worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
-    value = before.remaining_likelihood_score_of_cause("driveline") / square
+    value = before.compute_remaining_likelihood_score_of_cause("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
     return ForceShareChange(value, std, gain, worse / variance, fit.mass_count)

@@ -106,25 +106,25 @@ def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tup
     runs, never = find_unexplained_repeats(*inputs.unfiltered_readings[channel])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
-        (run.begin_ns, run.end_ns)
+        (run.start_ns, run.end_ns)
         for run in runs
         if never
         and run.value not in limits
         and not any(
-            begin - LIMITS.stand_edge_ns <= run.begin_ns
+            begin - LIMITS.stand_edge_ns <= run.start_ns
             and run.end_ns <= end + LIMITS.stand_edge_ns
             for begin, end in signals.standstill_spans
         )
-        and not does_machine_stand_between(inputs, channel, run.begin_ns, run.end_ns)
+        and not does_machine_stand_between(inputs, channel, run.start_ns, run.end_ns)
     ]
 
 
 def does_machine_stand_between(
-    inputs: FindingInputs, channel: str, begin_unix_ns: int, end_unix_ns: int
+    inputs: FindingInputs, channel: str, start_unix_ns: int, end_unix_ns: int
 ) -> bool:
     """Whether the machine stands all the while; for a speed, which may be stuck, by the force."""
     edges_ns = inputs.convert_unix_to_aligned_ns(
-        begin_unix_ns + LIMITS.stand_edge_ns, end_unix_ns - LIMITS.stand_edge_ns
+        start_unix_ns + LIMITS.stand_edge_ns, end_unix_ns - LIMITS.stand_edge_ns
     )
     inside = slice(*np.searchsorted(inputs.aligned["t_ns"].to_numpy(), edges_ns).tolist())
     stands = inputs.is_standing_sample[inside]
@@ -148,7 +148,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
         count = sum(1 for each, _ in clipped.values() if each > 0.0)
         at = inputs.force_newtons_per_channel_unit(name) * abs(extreme) * max(count, 1)
     else:
-        at = inputs.median_force_newtons_in_spans(signals.clipped_spans[name])
+        at = inputs.compute_median_force_newtons_in_spans(signals.clipped_spans[name])
     limit_N = 0.98 * at
     found = inputs.check_inputs.left_out.get("clipped_share")
 
@@ -198,7 +198,7 @@ class ChannelSpikes:
 def find_spikes(inputs: FindingInputs) -> list[Symptom]:
     """Find single readings far from both neighbours, which agree with each other."""
     return list_only_strongest_symptom(
-        [_make_spike_symptom(inputs, *each) for each in spikes_by_channel(inputs).items()]
+        [_make_spike_symptom(inputs, *each) for each in get_spikes_by_channel(inputs).items()]
     )
 
 
@@ -214,14 +214,14 @@ def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpik
     )
 
 
-def spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
+def get_spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     """Spikes by channel; channels without spikes are absent."""
     if "spikes" not in inputs.cache:
-        inputs.cache["spikes"] = _detect_spikes_by_channel(inputs)
+        inputs.cache["spikes"] = _find_spikes_by_channel(inputs)
     return inputs.cache["spikes"]  # type: ignore[return-value]
 
 
-def _detect_spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
+def _find_spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     found: dict[str, ChannelSpikes] = {}
     for name in inputs.equation_channels_in_log:
         t, x = inputs.unfiltered_readings[name]
@@ -300,7 +300,7 @@ def mark_samples_near_stamps(inputs: FindingInputs, stamps_unix_ns: Ints) -> Boo
 def mark_samples_near_spikes(inputs: FindingInputs) -> Bools:
     """Grid samples next to a spike of any channel, (n,)."""
     near = np.zeros(inputs.aligned.height, np.bool_)
-    for each in spikes_by_channel(inputs).values():
+    for each in get_spikes_by_channel(inputs).values():
         near |= each.near
     return near
 

@@ -16,7 +16,7 @@ from analysis.findings.altered_motion import transform_accelerometer_signals
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import ProjectedEquation, build_whitened_force_rows
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.weighing.low_gears import subtract_gear_inertia
 from analysis.weighing.motion_samples import MotionSamples
@@ -63,7 +63,7 @@ def compute_gravity_by_pitch_m_s2(inputs: FindingInputs) -> np.typing.NDArray[np
     if not has_pitch_channel(inputs):
         return np.zeros(inputs.aligned.height)
     if "gravity" not in inputs.cache:
-        pitch = column_values(inputs.aligned, _PITCH)
+        pitch = get_column_values(inputs.aligned, _PITCH)
         inputs.cache["gravity"] = inputs.machine.machine.gravity_m_s2 * np.sin(pitch)
     return inputs.cache["gravity"]  # type: ignore[return-value]
 
@@ -85,7 +85,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
         error = inputs.signal_mean_and_std_at_rest(
-            column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
+            get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
         )
     fit, noise = inputs.log_only_fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
@@ -120,12 +120,12 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         own = ProjectedEquation.project_out(system, ())
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
-        square = own.remaining_information_about_cause(friction)
+        square = own.compute_remaining_information_about_cause(friction)
         # what holds the machine on a slope is no offset that friction takes off again
         if acts and holds:
             continue
-        if square > 0.0 and own.remaining_likelihood_score_of_cause(friction) * way > 0.0:
-            gain = own.remaining_likelihood_score_of_cause(friction) ** 2 / square
+        if square > 0.0 and own.compute_remaining_likelihood_score_of_cause(friction) * way > 0.0:
+            gain = own.compute_remaining_likelihood_score_of_cause(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
     cost = {of: each / min(variances) + LIMITS.cause_cost * sum(of) for of, each in left.items()}
     best = min(cost, key=lambda each: cost[each])
@@ -147,7 +147,7 @@ def _does_standing_force_hold_slope(
     if has_pitch_channel(inputs):
         gravity = compute_gravity_by_pitch_m_s2(inputs)
     elif ACC in inputs.aligned.columns:
-        gravity = column_values(inputs.aligned, ACC)
+        gravity = get_column_values(inputs.aligned, ACC)
     else:
         return False
     pull_N = mass_kg * inputs.signal_mean_and_std_at_rest(gravity)[0]

@@ -26,7 +26,7 @@ from analysis.findings.signal_lag import (
     find_parabola_peak_offset_steps,
 )
 from analysis.findings.unsigned_channels import find_unsigned_speed
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.signals.derive import find_unit_in_name
@@ -56,13 +56,13 @@ class LongDelay:
 
     Attributes:
         channel: `force`, `speed` or `imu`.
-        late_s: the delay; negative if the channel is early.
+        delay_s: the delay; negative if the channel is early.
         correlation: correlation with another channel after and before removing the delay.
         rival: channel that may be early instead, if no third channel decides; else empty.
     """
 
     channel: str
-    late_s: float
+    delay_s: float
     correlation: tuple[float, float]
     rival: str = ""
 
@@ -114,15 +114,15 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
 
 def _does_long_shift_restore_correlation(lag: SignalLag) -> bool:
     """Whether a shift turns a poor correlation into a good one, or leaves little of the rest."""
-    late_s, after, before = lag
+    delay_s, after, before = lag
     # the other way as they are: a sign
     is_correlation_restored = abs(before) < LIMITS.delayed_correlation_ratio * after
     # a slow motion correlates all the same, and the likelihood search does not reach that far
     is_rest_explained = (1.0 - after**2) < LIMITS.delayed_rest_ratio * (1.0 - before**2)
-    if not is_correlation_restored and abs(late_s) <= LIMITS.longest_likelihood_delay_s:
+    if not is_correlation_restored and abs(delay_s) <= LIMITS.longest_likelihood_delay_s:
         return False
     return (
-        abs(late_s) > LIMITS.shortest_long_delay_s
+        abs(delay_s) > LIMITS.shortest_long_delay_s
         and after > LIMITS.same_motion_correlation
         and (is_correlation_restored or is_rest_explained)
     )
@@ -189,7 +189,7 @@ def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, 
     # a slope needs two means
     if count < max(2 * round(LIMITS.longest_delay_s * rate_hz / size), 2):
         return size / rate_hz, {}
-    speed = block_means(column_values(inputs.aligned, "speed_x_m_s"))
+    speed = block_means(get_column_values(inputs.aligned, "speed_x_m_s"))
     force = block_means(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
@@ -197,7 +197,7 @@ def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, 
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.select_measured_channels(ACC):
         found["imu"] = block_means(
-            column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
+            get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
         )
     channels = {
         name: subtract_mean(x)
@@ -294,33 +294,33 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
     # two channels do not tell which one is wrong; sensors are late more often than early
     is_ambiguous = not inputs.has_accelerometer and bool(inputs.speed_channels)
     is_speed_late = is_ambiguous and fitted_channel == "force" and fitted_s < 0.0
-    channel, late_s = ("speed", -fitted_s) if is_speed_late else (fitted_channel, fitted_s)
+    channel, delay_s = ("speed", -fitted_s) if is_speed_late else (fitted_channel, fitted_s)
     names = _list_log_channels_of_motion_channel(inputs, channel)
-    setting, value = inputs.propose_delay_settings(names, late_s)
+    setting, value = inputs.propose_delay_settings(names, delay_s)
     # what lies beyond the search, or is no delay but a filter, ends there as well
-    is_at_end = abs(late_s) >= LIMITS.longest_likelihood_delay_s
+    is_at_end = abs(delay_s) >= LIMITS.longest_likelihood_delay_s
     beside = _list_other_motion_channels(inputs, channel)
     rivals = [each for each in beside if f"delay:{each}" in fitted_cause.rivals]
-    words = "late" if late_s > 0 else "early"
+    words = "late" if delay_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in beside)
-    size = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms"
+    size = f"{abs(1e3 * delay_s):.1f} ± {1e3 * std_s:.1f} ms"
     size = f"{1e3 * LIMITS.longest_likelihood_delay_s:.0f} ms or more" if is_at_end else size
     said = f"{size} {words} against {against}"
     if not inputs.has_accelerometer:
-        other = "early" if late_s > 0.0 else "late"
+        other = "early" if delay_s > 0.0 else "late"
         said += f", or the {against} is {other}: two channels do not tell which"
     elif rivals:
         said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
-    smooth = channel == "imu" and late_s > 0
+    smooth = channel == "imu" and delay_s > 0
     others = [n for n in fitted_cause.rivals if not n.startswith("delay") and n not in WARMING]
     # what is early against an accelerometer may be in time, and the accelerometer filtered
-    filtered = smooth or (late_s < 0.0 and "imu" in rivals)
+    filtered = smooth or (delay_s < 0.0 and "imu" in rivals)
     return Symptom(
         min(
             float(np.sqrt(fitted_cause.gain)) / LIMITS.likelihood_gain_root,
-            abs(late_s) / LIMITS.trusted_stamp_s,
+            abs(delay_s) / LIMITS.trusted_stamp_s,
             # at the end of the search the gain is of a step, not of the delay
-            abs(late_s) / (LIMITS.term_min_std * std_s),
+            abs(delay_s) / (LIMITS.term_min_std * std_s),
         ),
         said,
         channel=next(iter(names), None),
@@ -332,7 +332,7 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
         else lambda: mass_change_by_refit(
             inputs,
             lambda motion: correct_channel_delay(motion, fitted_channel, fitted_s),
-            min(std_s / abs(late_s), 1.0),
+            min(std_s / abs(delay_s), 1.0),
         ),
         alternatives=(*others, *(("imu_low_passed",) if filtered else ())),
     )
@@ -340,8 +340,8 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
 
 def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Symptom:
     names = _list_log_channels_of_motion_channel(inputs, long_delay.channel)
-    setting, value = inputs.propose_delay_settings(names, long_delay.late_s)
-    words = "late" if long_delay.late_s > 0.0 else "early"
+    setting, value = inputs.propose_delay_settings(names, long_delay.delay_s)
+    words = "late" if long_delay.delay_s > 0.0 else "early"
     rest = (
         [long_delay.rival]
         if long_delay.rival
@@ -355,7 +355,7 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
     )
     return Symptom(
         LIMITS.long_delay_rank,
-        f"{abs(long_delay.late_s):.2f} s {words} against {against}: the correlation is "
+        f"{abs(long_delay.delay_s):.2f} s {words} against {against}: the correlation is "
         f"{long_delay.correlation[0]:.2f} with this shift, without it "
         f"{long_delay.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),
@@ -363,7 +363,7 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
         value=value if names else None,
         # what is late may have been filtered
         alternatives=("imu_low_passed",)
-        if long_delay.channel == "imu" and long_delay.late_s > 0.0
+        if long_delay.channel == "imu" and long_delay.delay_s > 0.0
         else (),
         explains=EXPLAINED_BY_LONG,
     )

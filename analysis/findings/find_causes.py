@@ -95,7 +95,7 @@ def _make_finding_row(
     return {
         "rank": rank,
         "cause": cause.key,
-        "severity": _choose_withhold_widen_or_tell(cause, symptom, change, inputs),
+        "severity": _choose_consequence_of_finding(cause, symptom, change, inputs),
         "channel": symptom.channel,
         "start_t_ns": start,
         "end_t_ns": end,
@@ -123,7 +123,7 @@ def _does_finding_affect_mass(finding_row: Mapping[str, object], inputs: Finding
     return may_kg > LIMITS.accounting_change_u * inputs.log_only_fit.u_kg
 
 
-def _choose_withhold_widen_or_tell(
+def _choose_consequence_of_finding(
     cause: Cause, symptom: Symptom, change: MassChange | None, inputs: FindingInputs
 ) -> str:
     """Consequence of a finding: withhold, widen or tell."""

@@ -14,7 +14,7 @@ from analysis.diagnosis.measured_channels import Series, Spans
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
 from analysis.model.machine import FORCES, Machine
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.motion.forces import compute_longitudinal_force
@@ -42,7 +42,7 @@ class FindingInputs:
         aligned: samples on the grid, before the moving mean.
         noise: noise of the columns.
         raw: frames with stamps, by topic.
-        digs: stretches in which an external force opposes the machine.
+        digging: stretches in which an external force opposes the machine.
         judged: the frame `verdict`.
         copied: rows of topics that repeat earlier ones, by topic.
         estimates: estimates by method.
@@ -53,7 +53,7 @@ class FindingInputs:
     aligned: pl.DataFrame
     noise: pl.DataFrame
     raw: Mapping[str, pl.DataFrame]
-    digs: pl.DataFrame
+    digging: pl.DataFrame
     judged: pl.DataFrame
     copied: Mapping[str, list[Copy]]
     estimates: Mapping[str, pl.DataFrame] = field(default_factory=dict)
@@ -100,15 +100,17 @@ class FindingInputs:
         return self.check_inputs.mark_samples_in_phases("standstill")
 
     @cached_property
-    def force_size_newtons(self) -> Floats:
+    def absolute_force_newtons(self) -> Floats:
         """Size of the longitudinal force on the grid, (n,)."""
         return np.abs(compute_longitudinal_force(self.aligned, self.machine.machine))
 
     @cached_property
     def is_idle_sample(self) -> Bools:
         """Grid samples, (n,), whose force is no more than the drag of a drive at a stand."""
-        limit_N = LIMITS.idle_force_fraction * float(np.nanquantile(self.force_size_newtons, 0.98))
-        return self.force_size_newtons < limit_N
+        limit_N = LIMITS.idle_force_fraction * float(
+            np.nanquantile(self.absolute_force_newtons, 0.98)
+        )
+        return self.absolute_force_newtons < limit_N
 
     @cached_property
     def is_resting_sample(self) -> Bools:
@@ -143,11 +145,11 @@ class FindingInputs:
         alone = self.select_measured_channels(*forces) if len(forces) == 1 else ()
         return tuple(dict.fromkeys((*self.equation_channels_in_log, *alone)))
 
-    def median_force_newtons_in_spans(self, spans_unix_ns: Spans) -> float:
+    def compute_median_force_newtons_in_spans(self, spans_unix_ns: Spans) -> float:
         """Median size of the grid's force in some spans; NaN without samples in them."""
         t_ns = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
         inside = mark_grid_rows_in_spans({"": spans_unix_ns}, t_ns, self.machine)
-        force = self.force_size_newtons[inside]
+        force = self.absolute_force_newtons[inside]
         return float(np.nanmedian(force)) if np.isfinite(force).any() else float("nan")
 
     @property
@@ -173,10 +175,10 @@ class FindingInputs:
         names = (*self.equation_channels_in_log, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
-    def convert_unix_to_aligned_ns(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
+    def convert_unix_to_aligned_ns(self, start_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
         """Convert two unix stamps to ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
-        return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
+        return int(start_unix_ns) - t0, int(end_unix_ns) - t0
 
     def mark_moving_stamps(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
@@ -210,19 +212,19 @@ class FindingInputs:
             ", ".join([*scaled, *('"m/s"' for _ in as_read)]),
         )
 
-    def propose_delay_settings(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
+    def propose_delay_settings(self, names: tuple[str, ...], delay_s: float) -> tuple[str, str]:
         """Keys and values of the machine file that correct a delay of channels."""
         channels = self.machine.channels
         return (
             ", ".join(f"channels.{name}.delay_s" for name in names),
-            ", ".join(f"{channels[name].delay_s + late_s:.5f}" for name in names),
+            ", ".join(f"{channels[name].delay_s + delay_s:.5f}" for name in names),
         )
 
     def column_mean_and_std_at_rest(self, column: str) -> tuple[float, float]:
         """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
-        return self.signal_mean_and_std_at_rest(column_values(self.aligned, column))
+        return self.signal_mean_and_std_at_rest(get_column_values(self.aligned, column))
 
     def signal_mean_and_std_at_rest(self, signal: Floats) -> tuple[float, float]:
         """Mean and standard deviation of (n,) values at standstill, by means over half a second."""

@@ -304,13 +304,13 @@ def find_gain_drift_if_loads_follow_direction(inputs: FindingInputs) -> list[Sym
     ]
 
 
-def relative_mass_uncertainty_of_answer(inputs: FindingInputs) -> float:
+def compute_relative_mass_u_of_answer(inputs: FindingInputs) -> float:
     """Relative standard uncertainty of the answer; infinite without an answer."""
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
     fit = weighing.fit
-    parts = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))
+    parts = fit.compute_u_by_cause_kg(fit.make_mass_coefficients_of_state(fit.most_frequent_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(fit.mass_kg)
@@ -321,7 +321,7 @@ def find_lack_of_excitation(inputs: FindingInputs) -> list[Symptom]:
     if inputs.check_inputs.weighing is None:
         stretches = inputs.value_by_check.get("accepted_stretches", 0.0)
         return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
-    share = relative_mass_uncertainty_of_answer(inputs)
+    share = compute_relative_mass_u_of_answer(inputs)
     return [
         Symptom(
             share / LIMITS.poor_answer_u,
@@ -335,7 +335,7 @@ def find_terms_inseparable_from_mass(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.log_only_fit
     if fit is None:
         return []
-    parts = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))
+    parts = fit.compute_u_by_cause_kg(fit.make_mass_coefficients_of_state(fit.most_frequent_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
@@ -382,17 +382,17 @@ def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     """Find starts against an external force, such as a pile."""
     body = inputs.machine.machine
     least_N = LIMITS.pile_weight_fraction * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
-    digs = inputs.digs.filter(pl.col("growth_N") > least_N)
-    if digs.is_empty():
+    digging = inputs.digging.filter(pl.col("growth_N") > least_N)
+    if digging.is_empty():
         return []
-    growth, std = (digs[name].to_numpy() for name in ("growth_N", "growth_std_N"))
+    growth, std = (digging[name].to_numpy() for name in ("growth_N", "growth_std_N"))
     excess = growth / std
     worst = int(np.argmax(excess))
-    begin, end = (int(digs[name][worst]) for name in ("start_t_ns", "end_t_ns"))
+    begin, end = (int(digging[name][worst]) for name in ("start_t_ns", "end_t_ns"))
     return [
         Symptom(
-            float(excess[worst]) / STAGE_LIMITS.pile_min_growth_std * np.sqrt(digs.height),
-            f"in {format_count(digs.height, 'start')} a resistance grows, by up to "
+            float(excess[worst]) / STAGE_LIMITS.pile_min_growth_std * np.sqrt(digging.height),
+            f"in {format_count(digging.height, 'start')} a resistance grows, by up to "
             f"{growth[worst]:.0f} ± {std[worst]:.0f} N; these starts are excluded",
             channel=inputs.force_channel,
             span_ns=(begin, end),

@@ -297,10 +297,12 @@ def score_remaining_causes(
     for name in names:
         if name in selected_causes:
             continue
-        square = sum(part.remaining_information_about_cause(name) for part in parts)
+        square = sum(part.compute_remaining_information_about_cause(name) for part in parts)
         if not square > 0.0:
             continue
-        value = sum(part.remaining_likelihood_score_of_cause(name) for part in parts) / square
+        value = (
+            sum(part.compute_remaining_likelihood_score_of_cause(name) for part in parts) / square
+        )
         out[name] = FittedCause(name, value, square**-0.5, value**2 * square, ())
     return out
 

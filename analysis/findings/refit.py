@@ -70,13 +70,15 @@ def mass_change_by_refit(
     if fit is None:
         return None
     before, after = (
-        uncorrected_mass_kg(inputs, fit),
+        get_uncorrected_mass_kg(inputs, fit),
         _refit_mass_kg(inputs, correct_motion(fit.motion)),
     )
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))["noise"]
+    of_noise = fit.compute_u_by_cause_kg(
+        fit.make_mass_coefficients_of_state(fit.most_frequent_state)
+    )["noise"]
     return MassChange(
         kg,
         float(
@@ -85,7 +87,7 @@ def mass_change_by_refit(
     )
 
 
-def uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
+def get_uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
     """Mass before the correction, by the whole fit or, in a long log, by the refitted part."""
     if "refitted" not in inputs.cache:
         whole = (

@@ -11,14 +11,14 @@ import numpy as np
 from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.weighing.force_hysteresis import HYSTERESIS
 from analysis.weighing.missing_terms import ELASTICITY
 from estimators.arrays import Bools, Floats
 
 
-class Spectra(NamedTuple):
+class ResidualSpectra(NamedTuple):
     """Power by frequency, (k,), in motion and at standstill."""
 
     hz: Floats
@@ -27,7 +27,7 @@ class Spectra(NamedTuple):
     counts: tuple[int, int]
 
 
-def force_residual_spectra(inputs: FindingInputs) -> Spectra | None:
+def get_force_residual_spectra(inputs: FindingInputs) -> ResidualSpectra | None:
     """Spectra of f - m a - b v; None if standstill or motion is too short, or the grid too slow."""
     if "spectra" in inputs.cache:
         return inputs.cache["spectra"]  # type: ignore[return-value]
@@ -35,7 +35,7 @@ def force_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     return found
 
 
-def _compute_force_residual_spectra(inputs: FindingInputs) -> Spectra | None:
+def _compute_force_residual_spectra(inputs: FindingInputs) -> ResidualSpectra | None:
     fit, aligned, machine = inputs.log_only_fit, inputs.aligned, inputs.machine
     rate_hz = machine.settings.align.rate_hz
     if rate_hz <= 2.0 * LIMITS.reference_band_hz[0]:
@@ -48,7 +48,10 @@ def _compute_force_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     force = compute_longitudinal_force(aligned, machine.machine)
     force = np.interp(rows + lag * rate_hz, rows, force)
     A = np.column_stack(
-        [compute_regressor_acceleration(aligned, machine), column_values(aligned, "speed_x_m_s")]
+        [
+            compute_regressor_acceleration(aligned, machine),
+            get_column_values(aligned, "speed_x_m_s"),
+        ]
     )
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
@@ -58,7 +61,7 @@ def _compute_force_residual_spectra(inputs: FindingInputs) -> Spectra | None:
         return None
     hz = np.arange(LIMITS.spectrum_samples // 2 + 1) * rate_hz / LIMITS.spectrum_samples
     counts = (len(driving), len(standing))
-    return Spectra(
+    return ResidualSpectra(
         hz, average_spectra_robustly(driving), average_spectra_robustly(standing), counts
     )
 
@@ -71,7 +74,7 @@ def fit_pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
     totals = inputs.check_inputs.totals
     if totals is not None:
         pooled = totals.filter(totals["method"] == "pooled")
-        both = [column_values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
+        both = [get_column_values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
         if pooled.height and np.isfinite(both).all():
             return float(both[0][0]), float(both[1][0])
     if inputs.log_only_fit is not None:
@@ -129,7 +132,7 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
                 change=lambda: MassChange(0.0, abs(effect_kg)),
             )
         ]
-    found = force_residual_spectra(inputs)
+    found = get_force_residual_spectra(inputs)
     if found is None:
         return []
     hz = found.hz
@@ -154,7 +157,7 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
 
 def find_residual_noise_growth_in_motion(inputs: FindingInputs) -> list[Symptom]:
     """Find more residual noise in motion than at standstill."""
-    found = force_residual_spectra(inputs)
+    found = get_force_residual_spectra(inputs)
     if found is None:
         return []
     driving, standing = (
@@ -172,7 +175,7 @@ def find_residual_noise_growth_in_motion(inputs: FindingInputs) -> list[Symptom]
 
 def find_slow_noise_at_standstill(inputs: FindingInputs) -> list[Symptom]:
     """Find slow noise of the channels at standstill, beyond white noise."""
-    found = force_residual_spectra(inputs)
+    found = get_force_residual_spectra(inputs)
     if found is None:
         return []
     slow = _median_power_in_band(found.hz, found.standing, 0.5, LIMITS.slow_noise_hz)
@@ -194,7 +197,7 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
         return []
     half_N = fit.estimate_of_term(HYSTERESIS.name)
     std_N = abs(half_N) / fit.abs_t_by_term[HYSTERESIS.name]
-    u_kg = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))[
+    u_kg = fit.compute_u_by_cause_kg(fit.make_mass_coefficients_of_state(fit.most_frequent_state))[
         HYSTERESIS.name
     ]
     return [

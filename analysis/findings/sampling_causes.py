@@ -55,16 +55,16 @@ def find_topic_gaps(inputs: FindingInputs) -> list[Symptom]:
 
 
 def mark_gaps_of_whole_recorder(
-    gap_begin_ns: Ints, gap_end_ns: Ints, other_topics_ns: list[Ints]
+    gap_start_ns: Ints, gap_end_ns: Ints, other_topics_ns: list[Ints]
 ) -> Bools:
     """Mark gaps (gaps,) that are pauses of the recorder, in which no topic has a sample."""
-    alone = np.zeros(gap_begin_ns.size, np.bool_)
+    alone = np.zeros(gap_start_ns.size, np.bool_)
     for t in other_topics_ns:
         inside = np.searchsorted(t, gap_end_ns - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
-            t, gap_begin_ns + LIMITS.recorder_pause_edge_ns
+            t, gap_start_ns + LIMITS.recorder_pause_edge_ns
         )
         alone |= inside > 0
-    return ~alone & (gap_end_ns - gap_begin_ns > LIMITS.recorder_pause_ns) & bool(other_topics_ns)
+    return ~alone & (gap_end_ns - gap_start_ns > LIMITS.recorder_pause_ns) & bool(other_topics_ns)
 
 
 def find_copied_row_stretches(inputs: FindingInputs) -> list[Symptom]:

@@ -13,9 +13,9 @@ from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.fit_causes import relative_mass_uncertainty_of_answer
+from analysis.findings.fit_causes import compute_relative_mass_u_of_answer
 from analysis.model.methods import METHODS, FeedKind
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.stages.estimation import fit_quality
 from analysis.weighing.load_frames import find_load_change_rows
 from estimators.arrays import Bools, Floats, Ints
@@ -25,13 +25,13 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     """Find useful braking that the gate rejects, in a log with few other windows."""
     if (
         not inputs.machine.settings.gate.exclude_braking
-        or relative_mass_uncertainty_of_answer(inputs) < LIMITS.poor_answer_u
+        or compute_relative_mass_u_of_answer(inputs) < LIMITS.poor_answer_u
     ):
         return []
     reasons = inputs.check_inputs.gated["reason_x"].cast(str)
     told = int((reasons != "warming_up").sum())
     refused = float((reasons == "braking").sum()) / max(told, 1)
-    ratio = braking_to_driving_mass_ratio(inputs.check_inputs)
+    ratio = compute_braking_to_driving_mass_ratio(inputs.check_inputs)
     if not abs(ratio - 1.0) < LIMITS.braking_mass_tolerance:
         return []
     return [
@@ -46,7 +46,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def braking_to_driving_mass_ratio(inputs: CheckInputs) -> float:
+def compute_braking_to_driving_mass_ratio(inputs: CheckInputs) -> float:
     """Mass from braking over mass from driving, without the gate; NaN if undetermined."""
     motion = inputs.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed_or_yaw_rate)])
@@ -85,7 +85,7 @@ def find_std_growth_of_recursion(inputs: FindingInputs, method: str) -> Symptom 
     renewed = method == "rls" and trace.directional_forgetting
     if not recursive or renewed or trace.forgetting >= 1.0 or frame.is_empty():
         return None
-    std_kg = column_values(frame, "mass_std_kg")
+    std_kg = get_column_values(frame, "mass_std_kg")
     rows = np.searchsorted(
         inputs.check_inputs.excitation["t_ns"].to_numpy(), frame["t_ns"].to_numpy()
     )
@@ -120,7 +120,7 @@ def mark_rising_edges(flags_or_numbers: Bools | Ints) -> Bools:
 
 
 def apply_function_to_array_parts(
-    function: Callable[[Floats], Floats], values: Floats, part_begins: Ints
+    function: Callable[[Floats], Floats], values: Floats, part_starts: Ints
 ) -> Floats:
-    """Apply a function to each part of (n,) values; `part_begins` holds their first indices."""
-    return np.concatenate([function(part) for part in np.split(values, part_begins)])
+    """Apply a function to each part of (n,) values; `part_starts` holds their first indices."""
+    return np.concatenate([function(part) for part in np.split(values, part_starts)])

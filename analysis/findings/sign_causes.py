@@ -11,7 +11,7 @@ from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import mass_change_by_refit, mass_change_by_refit_with_answer_u
 from analysis.findings.unsigned_channels import find_unsigned_speed, has_channel_lost_its_sign
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
@@ -101,7 +101,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     sides = inputs.select_measured_channels("torque_left_N_m", "torque_right_N_m")
     if len(sides) < 2:
         return []
-    left, right = (column_values(inputs.aligned, name) for name in sides)
+    left, right = (get_column_values(inputs.aligned, name) for name in sides)
     used = inputs.check_inputs.mark_samples_in_phases("accelerating", "cruising", "braking")
     used &= np.isfinite(left) & np.isfinite(right)
     if (
@@ -138,7 +138,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     width = inputs.machine.machine.track_width_m
     if len(sides) < 2 or gyro not in inputs.aligned.columns or width is None:
         return []
-    left, right, rate = (column_values(inputs.aligned, name) for name in (*sides, gyro))
+    left, right, rate = (get_column_values(inputs.aligned, name) for name in (*sides, gyro))
     turns = (right - left) / width
     used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.is_standing_sample
     if used.sum() < 200:

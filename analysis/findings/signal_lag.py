@@ -66,10 +66,10 @@ def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, f
     # a quarter of what is reported is fine enough, and the cost goes with the square of the rate
     least_ns = LIMITS.source_delay_s * NS_PER_S / 4.0
     step_ns = max(least_ns, *(float(np.median(np.diff(stamps_ns))) for stamps_ns, _ in both))
-    begin_ns, end_ns = max(each[0][0] for each in both), min(each[0][-1] for each in both)
-    end_ns = min(end_ns, begin_ns + round(LIMITS.delay_search_span_s * NS_PER_S))
+    start_ns, end_ns = max(each[0][0] for each in both), min(each[0][-1] for each in both)
+    end_ns = min(end_ns, start_ns + round(LIMITS.delay_search_span_s * NS_PER_S))
     longest = round(LIMITS.longest_source_delay_s * NS_PER_S / step_ns)
-    times_ns = np.arange(begin_ns, end_ns, step_ns)
+    times_ns = np.arange(start_ns, end_ns, step_ns)
     if longest < 1 or times_ns.size < 4 * longest * LIMITS.source_delay_parts:
         return None
     x, y = (np.interp(times_ns, *series) for series in both)

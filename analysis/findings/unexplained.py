@@ -80,7 +80,7 @@ def make_unexplained_symptom(
         f"{row['check']} {_format_value_and_limit(row)}: {row['meaning']}" for row in failed
     )
     return Symptom(
-        max(map(_value_to_limit_ratio, failed)),
+        max(map(_compute_value_to_limit_ratio, failed)),
         f"no known cause explains the failed checks: {said}",
     )
 
@@ -113,7 +113,7 @@ def _format_value_and_limit(check_row: Mapping[str, Any]) -> str:
     return f"{check_row['value']:.3g} {limit}"
 
 
-def _value_to_limit_ratio(check_row: Mapping[str, Any]) -> float:
+def _compute_value_to_limit_ratio(check_row: Mapping[str, Any]) -> float:
     """Value over its limit, as the strength of the symptom."""
     value, limit = check_row["value"], check_row["maximum"]
     if value is None or not limit or limit < 0.0:

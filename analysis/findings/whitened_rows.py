@@ -271,11 +271,11 @@ class ProjectedEquation:
             variance,
         )
 
-    def remaining_information_about_cause(self, cause_name: str) -> float:
+    def compute_remaining_information_about_cause(self, cause_name: str) -> float:
         """Remaining information about a candidate cause."""
         return self.information.get(cause_name, 0.0)
 
-    def remaining_likelihood_score_of_cause(self, cause_name: str) -> float:
+    def compute_remaining_likelihood_score_of_cause(self, cause_name: str) -> float:
         """Remaining Xᵀy of a candidate cause."""
         return self.score.get(cause_name, 0.0)
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.settings import Settings
 from estimators.arrays import Floats
 from estimators.estimate import Trace
@@ -92,21 +92,22 @@ def make_straight_regressor_and_force(
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
     accelerometer's 9.81 m/s² in a_z.
     """
-    direction = column_values(excitation, "direction_x_1") if settings.forces.coulomb else None
+    direction = get_column_values(excitation, "direction_x_1") if settings.forces.coulomb else None
     A = planar_rows.make_straight_regressor(
-        column_values(excitation, "regressor_acc_x_m_s2"),
-        column_values(excitation, "speed_x_m_s"),
+        get_column_values(excitation, "regressor_acc_x_m_s2"),
+        get_column_values(excitation, "speed_x_m_s"),
         direction,
     )
-    return np.ascontiguousarray(A), column_values(excitation, "force_x_N")
+    return np.ascontiguousarray(A), get_column_values(excitation, "force_x_N")
 
 
 def make_spin_regressor_and_torque(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,) of the yaw row of (8); NaN if a sample is missing."""
     A = planar_rows.make_spin_regressor(
-        column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
+        get_column_values(excitation, "yaw_acc_rad_s2"),
+        get_column_values(excitation, "yaw_rate_rad_s"),
     )
-    return np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
+    return np.ascontiguousarray(A), get_column_values(excitation, "torque_z_N_m")
 
 
 def make_parameter_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:
@@ -130,8 +131,8 @@ def make_trace_columns(axis: Axis, trace: Trace) -> dict[str, Floats]:
 def read_parameters_and_stds(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
     """Parameters and standard deviations, (rows, p) each, from `make_parameter_columns`."""
     present = [pair for pair in axis.parameters if pair[0] in estimates.columns]
-    theta = np.column_stack([column_values(estimates, name) for name, _ in present])
-    std = np.column_stack([column_values(estimates, name) for _, name in present])
+    theta = np.column_stack([get_column_values(estimates, name) for name, _ in present])
+    std = np.column_stack([get_column_values(estimates, name) for _, name in present])
     return theta, std
 
 

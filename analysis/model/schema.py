@@ -974,7 +974,7 @@ def _make_declared_series(name: str, column: NDArray[Any] | pl.Series) -> pl.Ser
     return named.fill_nan(None) if may_have_nan else named
 
 
-def column_values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:
+def get_column_values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:
     """Column as floats, (rows,); NaN for nulls, or if the frame lacks the column."""
     if column not in frame.columns:
         return np.full(frame.height, np.nan)

@@ -262,7 +262,7 @@ class Settings(BaseModel):
         part, _, key = dotted_name.partition(".")
         return getattr(getattr(self, part), key)
 
-    def with_changes(self, changes: Mapping[str, Any]) -> Self:
+    def copy_with_changes(self, changes: Mapping[str, Any]) -> Self:
         """Copy the settings with changes by dotted name: `{"gate.window_samples": 400}`.
 
         Raises:

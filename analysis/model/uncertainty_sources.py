@@ -42,7 +42,7 @@ def list_scale_sources_without_u(sources: Iterable[UncertaintySource]) -> list[s
     return [source.name for source in sources if source.u is None]
 
 
-def root_sum_of_squares(parts: Iterable[float]) -> float:
+def compute_root_sum_of_squares(parts: Iterable[float]) -> float:
     """Combined standard uncertainty of independent parts, in their unit."""
     return float(np.sqrt(sum(part**2 for part in parts)))
 
@@ -96,7 +96,7 @@ def compute_relative_uncertainty(u: float | None, value: float | None) -> float 
     return None if u is None or value is None else u / value
 
 
-def relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
+def compute_relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
     """Relative u of a mass due to the radius under load: of the force, and of a wheel's motion."""
     u = machine.machine.wheel_radius_by_load_u
     by_wheels = machine.settings.forces.acceleration == "kinematic"
@@ -141,7 +141,7 @@ SCALES: Final = (
     Scale(
         "wheel_radius_by_load",
         _derives_force_from_torque,
-        relative_mass_u_by_wheel_radius,
+        compute_relative_mass_u_by_wheel_radius,
         "machine.wheel_radius_by_load_u",
         "change of the wheels' rolling radius with the load that presses their tyres",
         by_load=True,

@@ -83,7 +83,7 @@ class Verdict:
     @property
     def can_weigh(self) -> bool:
         """Whether no check of the mass failed."""
-        return not self.withholding_checks("mass")
+        return not self.list_withholding_checks("mass")
 
     @property
     def has_spins(self) -> bool:
@@ -93,8 +93,8 @@ class Verdict:
     @property
     def can_estimate_inertia(self) -> bool:
         """Whether there are spins, none of their checks failed, and the force has a sign."""
-        signless = any(check.check in _SIGNS for check in self.withholding_checks("mass"))
-        return self.has_spins and not signless and not self.withholding_checks("inertia")
+        signless = any(check.check in _SIGNS for check in self.list_withholding_checks("mass"))
+        return self.has_spins and not signless and not self.list_withholding_checks("inertia")
 
     @property
     def checks_beyond_limit(self) -> tuple[Check, ...]:
@@ -105,7 +105,7 @@ class Verdict:
             if check.passed is False and check.consequence == "withhold" and check.value is not None
         )
 
-    def withholding_checks(self, subject: EvidenceSubject) -> tuple[Check, ...]:
+    def list_withholding_checks(self, subject: EvidenceSubject) -> tuple[Check, ...]:
         """Checks that withhold the mass or the inertia."""
         return tuple(
             each

@@ -22,8 +22,8 @@ from analysis.stages.gating.gate_rules import (
 )
 from analysis.stages.motion.phases import (
     TURNS,
+    compute_sign_of_yaw_rate_change,
     count_rows_of_speed_rate_span,
-    sign_of_yaw_rate_change,
 )
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, compute_window_statistics_for_gate
@@ -213,7 +213,7 @@ def append_row_without_decision(
         slips = _is_slipping(row, accelerations, settings)
     else:
         yaw_rates = (*yaw_rates[1:], convert_cell_to_float(row["yaw_rate_rad_s"]))
-        slows = sign_of_yaw_rate_change(np.array(yaw_rates), settings)[-1:] < 0
+        slows = compute_sign_of_yaw_rate_change(np.array(yaw_rates), settings)[-1:] < 0
     flags = flag_rows_that_exclude_windows_by_reason(
         axis, phase, sample[-1:], slows, slips, settings.gate
     )

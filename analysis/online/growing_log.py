@@ -20,7 +20,7 @@ from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.phases import count_rows_of_speed_rate_span
 from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.signals.align import (
-    Origin,
+    GridOrigin,
     align_known_rows_on_causal_grid,
     find_origin_of_causal_grid,
 )
@@ -55,14 +55,14 @@ class LogBasis:
     machine: Machine
     stamps: Mapping[str, int | None]
     labels: Mapping[str, str]
-    origin: Origin
+    origin: GridOrigin
     held: Mapping[str, HeldReadings]
     notes: tuple[str, ...] = ()
 
     @property
     def t0_unix_ns(self) -> int:
         """Unix time of the first row."""
-        return self.origin.start_ns + self.origin.late_ns
+        return self.origin.start_ns + self.origin.latency_ns
 
 
 def copy_machine_with_causal_filters(machine: Machine) -> Machine:
@@ -75,7 +75,7 @@ def copy_machine_with_causal_filters(machine: Machine) -> Machine:
         for name, channel in machine.channels.items()
         if name not in HINTS or name in needed
     }
-    settings = machine.settings.with_changes({"filter.causal": True})
+    settings = machine.settings.copy_with_changes({"filter.causal": True})
     return machine.model_copy(update={"settings": settings, "channels": channels})
 
 

@@ -294,7 +294,7 @@ def _finish_axis(state: AxisState) -> Iterator[Mapping[str, TimedEstimate]]:
         state, fed = feed_recursive_methods(state)
         yield fed
     for pending in state.pending:
-        if _does_sample_begin_next_manoeuvre(state, pending):
+        if _does_sample_start_next_manoeuvre(state, pending):
             yield _make_pooled_estimates(state)
             state = _start_empty_pool(state)
         state = pool_sample_unless_braking(state, pending)
@@ -351,7 +351,7 @@ def pool_samples_after_braking_delay(
     """Pool samples that braking can no longer exclude; an estimate at a manoeuvre's end."""
     waiting = list(state.pending)
     while waiting and row - waiting[0].row >= state.gate.braking_lag - 1:
-        if _does_sample_begin_next_manoeuvre(state, waiting[0]):
+        if _does_sample_start_next_manoeuvre(state, waiting[0]):
             break
         state = pool_sample_unless_braking(state, waiting.pop(0))
     state = state._replace(pending=tuple(waiting))
@@ -361,7 +361,7 @@ def pool_samples_after_braking_delay(
     return state, {}
 
 
-def _does_sample_begin_next_manoeuvre(state: AxisState, pending_sample: PendingSample) -> bool:
+def _does_sample_start_next_manoeuvre(state: AxisState, pending_sample: PendingSample) -> bool:
     return state.pool.samples > 0 and pending_sample.segment_id != state.pooled_id
 
 

@@ -25,7 +25,7 @@ class LoadReport:
 
     Attributes:
         load_id: its number.
-        start_unix_ns: begin of its first manoeuvre.
+        start_unix_ns: start of its first manoeuvre.
         end_unix_ns: end of its last manoeuvre.
         manoeuvres: how many the joint fit has of it.
         validity: of its numbers.
@@ -61,13 +61,13 @@ class ReplayReport:
     Attributes:
         event: `replay`.
         unix_ns: time of the last row that was replayed.
-        t_s: the same from the first row.
-        age_s: how much further the log was when the result came.
-        is_whole: whether it is the last, of all that was recorded when following ended.
+        t_s: that time in s since the first row.
+        age_s: s that the log had gone on beyond it when the result came.
+        is_whole: whether it is the last replay, of everything recorded when following ended.
         validity: `valid` if any load is.
         withheld_by: checks that withhold the mass of every load.
         loads: load states in the order of their numbers.
-        turning_validity: of the inertia; `none_yet` without arcs or joint motion.
+        turning_validity: validity of the inertia; `none_yet` without arcs or joint motion.
         inertia_z_kg_m2: by the fit of all motion, else of arcs; None unless valid.
         inertia_u_kg_m2: its standard uncertainty.
         processor_s: processor time that the replay took, in s.
@@ -101,7 +101,7 @@ class ReplayReport:
         loads = tuple(LoadReport(**load) for load in given.pop("loads"))
         return cls(loads=loads, withheld_by=tuple(given.pop("withheld_by")), **given)
 
-    def with_age_at(self, unix_ns: int) -> Self:
+    def copy_with_age_at(self, unix_ns: int) -> Self:
         """The same with its age at a later time of the log."""
         return replace(self, age_s=max(0.0, (unix_ns - self.unix_ns) / 1e9))
 
@@ -139,7 +139,7 @@ def make_replay_report(run: Run) -> ReplayReport:
         age_s=0.0,
         is_whole=False,
         validity="valid" if any(load.validity == "valid" for load in loads) else "withheld",
-        withheld_by=tuple(check.check for check in found.verdict.withholding_checks("mass")),
+        withheld_by=tuple(check.check for check in found.verdict.list_withholding_checks("mass")),
         loads=loads,
         turning_validity=(
             "none_yet" if turning is None else "withheld" if inertia is None else "valid"

@@ -147,7 +147,7 @@ def compute_errors_by_setting(
     frames: list[pl.DataFrame] = []
     for value in values:
         again = rerun_gate_and_estimates(
-            campaign, campaign.settings.with_changes({f"gate.{setting}": value})
+            campaign, campaign.settings.copy_with_changes({f"gate.{setting}": value})
         )
         frames.append(
             compute_calibrated_mass_errors(again).with_columns(

@@ -51,7 +51,7 @@ def rerun_estimates_with_accepted_windows(
         settings: settings of gate, estimators and forgetting.
     """
     if window_rule == "ungated":
-        settings = settings.with_changes({"gate.exclude_braking": False})
+        settings = settings.copy_with_changes({"gate.exclude_braking": False})
     gated = gate_windows(campaign.replayed.frames["excitation"], settings)
     if window_rule != "gated":
         refused = _INCOMPLETE if window_rule == "ungated" else (*_INCOMPLETE, "braking")
@@ -59,20 +59,21 @@ def rerun_estimates_with_accepted_windows(
     return rerun_estimates_with_gate(campaign, gated, settings)
 
 
-def compute_cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
+def compute_rls_errors_at_end_of_cruise_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
     """Errors of RLS at the end of the cruise of a single trial, for each of `CRUISE_FED`."""
     return tuple(
-        compute_cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED
+        compute_rls_error_at_end_of_cruise_kg(campaign, how, directional)
+        for how, directional in CRUISE_FED
     )
 
 
-def compute_cruise_error_kg(
+def compute_rls_error_at_end_of_cruise_kg(
     campaign: ReplayedCampaign, window_rule: Fed, is_forgetting_directional: bool
 ) -> float:
-    """Error of RLS at the end of the cruise; NaN without an estimate."""
+    """Error of the last estimate of RLS in the cruise, in kg; NaN without one."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": is_forgetting_directional}
     again = rerun_estimates_with_accepted_windows(
-        campaign, window_rule, campaign.settings.with_changes(methods)
+        campaign, window_rule, campaign.settings.copy_with_changes(methods)
     )
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
     before = again.replayed.frames["estimates/rls"].filter(pl.col("t_ns") <= cruised_ns)
@@ -89,7 +90,7 @@ def compute_errors_of_paper_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
         `fed`, in kg `rms_kg` and `rms_left_out_kg` of the trials' masses after (19), and
         `mean_abs_kg`, the mean absolute error with every load in the fit.
     """
-    rls = campaign.settings.with_changes({"trace.methods": ("rls",)})
+    rls = campaign.settings.copy_with_changes({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
     estimates = {"gated": campaign.tabulate_masses_by_method_and_trial()} | {
         how: rerun_estimates_with_accepted_windows(
@@ -111,7 +112,7 @@ def compute_errors_of_paper_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
 
 
 CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, compute_errors_of_paper_claims)
-CRUISE_ERRORS: Final = Extract(CRUISES, compute_cruise_errors_kg)
+CRUISE_ERRORS: Final = Extract(CRUISES, compute_rls_errors_at_end_of_cruise_kg)
 TEN_SECONDS: Final = AT_LENGTH[LIMITS.optimal_window_s]
 
 
@@ -193,10 +194,10 @@ def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
     gated = means.filter(pl.col("fed") == "gated")
-    windows = extracts.single_result_of_extract(TEN_SECONDS).filter(
+    windows = extracts.get_single_result_of_extract(TEN_SECONDS).filter(
         pl.col("method").is_in(printed_numbers.METHODS)
     )
-    buffer = _make_error_and_memory_rows_by_window(
+    buffer = _make_error_and_buffer_rows_by_window(
         pl.concat(extracts.list_results_of_extract(OVER_WINDOWS), how="vertical_relaxed")
     )
     rows = [
@@ -243,8 +244,8 @@ def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
     )
 
 
-def _make_error_and_memory_rows_by_window(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
-    """Errors of OLS and RLS by window length, and the memory of each."""
+def _make_error_and_buffer_rows_by_window(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
+    """Mean error of OLS and RLS by window length, and the bytes that each keeps."""
     means = compute_mean_intervals(
         campaigns.filter(pl.col("method").is_in(["ls", "rls"])),
         [WINDOW, "method"],

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.paper_limits import LIMITS
@@ -73,7 +73,7 @@ class Figure3:
 def make_figure_3_convergence_data(campaign: ReplayedCampaign) -> Figure3:
     """Mass and friction over time under the triangular force."""
     rate_hz = campaign.settings.align.rate_hz
-    settings = campaign.settings.with_changes(
+    settings = campaign.settings.copy_with_changes(
         {
             "gate.window_samples": round(LIMITS.optimal_window_s * rate_hz),
             "trace.methods": printed_numbers.METHODS,
@@ -129,9 +129,10 @@ def make_figure_4_spin_data(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
     A = planar_rows.make_spin_regressor(
-        column_values(excitation, "yaw_acc_rad_s2"), column_values(excitation, "yaw_rate_rad_s")
+        get_column_values(excitation, "yaw_acc_rad_s2"),
+        get_column_values(excitation, "yaw_rate_rad_s"),
     )
-    A, f = np.ascontiguousarray(A), column_values(excitation, "torque_z_N_m")
+    A, f = np.ascontiguousarray(A), get_column_values(excitation, "torque_z_N_m")
     rate_hz = campaign.settings.align.rate_hz
     window = round(LIMITS.optimal_window_s * rate_hz)
     known = np.isfinite(A).all(axis=1) & np.isfinite(f)

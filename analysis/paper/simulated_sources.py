@@ -59,7 +59,7 @@ class StudySettings:
 
     def make_scenario_of_repetition(self, repetition: int) -> Scenario:
         """Scenario of a repetition."""
-        return self.scenario.with_seed(self.scenario.sensors.seed + repetition)
+        return self.scenario.copy_with_seed(self.scenario.sensors.seed + repetition)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class RepetitionResults:
         """Results of an extract from all repetitions."""
         return self._made[extract]
 
-    def single_result_of_extract(self, extract: Extract[Any, T]) -> T:
+    def get_single_result_of_extract(self, extract: Extract[Any, T]) -> T:
         """Result of an extract whose source has a single repetition."""
         (made,) = self._made[extract]
         return made
@@ -108,7 +108,7 @@ class Repetition(NamedTuple):
 
 def copy_machine_with_paper_noise(machine: Machine) -> Machine:
     """Machine with the paper's noise instead of the log's."""
-    return machine.model_copy(update={"settings": machine.settings.with_changes(PAPER_NOISE)})
+    return machine.model_copy(update={"settings": machine.settings.copy_with_changes(PAPER_NOISE)})
 
 
 def plan_repetitions(
@@ -166,7 +166,7 @@ def _make_steady_study(study: StudySettings, _repetition: int) -> SteadyStudy:
 
 
 def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
-    settings = study.machine.settings.with_changes(
+    settings = study.machine.settings.copy_with_changes(
         {
             "gate.window_samples": LIMITS.fixed_window_samples,
             "gate.threshold_nat": LIMITS.fixed_threshold_nat,

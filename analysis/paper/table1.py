@@ -78,7 +78,7 @@ class Table1:
 def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
     table = pl.concat(
-        [extracts.single_result_of_extract(extract) for extract in AT_LENGTH.values()]
+        [extracts.get_single_result_of_extract(extract) for extract in AT_LENGTH.values()]
     )
     beside = table.filter(pl.col("paper_kg").is_not_null())
     ours = {
@@ -93,7 +93,7 @@ def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
     forgetting = RlsOptions().forgetting
     noisier = {
         row["method"]: row
-        for row in extracts.single_result_of_extract(RAW_UNITS).iter_rows(named=True)
+        for row in extracts.get_single_result_of_extract(RAW_UNITS).iter_rows(named=True)
     }
     return Table1(
         frame=table,

@@ -31,7 +31,7 @@ class TorqueChain:
     gain_1: float = 2.9
     offset_N: float = -3500.0
 
-    def front_axle_fraction(self, empty_kg: float, load_kg: float) -> float:
+    def compute_front_axle_fraction(self, empty_kg: float, load_kg: float) -> float:
         """Share of the weight on the front axle with a load in the bucket."""
         front_kg = self.empty_fraction_1 * empty_kg + self.load_lever_1 * load_kg
         return front_kg / (empty_kg + load_kg)
@@ -40,7 +40,7 @@ class TorqueChain:
 def apply_torque_measuring_chain(simulated_log: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
     """Log with the torques, and their noise, that this chain would record."""
     machine = simulated_log.scenario.machine
-    share = chain.front_axle_fraction(machine.mass_kg, simulated_log.load_kg)
+    share = chain.compute_front_axle_fraction(machine.mass_kg, simulated_log.load_kg)
     factor = chain.gain_1 * share / machine.force_share
     offset_N_m = chain.offset_N * machine.wheel_radius_m / 2.0
     torque = simulated_log.topics["torque"].with_columns(

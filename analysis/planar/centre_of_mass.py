@@ -243,11 +243,11 @@ def is_joint_planar_fit_plausible(
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.parameter_stds[:2][told]
     force = samples.f[:, 0]
-    driving = fit_quality.force_fraction_along_motion(
+    driving = fit_quality.compute_force_fraction_along_motion(
         samples.motion.speed, force, samples.known & (samples.pace > 0)
     )
     along = np.column_stack([samples.motion.specific_force_x, samples.motion.speed])
-    opposing = fit_quality.force_fraction_against_motion(
+    opposing = fit_quality.compute_force_fraction_against_motion(
         along, force, samples.known & (samples.pace < 0), samples.known & (samples.pace > 0)
     )
     return (
@@ -322,12 +322,12 @@ def fit_planar_parameters_once(
         np.ascontiguousarray(segment_id[part]),
         prior,
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
-        regressor.column_noise_propagation,
+        regressor.noise_mixing,
     )
     names = prior.names
     for term, _ in terms:
         if term.least_u and term.name in width:
-            fitted = fitted.with_parameter_uncertainty(term.name, term.least_u)
+            fitted = fitted.copy_with_parameter_uncertainty(term.name, term.least_u)
             names = (*names, term.name)
     return PlanarFit(fitted, names)
 
@@ -360,18 +360,18 @@ def _make_fit_row(
         "combinations": "; ".join(found.format_combinations()),
     }
 
-    def u_of(gradient: Floats) -> float:
+    def compute_u(gradient: Floats) -> float:
         return compute_combined_uncertainty(estimate, gradient, fitted.response_names, log.machine)
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known_names:
             row[name], row[_COLUMNS[name]] = (
                 float(value),
-                u_of(compute_quantity_gradient(estimate, name)),
+                compute_u(compute_quantity_gradient(estimate, name)),
             )
     for axis, moment in zip("xy", MOMENTS, strict=True):
         value, gradient = estimate.ratio_and_gradient(moment, "mass_kg")
-        row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u_of(gradient)
+        row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, compute_u(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
     gradients = {

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_samples import PlanarSamples
 from estimators.arrays import Bools, Floats
@@ -173,7 +173,7 @@ def make_planar_drive(
         return np.clip(speed / np.maximum(passes, least), -1.0, 1.0)
 
     t = np.arange(motion.speed.size) / rate_hz
-    acc_x = column_values(excitation, "speed_rate_x_m_s2")
+    acc_x = get_column_values(excitation, "speed_rate_x_m_s2")
     direction_x = direction(motion.speed, acc_x, LIMITS.moving_min_m_s)
     direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, LIMITS.turning_min_rad_s)
     half_track_m = read_half_track_m(machine)

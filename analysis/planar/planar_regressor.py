@@ -63,14 +63,14 @@ class Regressor:
         return np.concatenate([plain[..., self.columns], more], axis=-1)[:, self.axes]
 
     @property
-    def column_noise_propagation(self) -> Floats:
+    def noise_mixing(self) -> Floats:
         """(rows, p, p) factor of each column's noise (last axis) in each column, 1 on the diagonal.
 
         It is the `noise_mixing` of `base_parameters.fit`.
         """
         size, own = self.shape[-1], self.columns.size
         found = np.tile(np.eye(size), (2, 1, 1))
-        found[:, :own, :own] = of_columns = self._noise_propagation_of_selected_columns()
+        found[:, :own, :own] = of_columns = self._compute_noise_mixing_of_selected_columns()
         found[:, own:, :own] = self.combinations[:, self.columns].transpose(0, 2, 1) @ of_columns
         return found[self.axes]
 
@@ -84,7 +84,7 @@ class Regressor:
             return 0.0, 0.0
         return self.drive.machine.machine.imu.position_m[:2]
 
-    def _noise_propagation_of_selected_columns(self) -> Floats:
+    def _compute_noise_mixing_of_selected_columns(self) -> Floats:
         """Loading (2, c, c) of the selected columns on the noise of each other."""
         found = np.tile(np.eye(self.columns.size), (2, 1, 1))
         x_m, y_m = self.imu_position_m

@@ -8,11 +8,15 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.axes import Z, list_axes_allowed_by_channels
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.gating.gate import mark_possible_braking
-from analysis.stages.motion.phases import TURNS, sign_of_speed_change, sign_of_yaw_rate_change
+from analysis.stages.motion.phases import (
+    TURNS,
+    compute_sign_of_speed_change,
+    compute_sign_of_yaw_rate_change,
+)
 from analysis.stages.noise.column_noise import compute_column_stds_after_moving_mean
 from estimators.arrays import Bools, Floats
 from estimators.planar import planar_rows
@@ -70,26 +74,26 @@ def collect_planar_samples(
     """Collect the samples for the planar fits."""
     n, has_torque = excitation.height, Z in list_axes_allowed_by_channels(excitation)
     phase = excitation["phase"]
-    speed = column_values(excitation, "speed_x_m_s")
-    yaw_rate = column_values(excitation, "yaw_rate_rad_s")
+    speed = get_column_values(excitation, "speed_x_m_s")
+    yaw_rate = get_column_values(excitation, "yaw_rate_rad_s")
     zero = np.zeros(n)
     motion = planar_rows.PlanarRegressor(
-        column_values(excitation, "regressor_acc_x_m_s2"),
-        column_values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
+        get_column_values(excitation, "regressor_acc_x_m_s2"),
+        get_column_values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
         speed,
         yaw_rate,
         # in a steady arc it is none
-        column_values(excitation, "yaw_acc_rad_s2") if has_torque else zero,
+        get_column_values(excitation, "yaw_acc_rad_s2") if has_torque else zero,
     )
-    torque = column_values(excitation, "torque_z_N_m") if has_torque else zero
-    f = np.column_stack([column_values(excitation, "force_x_N"), torque])
+    torque = get_column_values(excitation, "torque_z_N_m") if has_torque else zero
+    f = np.column_stack([get_column_values(excitation, "force_x_N"), torque])
     known = motion.mark_complete_samples() & np.isfinite(f).all(axis=1)
     known &= phase.is_not_null().to_numpy()
     turning = phase.is_in(TURNS).fill_null(False).to_numpy()
-    rate = column_values(excitation, "speed_rate_x_m_s2")
-    along = sign_of_speed_change(speed, rate, settings.phases.steady_acc_m_s2, settings)
+    rate = get_column_values(excitation, "speed_rate_x_m_s2")
+    along = compute_sign_of_speed_change(speed, rate, settings.phases.steady_acc_m_s2, settings)
     # the yaw rate of straight driving is not steered
-    about = np.where(turning, sign_of_yaw_rate_change(yaw_rate, settings), 0.0)
+    about = np.where(turning, compute_sign_of_yaw_rate_change(yaw_rate, settings), 0.0)
     slows = (along < 0) | (about < 0)
     usable = known
     if settings.gate.exclude_braking:

@@ -17,9 +17,9 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.fit_columns import RelativeLoads
+from analysis.weighing.fit_columns import RelativeMassDeviations
 from analysis.weighing.fitted_stretches import find_stretch_spans
-from analysis.weighing.haul_route import Route
+from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.motion_samples import (
     Floats,
     MotionSamples,
@@ -71,10 +71,10 @@ class LoadSquat:
 def estimate_load_squat(
     motion: MotionSamples,
     wheels: WheelKinematics,
-    loads: RelativeLoads,
+    loads: RelativeMassDeviations,
     relative_load: Floats,
     prior_std: float,
-    route: Route | None = None,
+    route: HaulRoute | None = None,
 ) -> LoadSquat | None:
     """Estimate the change of gain by comparing wheels and accelerometer load by load.
 
@@ -154,7 +154,10 @@ _Stretch = tuple[Floats, Floats, Floats, float]
 
 
 def make_centred_stretches(
-    motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads, route: Route | None
+    motion: MotionSamples,
+    wheels: WheelKinematics,
+    loads: RelativeMassDeviations,
+    route: HaulRoute | None,
 ) -> list[_Stretch]:
     """Centred columns (means, 4 and those of the grade), response, time and load of each stretch.
 
@@ -168,7 +171,7 @@ def make_centred_stretches(
     ground = in_time.speed * compute_ground_to_wheel_speed_ratio(
         in_time.speed, motion.force, slip_1_N
     )
-    relative = loads.look_up_relative_loads(motion.unit)
+    relative = loads.look_up_relative_mass_deviations(motion.unit)
     along = route and (
         route.compute_relative_distances_to_dump(motion),
         route.compute_headings_from_dump(motion),
@@ -189,7 +192,7 @@ def make_centred_stretches(
         if along:
             place, heading = (each[part] for each in along)
             columns = np.hstack(
-                [columns, make_cumulative_grade_columns(place, heading) / motion.rate_hz]
+                [columns, compute_cumulative_grade_columns(place, heading) / motion.rate_hz]
             )
         y = ground[part] - gained
         both = (
@@ -201,27 +204,27 @@ def make_centred_stretches(
     return found
 
 
-def make_cumulative_grade_columns(position_1: Floats, heading: Floats) -> Floats:
+def compute_cumulative_grade_columns(route_position_1: Floats, heading_sign: Floats) -> Floats:
     """Sums over the samples of the grade's level and of its change over each part of the route.
 
     Args:
-        position_1: (n,) distance from the dump over the route's length.
-        heading: (n,) 1 with the front away from the dump, -1 towards it.
+        route_position_1: (n,) distance from the dump over the route's length.
+        heading_sign: (n,) 1 with the front away from the dump, -1 towards it.
 
     Returns:
         (n, 1 + parts) sums up to the middle of each sample.
     """
     risen = np.clip(
-        position_1[:, None] * LIMITS.squat_grade_parts - np.arange(LIMITS.squat_grade_parts),
+        route_position_1[:, None] * LIMITS.squat_grade_parts - np.arange(LIMITS.squat_grade_parts),
         0.0,
         1.0,
     )
-    grade = heading[:, None] * np.insert(risen, 0, 1.0, axis=1)
+    grade = heading_sign[:, None] * np.insert(risen, 0, 1.0, axis=1)
     return np.cumsum(grade, axis=0) - grade / 2.0
 
 
 def estimate_gain_change_by_pitch_and_variance(
-    motion: MotionSamples, loads: RelativeLoads
+    motion: MotionSamples, loads: RelativeMassDeviations
 ) -> tuple[float, float] | None:
     """Change of the acceleration's gain for the reference load, by the pitch, and its variance.
 
@@ -232,7 +235,7 @@ def estimate_gain_change_by_pitch_and_variance(
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
     squats = sum_products_of_pitch_gravity_and_speed(gravity, motion)
-    relative = loads.look_up_relative_loads(motion.unit)[squats.first]
+    relative = loads.look_up_relative_mass_deviations(motion.unit)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
     # beside the share and the rate, the share that grows with the load
@@ -282,7 +285,7 @@ def could_grades_explain_gain_change(
     return gain_change.gain > 0.0 or not explained
 
 
-def compute_grade_prior_stds_m_s2(route: Route) -> Floats:
+def compute_grade_prior_stds_m_s2(route: HaulRoute) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
     change = LIMITS.grade_change_m_s2 * relative_random_walk_std(
         route.length_m / LIMITS.squat_grade_parts

@@ -27,12 +27,12 @@ class ColumnInputs:
         relative_load: mass with load over the reference mass, less 1.
         load_contrast: the same over its root mean square: about -1 empty, 1 loaded.
         place_1: position on the path, from -1/2 to 1/2.
-        travelled_m: distance from the begin of the stretch.
+        travelled_m: distance from the start of the stretch.
         route_1: position on the route, from 0 at the dump to 1 at its end.
         route_length_m: length of the route.
         relative_gear_ratio: gear ratio over the log's largest; 0 without one.
         slip_s_m: estimated cost of slip, as a fraction of the force per m/s.
-        transfer_s2_m: estimated load transfer, as a fraction of the force per m/s².
+        load_transfer_s2_m: estimated load transfer, as a fraction of the force per m/s².
         rises_by_force_1_N: derivative of `force_rises_1` by the force.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
@@ -59,14 +59,14 @@ class ColumnInputs:
     route_length_m: float
     relative_gear_ratio: Floats
     slip_s_m: float
-    transfer_s2_m: float
+    load_transfer_s2_m: float
     rises_by_force_1_N: float
     weight_shares: tuple[float, float]
     force_rate_parabola: Ints | None
 
     @property
-    def ground_speed(self) -> Floats:
-        """(n,) ground speed in m/s, without the slip."""
+    def ground_speed_m_s(self) -> Floats:
+        """(n,) speed over ground in m/s: the wheel speed less the known slip."""
         return self.ground_speed_ratio * self.speed
 
     def select_rows(self, row_indices: Ints) -> Self:

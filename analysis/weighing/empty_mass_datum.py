@@ -49,17 +49,17 @@ _CARRIED: Final = UncertaintySource(
 )
 
 
-def list_notes_on_outdated_tickets(body: Body, begin_ns: int) -> list[str]:
+def list_notes_on_outdated_tickets(body: Body, start_ns: int) -> list[str]:
     """Notes on a weighbridge ticket of another day than the log.
 
     Args:
         body: body of the machine file, with the day of the ticket if known.
-        begin_ns: begin of the log in Unix ns.
+        start_ns: start of the log in Unix ns.
     """
     weighed = body.empty_mass_day
     if weighed is None or body.empty_mass_u_kg is None:
         return []
-    today = datetime.fromtimestamp(begin_ns // 10**9, body.time_zone).date()
+    today = datetime.fromtimestamp(start_ns // 10**9, body.time_zone).date()
     days = (today - weighed).days
     if days == 0 or today < _CLOCKS_FROM:
         return []
@@ -227,7 +227,7 @@ class EmptyDatum:
     scale_1: float
     ticket_1: float
 
-    def payload_sensitivities(self, payload: Floats) -> Floats:
+    def compute_payload_sensitivities(self, payload: Floats) -> Floats:
         """(masses,) sensitivities of a payload to errors of the masses, over its factor.
 
         Args:
@@ -244,7 +244,9 @@ class EmptyDatum:
         """
         empty = self.empty
         payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
-        found = make_mass_budget(empty.weighing, empty.machine, self.payload_sensitivities(payload))
+        found = make_mass_budget(
+            empty.weighing, empty.machine, self.compute_payload_sensitivities(payload)
+        )
         known = list_factors_without_uncertainty(found)
         kept = [
             replace(each, u=None if each.u is None else each.u * abs(self.scale_1))

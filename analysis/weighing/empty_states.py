@@ -38,7 +38,9 @@ def find_empty_states(
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.empty_inertia_kg)
-    u_kg = combine_u(make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(lightest)))
+    u_kg = combine_u(
+        make_mass_budget(weighing, machine, fit.make_mass_coefficients_of_state(lightest))
+    )
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -76,7 +78,10 @@ def _is_heavier_than_stated_empty_mass(
     fit, body = weighing.fit, machine.machine
     stated_kg = body.empty_inertia_kg
     assert stated_kg is not None
-    weights = fit.mass_coefficients_of_state(state), weights_of_mean_mass_over_states(fit, empty)
+    weights = (
+        fit.make_mass_coefficients_of_state(state),
+        compute_weights_of_mean_mass_over_states(fit, empty),
+    )
     own = make_mass_budget(weighing, machine, weights[0])
     if list_scale_sources_without_u(own):
         return False
@@ -117,10 +122,10 @@ def estimate_std_of_empty_masses_kg(
     """
     if len(empty) < 2 or weighing.significant_empty_mass_drift is not None:
         return 0.0
-    mean = weights_of_mean_mass_over_states(weighing.fit, empty)
+    mean = compute_weights_of_mean_mass_over_states(weighing.fit, empty)
     found, expected = 0.0, 0.0
     for state in empty:
-        weights = weighing.fit.mass_coefficients_of_state(state) - mean
+        weights = weighing.fit.make_mass_coefficients_of_state(state) - mean
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         found += mean[state] * float(weights @ weighing.fit.masses_kg) ** 2
         expected += mean[state] * random_kg**2
@@ -132,10 +137,14 @@ def mass_coefficients_of_payload(weighing: Weighing, state: int, empty: list[int
 
     Where the empty mass drifts, the mean is of those before and after the state.
     """
-    weights = weighing.fit.mass_coefficients_of_state(state)
+    weights = weighing.fit.make_mass_coefficients_of_state(state)
     if weighing.significant_empty_mass_drift is not None:
         empty = _find_nearest_empty_states(state, empty)
-    return weights - weights_of_mean_mass_over_states(weighing.fit, empty) if empty else weights
+    return (
+        weights - compute_weights_of_mean_mass_over_states(weighing.fit, empty)
+        if empty
+        else weights
+    )
 
 
 def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
@@ -143,7 +152,7 @@ def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
     return before[-1:] + after[:1]
 
 
-def weights_of_mean_mass_over_states(fit: JointFit, states: list[int]) -> Floats:
+def compute_weights_of_mean_mass_over_states(fit: JointFit, states: list[int]) -> Floats:
     """(masses,) weights of the mean mass of states, by number of manoeuvres."""
     assert fit.states is not None
     count = np.bincount(fit.states.membership).astype(np.float64)

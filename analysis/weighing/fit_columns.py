@@ -10,13 +10,13 @@ import numpy as np
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.fitted_stretches import compute_index_in_stretch, mark_stretch_ends
-from analysis.weighing.force_hysteresis import Play, compute_sign_of_force_change
+from analysis.weighing.force_hysteresis import PlayHysteresis, compute_sign_of_force_change
 from analysis.weighing.force_rate import (
     compute_force_rate_variances,
     differentiate_force,
     differentiate_force_by_widest_parabolas,
 )
-from analysis.weighing.haul_route import Route
+from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.motion_samples import (
@@ -42,12 +42,12 @@ def mark_plausible_masses(mass_kg: Floats) -> Bools:
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeLoads:
-    """Relative load of each manoeuvre: its mass over a reference mass, less 1.
+class RelativeMassDeviations:
+    """Relative deviation of each manoeuvre's total mass from the mean.
 
     Attributes:
         unit: (units,) numbers of the manoeuvres, ascending.
-        value: (units,) relative load of each manoeuvre.
+        value: (units,) mass of each manoeuvre over the mean, less 1.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
     """
@@ -79,12 +79,12 @@ class RelativeLoads:
 
     def mark_loaded_manoeuvres_by_number(self, manoeuvre_numbers: Ints) -> Bools:
         """Whether these manoeuvres carry more than midway between light and heavy loads, (n,)."""
-        return self.look_up_relative_loads(manoeuvre_numbers) > float(
+        return self.look_up_relative_mass_deviations(manoeuvre_numbers) > float(
             np.quantile(self.value, LIMITS.load_contrast_quantiles).mean()
         )
 
-    def look_up_relative_loads(self, manoeuvre_numbers: Ints) -> Floats:
-        """Relative load of these manoeuvres, (n,); an unknown one takes that of the one before."""
+    def look_up_relative_mass_deviations(self, manoeuvre_numbers: Ints) -> Floats:
+        """Deviation of these manoeuvres, (n,); an unknown one takes that of the one before."""
         # samples come in runs of one manoeuvre
         first = np.flatnonzero(np.diff(manoeuvre_numbers, prepend=manoeuvre_numbers[:1] - 1))
         place = np.searchsorted(self.unit, manoeuvre_numbers[first], "right") - 1
@@ -99,36 +99,36 @@ class PreviousEstimates:
     Attributes:
         lag_s: delay of the force.
         slip_1_N: wheel slip per newton, as a fraction of the ground speed.
-        transfer_s2_m: fraction of the force that load transfer adds to the measured wheels per
+        load_transfer_s2_m: fraction of the force that load transfer adds to the measured wheels per
             m/s².
         offset_N: offset of the measured force.
         slip_s_m: cost of slip, as a fraction of the force per m/s.
-        speed_late_s: delay of the speed, from the wheels.
+        speed_delay_s: delay of the speed, from the wheels.
         motion_gain: relative correction added to the acceleration without gravity.
         swing: effect of a swinging body on the accelerometer.
         relative_loads: relative loads of the load states; None with one state.
         route: route between loading and dumping; None if nothing is dumped.
         play: of the hysteresis of the force; None without.
-        uneven_1_s: variance of the ground force between stretches over that of the noise of one
-            second.
+        ground_variance_ratio_1_s: variance of the ground force between stretches over that of the
+            noise of one second.
     """
 
     lag_s: float = 0.0
     slip_1_N: float = 0.0
-    transfer_s2_m: float = 0.0
+    load_transfer_s2_m: float = 0.0
     offset_N: float = 0.0
     slip_s_m: float = 0.0
-    speed_late_s: float = 0.0
+    speed_delay_s: float = 0.0
     motion_gain: float = 0.0
     swing: BodySwing = NO_SWING
-    relative_loads: RelativeLoads | None = None
-    route: Route | None = None
-    play: Play | None = None
-    uneven_1_s: float = 0.0
+    relative_loads: RelativeMassDeviations | None = None
+    route: HaulRoute | None = None
+    play: PlayHysteresis | None = None
+    ground_variance_ratio_1_s: float = 0.0
 
     def estimate_ground_force_newtons(self, motion: MotionSamples) -> Floats:
         """Force on the ground, (n,) in N, of a motion whose force delay is corrected."""
-        gain = 1.0 + self.transfer_s2_m * motion.acceleration
+        gain = 1.0 + self.load_transfer_s2_m * motion.acceleration
         return (motion.force - self.offset_N) / np.maximum(gain, LIMITS.load_transfer_min_gain)
 
 
@@ -195,7 +195,7 @@ class FitColumns:
             fitted = find_fitted_samples_after_lag(piece, previous_estimates.lag_s)
             return make_columns_of_piece(piece, fitted, noise, terms, previous_estimates)
 
-        pieces = map_in_threads(make_columns, list(motion.pieces_of_whole_stretches))
+        pieces = map_in_threads(make_columns, list(motion.pieces_split_between_stretches))
         return cls(pieces, terms, previous_estimates, motion.rate_hz)
 
     def average_and_weight_columns(
@@ -208,7 +208,7 @@ class FitColumns:
             noise,
             self.terms,
             max_samples_per_mean,
-            self.found.uneven_1_s,
+            self.found.ground_variance_ratio_1_s,
             self.rate_hz,
         )
 
@@ -229,7 +229,7 @@ def average_and_weight_fit_columns(
         max_samples_per_mean: number of samples in the longest mean.
         previous_estimates: estimates of earlier rounds.
     """
-    pieces = motion.pieces_of_whole_stretches
+    pieces = motion.pieces_split_between_stretches
     fitted = [find_fitted_samples_after_lag(piece, previous_estimates.lag_s) for piece in pieces]
     return average_and_weight_columns_of_pieces(
         lambda piece_index: make_columns_of_piece(
@@ -239,7 +239,7 @@ def average_and_weight_fit_columns(
         noise,
         terms,
         max_samples_per_mean,
-        previous_estimates.uneven_1_s,
+        previous_estimates.ground_variance_ratio_1_s,
         motion.rate_hz,
     )
 
@@ -250,7 +250,7 @@ def average_and_weight_columns_of_pieces(
     noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     max_samples_per_mean: int,
-    uneven_1_s: float,
+    ground_variance_ratio_1_s: float,
     rate_hz: float,
 ) -> FitRows:
     """Average and weight the columns of all pieces.
@@ -261,7 +261,7 @@ def average_and_weight_columns_of_pieces(
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
         max_samples_per_mean: number of samples in the longest mean.
-        uneven_1_s: see `PreviousEstimates`.
+        ground_variance_ratio_1_s: see `PreviousEstimates`.
         rate_hz: rate of the grid.
     """
     stride = compute_samples_between_fitted_means(max_samples_per_mean)
@@ -302,8 +302,8 @@ def average_and_weight_columns_of_pieces(
     added = map_in_threads(weight_rows_and_sum_noise_moments, range(len(places)))
     f *= weight
     group = np.concatenate([group for group, _ in pieces])
-    if uneven_1_s:
-        whiten_random_intercepts_in_place(A, f, group, uneven_1_s / rate_hz * stride)
+    if ground_variance_ratio_1_s:
+        whiten_random_intercepts_in_place(A, f, group, ground_variance_ratio_1_s / rate_hz * stride)
     return FitRows(
         A,
         f,
@@ -354,9 +354,9 @@ def make_columns_of_piece(
 ) -> _PieceColumns:
     """Make the columns of the fitted samples of a piece; those around are for what looks there."""
     in_time = motion.advance_force(previous_estimates.lag_s)
-    if previous_estimates.speed_late_s:
+    if previous_estimates.speed_delay_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
-        in_time = in_time.advance_speed(previous_estimates.speed_late_s)
+        in_time = in_time.advance_speed(previous_estimates.speed_delay_s)
     force, speed = in_time.force, in_time.speed
     acting = previous_estimates.estimate_ground_force_newtons(in_time)
     acceleration = motion.acceleration
@@ -365,7 +365,7 @@ def make_columns_of_piece(
         acceleration = acceleration + previous_estimates.motion_gain * own
     loads = previous_estimates.relative_loads
     zeros = np.zeros(motion.speed.size)
-    relative_load = zeros if loads is None else loads.look_up_relative_loads(motion.unit)
+    relative_load = zeros if loads is None else loads.look_up_relative_mass_deviations(motion.unit)
     if previous_estimates.swing.lever_s2 and motion.specific_force is not None:
         # springs deflect in proportion to the mass
         swing_m_s2 = previous_estimates.swing.compute_swing_acceleration_m_s2(
@@ -396,10 +396,10 @@ def make_columns_of_piece(
         relative_load if loads is None else relative_load / loads.rms_relative_load,
         motion.place_1,
         motion.travelled_m,
-        *route_positions_and_length_m(motion, previous_estimates),
+        *find_route_positions_and_length_m(motion, previous_estimates),
         zeros if motion.relative_gear_ratio is None else motion.relative_gear_ratio,
         previous_estimates.slip_s_m,
-        previous_estimates.transfer_s2_m,
+        previous_estimates.load_transfer_s2_m,
         0.0 if previous_estimates.play is None else previous_estimates.play.by_force_1_N,
         (0.0, 0.0) if loads is None else loads.weight_shares,
         parabola,
@@ -416,7 +416,7 @@ def compute_samples_between_fitted_means(max_samples_per_mean: int) -> int:
     return max(1, max_samples_per_mean // LIMITS.rows_per_mean)
 
 
-def route_positions_and_length_m(
+def find_route_positions_and_length_m(
     motion: MotionSamples, previous_estimates: PreviousEstimates
 ) -> tuple[Floats, float]:
     """Position of each sample on the route, (n,), and the route's length in m.

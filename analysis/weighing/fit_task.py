@@ -9,10 +9,10 @@ from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.weighing.fit_columns import (
     FitRows,
     PreviousEstimates,
-    RelativeLoads,
+    RelativeMassDeviations,
     average_and_weight_fit_columns,
 )
-from analysis.weighing.haul_route import Route
+from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.joint_result import (
     JointFit,
     PriorMeans,
@@ -65,7 +65,7 @@ class FitTask:
     terms: tuple[Nuisance, ...]
     wheels: WheelKinematics | None
     states: LoadStates | None
-    uneven_1_s: float = 0.0
+    ground_variance_ratio_1_s: float = 0.0
 
     def cut_to_first_stretches(self, stretch_count: int) -> "FitTask":
         """Cut the task to its first stretches."""
@@ -82,10 +82,10 @@ class FitTask:
             slip_1_N=(self._estimate_slip_and_std_by_wheels() or (0.0, 0.0))[0],
             motion_gain=self._estimate_squat_gain_correction(),
             swing=self._get_body_swing_in_accelerometer(),
-            speed_late_s=self._estimate_speed_delay_s(),
+            speed_delay_s=self._estimate_speed_delay_s(),
             relative_loads=(loads := self._compute_relative_loads()),
             route=self._find_route(loads),
-            uneven_1_s=self.uneven_1_s,
+            ground_variance_ratio_1_s=self.ground_variance_ratio_1_s,
         )
 
     def fit_over_sample_means(
@@ -123,7 +123,7 @@ class FitTask:
             initial_fit.theta, initial_fit.solution, initial_fit.terms
         )
         for number in range(rounds):
-            mean, std = self._make_priors_of_fit_iteration(cost)
+            mean, std = self._make_prior_means_and_stds_of_round(cost)
             self._exclude_gain_drift_in_place_if_loads_recur(std)
             known_s = known.lag_s
             mean[lag] -= known_s
@@ -173,7 +173,9 @@ class FitTask:
             self._make_prior_means(mean, known_s),
         )
 
-    def _compute_relative_loads(self, masses_kg: Floats | None = None) -> RelativeLoads | None:
+    def _compute_relative_loads(
+        self, masses_kg: Floats | None = None
+    ) -> RelativeMassDeviations | None:
         """Relate the states' masses to their mean over the manoeuvres; None with one state.
 
         Args:
@@ -188,15 +190,15 @@ class FitTask:
             estimate_load_proportional_share_of_coulomb,
         )
         shares = [split(self.motion, self.priors).expected for split in splits]
-        return RelativeLoads.from_masses(
+        return RelativeMassDeviations.from_masses(
             states.unit, masses_kg[states.membership], (shares[0], shares[1])
         )
 
-    def _find_route(self, loads: RelativeLoads | None) -> Route | None:
+    def _find_route(self, loads: RelativeMassDeviations | None) -> HaulRoute | None:
         """Find the route between the places where these loads are loaded and dumped."""
         if loads is None:
             return None
-        return Route.from_motion(
+        return HaulRoute.from_motion(
             self.motion, loads.unit, loads.mark_loaded_manoeuvres_by_number(loads.unit)
         )
 
@@ -216,7 +218,7 @@ class FitTask:
         after = replace(
             previous_estimates,
             lag_s=lag_s if advance_force else 0.0,
-            transfer_s2_m=by_name.get("load_transfer", 0.0),
+            load_transfer_s2_m=by_name.get("load_transfer", 0.0),
             offset_N=float(
                 np.clip(
                     share * by_name["const"],
@@ -232,7 +234,7 @@ class FitTask:
 
     def estimate_manoeuvre_masses(self, fit: JointFit, fit_rows: FitRows) -> GroupEffects:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
-        mean, std = self._make_priors_of_fit_iteration(
+        mean, std = self._make_prior_means_and_stds_of_round(
             self._compute_mass_friction_and_slip(fit.theta, fit.solution, fit.terms)
         )
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
@@ -269,7 +271,7 @@ class FitTask:
         told = self.wheels is not None and self.motion.by_accelerometer
         return self.wheels.swing if self.wheels is not None and told else NO_SWING
 
-    def _make_priors_of_fit_iteration(
+    def _make_prior_means_and_stds_of_round(
         self, mass_friction_slip: _MassFrictionAndSlip | None
     ) -> tuple[Floats, Floats]:
         """Prior means and standard deviations of a round, (terms,); slip's if its cost is known."""

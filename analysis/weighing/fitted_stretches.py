@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_pooling
 from analysis.stages.gating.segments import assign_manoeuvre_numbers_to_samples
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 def integrate_path_positions_and_length_m(
-    speed: Floats, is_used: Bools, silences: Ints, rate_hz: float
+    speed: Floats, is_used: Bools, long_gap_count: Ints, rate_hz: float
 ) -> tuple[Floats, float]:
     """Position of the machine on its path, (n,), and the length of the path in m.
 
@@ -30,8 +30,8 @@ def integrate_path_positions_and_length_m(
     """
     place = np.cumsum(speed) / rate_hz
     length = 0.0
-    for record in np.unique(silences[is_used]):
-        mine = silences == record
+    for record in np.unique(long_gap_count[is_used]):
+        mine = long_gap_count == record
         first, last = (float(edge(place[mine & is_used])) for edge in (np.min, np.max))
         place[mine] -= (first + last) / 2.0
         length = max(length, last - first)
@@ -56,9 +56,9 @@ def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:
 def number_manoeuvres_and_split_long_drives(stop_count_of_sample: Ints, max_samples: int) -> Ints:
     """Number the manoeuvres, (n,), and split drives of twice `max_samples` samples or more."""
     cuts = np.append(True, stop_count_of_sample[1:] != stop_count_of_sample[:-1])
-    drive_begins = np.flatnonzero(cuts)
+    drive_starts = np.flatnonzero(cuts)
     for first, end in zip(
-        drive_begins, np.append(drive_begins[1:], stop_count_of_sample.size), strict=True
+        drive_starts, np.append(drive_starts[1:], stop_count_of_sample.size), strict=True
     ):
         cuts[np.arange(first + max_samples, end - max_samples + 1, max_samples)] = True
     return (np.cumsum(cuts) - 1 + stop_count_of_sample[0]).astype(np.int64)
@@ -87,7 +87,7 @@ def assign_fitted_manoeuvre_numbers(
     if without:
         brakes = (phase == "braking").fill_null(False).to_numpy()
         stands = (phase == "standstill").fill_null(False).to_numpy()
-        speed = column_values(excitation, "speed_x_m_s")
+        speed = get_column_values(excitation, "speed_x_m_s")
         brakes &= mark_speed_falls_beyond_noise(speed, noise_m_s, settings)
         brakes |= mark_stopping_samples(speed, stands, moving_threshold_m_s, settings)
         driving &= ~mark_possible_braking(brakes, settings)

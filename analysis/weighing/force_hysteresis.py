@@ -40,7 +40,7 @@ HYSTERESIS: Final = Nuisance(
 )
 
 
-class Play(NamedTuple):
+class PlayHysteresis(NamedTuple):
     """What tells a force that turns from its noise.
 
     Attributes:
@@ -56,7 +56,7 @@ class Play(NamedTuple):
 
 def choose_hysteresis_width_and_mean_length(
     motion: MotionSamples, noise: ColumnNoiseModel, mean_samples: int
-) -> Play:
+) -> PlayHysteresis:
     """Choose a share of the largest force, and the shortest mean whose noise is well below it.
 
     Args:
@@ -74,10 +74,10 @@ def choose_hysteresis_width_and_mean_length(
         if noise_N <= half_N:
             break
     half_N = max(half_N, noise_N)
-    return Play(half_N, mean, min(mean_samples / mean, 1.0) / half_N)
+    return PlayHysteresis(half_N, mean, min(mean_samples / mean, 1.0) / half_N)
 
 
-def compute_sign_of_force_change(force: Floats, play: Play) -> Floats:
+def compute_sign_of_force_change(force: Floats, play: PlayHysteresis) -> Floats:
     """Whether the force (n,) rises (1), falls (-1) or has just turned (between), (n,)."""
     before = play.mean // 2
     padded = np.pad(force, (before, play.mean - 1 - before), mode="edge")

@@ -1,6 +1,6 @@
 """Fuel on board: how much heavier the empty machine is in the log than on the weighbridge.
 
-A tank of 200 L is 170 kg. What was in it at the weighing and at the begin of the log, and what has
+A tank of 200 L is 170 kg. What was in it at the weighing and at the start of the log, and what has
 been burnt since, is stated or measured; the difference belongs to the mass on the ticket.
 """
 
@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.model.machine_body import Body, FuelTank
 from analysis.model.physical_units import NS_PER_S, SECONDS_PER_HOUR
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weighing_limits import LIMITS
 
@@ -44,7 +44,7 @@ class FuelOnBoard:
         t_ns = aligned["t_ns"].to_numpy().astype(np.float64)
         rate_L_h = np.full(t_ns.size, body.fuel.rate_L_h or 0.0)
         if "fuel_rate_L_h" in aligned.columns:
-            measured = column_values(aligned, "fuel_rate_L_h")
+            measured = get_column_values(aligned, "fuel_rate_L_h")
             known = np.isfinite(measured)
             if known.any():
                 rate_L_h = np.where(known, measured, measured[known].mean())
@@ -52,16 +52,16 @@ class FuelOnBoard:
         rate_u_1 = LIMITS.unknown_fuel_rate_u if body.fuel_gain_u is None else body.fuel_gain_u
         return cls(body.fuel, rate_u_1, t_ns, np.cumsum(rate_L_h * hours))
 
-    def fuel_mass_since_ticket_and_u_kg(
-        self, at_ns: Floats, coefficients: Floats
+    def estimate_fuel_mass_beyond_ticket_and_u_kg(
+        self, at_ns: Floats, weights: Floats
     ) -> tuple[float, float]:
-        """Fuel mass beyond that on the ticket, and its standard uncertainty, in kg.
+        """Fuel mass beyond that of the empty-mass ticket (signed), and its standard u, in kg.
 
         Args:
             at_ns: (k,) times at which the log weighed the empty machine.
-            coefficients: (k,) their weights, with sum 1.
+            weights: (k,) weights of these times, with sum 1.
         """
-        burnt_L = float(coefficients @ np.interp(at_ns, self.t_ns, self.burnt_L))
+        burnt_L = float(weights @ np.interp(at_ns, self.t_ns, self.burnt_L))
         more_L = self.tank.begin_L - burnt_L - self.tank.empty_mass_L
         density = self.tank.density_kg_L
         parts_L = (self.tank.u_L, self.rate_u_1 * burnt_L, LIMITS.fuel_density_u * more_L)

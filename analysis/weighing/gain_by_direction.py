@@ -125,7 +125,7 @@ def estimate_force_gain_by_driving_direction(
         (*select_terms_of_motion(motion, has_several_loads=False), GAIN_BY_DIRECTION),
         fit.kinematics,
         None,
-        fit.found.uneven_1_s,
+        fit.found.ground_variance_ratio_1_s,
     ).fit_over_sample_means(fit.mean_samples, 2, advance_force=fit.shifted)
     found = compute_reverse_to_forward_gain(one, fit)
     if not found.is_significant:
@@ -155,14 +155,14 @@ def compute_reverse_to_forward_gain(
     if fit_with_load_states.mass_count == 1:
         std = max(
             std,
-            mass_difference_std_by_direction_kg(fit_with_load_states)
+            compute_mass_difference_std_by_direction_kg(fit_with_load_states)
             / 2.0
             / abs(fit_with_load_states.mass_kg),
         )
     return DirectionGain((1.0 - share) / (1.0 + share), 2.0 * std, fit_with_load_states.mass_count)
 
 
-def mass_difference_std_by_direction_kg(fit: JointFit) -> float:
+def compute_mass_difference_std_by_direction_kg(fit: JointFit) -> float:
     """Standard deviation of the difference between the directions' mean masses, in kg."""
     states = fit.states
     assert states is not None

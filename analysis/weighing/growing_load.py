@@ -142,7 +142,7 @@ def refit_with_load_growing_at_starts(
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
     )
     of_sums = chain(
-        map(fit.mass_coefficients_of_state, range(fit.mass_count)),
+        map(fit.make_mass_coefficients_of_state, range(fit.mass_count)),
         list_coefficients_of_mean_payloads(fit),
     )
     moves_u = [abs(float(each @ moved)) / max(fit.mass_sum_u_kg(each), 1e-9) for each in of_sums]
@@ -298,8 +298,10 @@ def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) 
         int(np.searchsorted(states.unit, manoeuvre_number, side)) for side in ("left", "right")
     )
     places = np.array([first] if end > first else [first - 1, first]).clip(0, states.unit.size - 1)
-    lightest = fit.mass_coefficients_of_state(int(np.argmin(fit.masses_kg)))
-    loads = [fit.mass_coefficients_of_state(int(k)) - lightest for k in states.membership[places]]
+    lightest = fit.make_mass_coefficients_of_state(int(np.argmin(fit.masses_kg)))
+    loads = [
+        fit.make_mass_coefficients_of_state(int(k)) - lightest for k in states.membership[places]
+    ]
     return max(float(each @ fit.masses_kg) + fit.mass_sum_u_kg(each) for each in loads)
 
 

@@ -24,7 +24,7 @@ from estimators.joint.group_effects import HINTED
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class HaulRoute:
     """Places where loads are dumped, as distances driven since the log began.
 
     Attributes:
@@ -94,7 +94,7 @@ def find_dump_positions_m(arrival_positions_m: Floats, departure_positions_m: Fl
 
     Args:
         arrival_positions_m: (dumps,) end of the last manoeuvre with the load.
-        departure_positions_m: (dumps,) begin of the first manoeuvre without it.
+        departure_positions_m: (dumps,) start of the first manoeuvre without it.
     """
     stops_m = departure_positions_m - arrival_positions_m
     usual_m = float(np.median(stops_m))
@@ -105,14 +105,14 @@ def find_dump_positions_m(arrival_positions_m: Floats, departure_positions_m: Fl
     )
 
 
-def add_missed_dump_visits(visit_positions_m: Floats, manoeuvre_begins_m: Floats) -> Floats:
+def add_missed_dump_visits(visit_positions_m: Floats, manoeuvre_starts_m: Floats) -> Floats:
     """Add a visit where the regular cycles imply one, at the nearest manoeuvre.
 
     A load that is not recognised has no dump, and its starts would lie anywhere on the route.
 
     Args:
         visit_positions_m: (visits,) known visits to one place, as driven distance, ascending.
-        manoeuvre_begins_m: (units,) driven distance at the begin of the manoeuvres.
+        manoeuvre_starts_m: (units,) driven distance at the start of the manoeuvres.
     """
     cycles_m = np.diff(visit_positions_m)
     if not cycles_m.size:
@@ -129,7 +129,7 @@ def add_missed_dump_visits(visit_positions_m: Floats, manoeuvre_begins_m: Floats
     if not expected_m:
         return visit_positions_m
     wanted_m = np.concatenate(expected_m)
-    nearest_m = manoeuvre_begins_m[abs(manoeuvre_begins_m[:, None] - wanted_m).argmin(axis=0)]
+    nearest_m = manoeuvre_starts_m[abs(manoeuvre_starts_m[:, None] - wanted_m).argmin(axis=0)]
     near = abs(nearest_m - wanted_m) < LIMITS.visit_tolerance_cycles * cycle_m
     return np.unique(np.append(visit_positions_m, np.where(near, nearest_m, wanted_m)))
 
@@ -165,7 +165,7 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
 
 
 def mark_standstills_at_recurrent_stops(
-    begin_positions_m: Floats, is_forward: Bools
+    start_positions_m: Floats, is_forward: Bools
 ) -> list[Bools]:
     """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
 
@@ -173,13 +173,13 @@ def mark_standstills_at_recurrent_stops(
     the same directions.
 
     Args:
-        begin_positions_m: (units,) distance driven before each manoeuvre.
+        start_positions_m: (units,) distance driven before each manoeuvre.
         is_forward: (units,) whether each manoeuvre goes forwards.
     """
     turns = np.flatnonzero(np.diff(is_forward)) + 1
     if turns.size < 2:
         return []
-    here_m, turns_m = begin_positions_m[1:], begin_positions_m[turns]
+    here_m, turns_m = start_positions_m[1:], start_positions_m[turns]
     bounds_m = np.concatenate(([np.nan], turns_m, [np.nan]))
     since_m = here_m - bounds_m[np.searchsorted(turns_m, here_m, "left")]
     until_m = bounds_m[np.searchsorted(turns_m, here_m, "right") + 1] - here_m

@@ -12,7 +12,7 @@ from analysis.weighing.fit_columns import (
     FitColumns,
     FitRows,
     PreviousEstimates,
-    RelativeLoads,
+    RelativeMassDeviations,
     average_and_weight_fit_columns,
 )
 from analysis.weighing.fit_task import FitTask
@@ -43,14 +43,14 @@ class JointFitInputs:
         noise: noise of acceleration, speed and force.
         priors: of the nuisances.
         wheels: comparison of wheels and accelerometer, with the force as measured; None without.
-        uneven_1_s: see `PreviousEstimates`.
+        ground_variance_ratio_1_s: see `PreviousEstimates`.
     """
 
     motion: MotionSamples
     noise: ColumnNoiseModel
     priors: PriorSettings
     wheels: WheelKinematics | None
-    uneven_1_s: float = 0.0
+    ground_variance_ratio_1_s: float = 0.0
 
     @classmethod
     def prepare_from_motion(
@@ -65,10 +65,12 @@ class JointFitInputs:
         An earlier fit gives the unevenness of the ground and the springs of the body.
         """
         noise = CachedNoise(noise)
-        uneven_1_s = 0.0 if earlier_fit is None else earlier_fit.found.uneven_1_s
+        ground_variance_ratio_1_s = (
+            0.0 if earlier_fit is None else earlier_fit.found.ground_variance_ratio_1_s
+        )
         known = None if earlier_fit is None else earlier_fit.kinematics
         wheels = estimate_wheel_kinematics(motion, noise, priors, known)
-        return cls(motion, noise, priors, wheels, uneven_1_s)
+        return cls(motion, noise, priors, wheels, ground_variance_ratio_1_s)
 
 
 def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> JointFit:
@@ -77,7 +79,13 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     several = states is not None and states.state_count > 1
     terms = select_terms_of_motion(motion, has_several_loads=several)
     whole = FitTask(
-        motion, inputs.noise, inputs.priors, terms, inputs.wheels, states, inputs.uneven_1_s
+        motion,
+        inputs.noise,
+        inputs.priors,
+        terms,
+        inputs.wheels,
+        states,
+        inputs.ground_variance_ratio_1_s,
     )
     part = whole.cut_to_first_stretches(LIMITS.pilot_stretches)
     part = part if part.motion.has_enough_motion else whole
@@ -111,7 +119,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
-    whole = copy_task_with_wheels_compared_again(inputs, whole, best)
+    whole = copy_task_with_updated_wheel_comparison(inputs, whole, best)
     chosen = fit_delayed_or_low_passed_force(whole, best.mean_samples)
     share = _relative_mass_change_by_mean_length(
         first, next(k for k, found in enumerate(first) if found is best)
@@ -138,11 +146,11 @@ def select_terms_of_motion(
     )
 
 
-def copy_task_with_wheels_compared_again(
+def copy_task_with_updated_wheel_comparison(
     inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
-    if not (abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s or pilot_fit.found.transfer_s2_m):
+    if not (abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s or pilot_fit.found.load_transfer_s2_m):
         return task
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.advance_force(pilot_fit.force_lag_s)
@@ -353,7 +361,9 @@ def refit_with_gain_change_by_load(fit: JointFit, priors: PriorSettings) -> Join
         # a squat that is not taken off makes loads of another size
         shares = loads.weight_shares
         loads = (
-            RelativeLoads.from_masses(states.unit, fit.masses_kg[states.membership], shares)
+            RelativeMassDeviations.from_masses(
+                states.unit, fit.masses_kg[states.membership], shares
+            )
             or loads
         )
     return fit
@@ -371,7 +381,7 @@ def add_mass_responses_to_motion_errors(
         other = refit_with_extra_terms(replace(fit, found=changed), noise, priors)
         return (other.theta[:count] - fit.theta[:count]) / step
 
-    later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)
+    later = replace(known, speed_delay_s=known.speed_delay_s + LIMITS.probe_delay_s)
     larger = replace(known, motion_gain=known.motion_gain + LIMITS.probe_gain_1)
     swing, swung = known.swing, np.zeros(count)
     if swing.lever_s2:

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.model.uncertainty_sources import root_sum_of_squares
+from analysis.model.uncertainty_sources import compute_root_sum_of_squares
 from analysis.weighing.body_squat import LoadSquat
 from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.force_by_place import BY_PLACE, make_position_force_columns
@@ -130,7 +130,9 @@ class JointFit:
         loads, by_load_N = self.found.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
             return force
-        return force + loads.look_up_relative_loads(self.motion.unit) * (columns @ by_load_N)
+        return force + loads.look_up_relative_mass_deviations(self.motion.unit) * (
+            columns @ by_load_N
+        )
 
     @property
     def friction_and_term_estimates(self) -> Floats:
@@ -215,13 +217,13 @@ class JointFit:
         """Index of the state with the most manoeuvres."""
         return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
 
-    def mass_coefficients_of_state(self, state: int) -> Floats:
+    def make_mass_coefficients_of_state(self, state: int) -> Floats:
         """(masses,) weights that select one mass."""
         out = np.zeros(self.mass_count)
         out[state] = 1.0
         return out
 
-    def u_by_cause_kg(self, coefficients: Floats) -> dict[str, float]:
+    def compute_u_by_cause_kg(self, coefficients: Floats) -> dict[str, float]:
         """Parts of the standard uncertainty of the sum `coefficients` @ masses, by cause, in kg."""
         wide = np.concatenate([coefficients, np.zeros(self.theta.size - self.mass_count)])
         fit, by_motion = self.posterior_fit, self.by_motion
@@ -292,10 +294,10 @@ class JointFit:
         """
         found = self.posterior_fit.responses[self.mass_count + 1 :, : self.mass_count].copy()
         slip = find_term_index("slip", self.terms)
-        coefficients = self.mass_coefficients_of_state(self.most_frequent_state)
+        coefficients = self.make_mass_coefficients_of_state(self.most_frequent_state)
         alone_kg = abs(float(found[slip] @ coefficients))
         if alone_kg > 0.0:
-            known_kg = self.u_by_cause_kg(coefficients)["slip"]
+            known_kg = self.compute_u_by_cause_kg(coefficients)["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
@@ -344,7 +346,7 @@ class JointFit:
         """(masses,) masses corrected for the speed's delay and the accelerometer's gains."""
         late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.is_consistent and self.motion.by_accelerometer:
-            late = wheels.delay_s[0] - self.found.speed_late_s
+            late = wheels.delay_s[0] - self.found.speed_delay_s
         if wheels is not None and self.is_gain_corrected:
             gain = wheels.gain_by_prior[0]
         masses = self.theta[: self.mass_count]
@@ -367,11 +369,11 @@ class JointFit:
     @property
     def u_kg(self) -> float:
         """Standard uncertainty of that mass from this log alone, without the scale."""
-        return self.mass_sum_u_kg(self.mass_coefficients_of_state(self.most_frequent_state))
+        return self.mass_sum_u_kg(self.make_mass_coefficients_of_state(self.most_frequent_state))
 
     def mass_sum_u_kg(self, coefficients: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg."""
-        return root_sum_of_squares(self.u_by_cause_kg(coefficients).values())
+        return compute_root_sum_of_squares(self.compute_u_by_cause_kg(coefficients).values())
 
 
 def compute_resistance_slope_at_mean_speed(

@@ -73,7 +73,7 @@ class LearntErrors:
             ),
         )
 
-    def mass_shifts_kg(self, weighing: Weighing) -> Floats:
+    def compute_mass_shifts_kg(self, weighing: Weighing) -> Floats:
         """(terms, masses) shift of the masses by the errors of the learnt means, in kg."""
         names, moved_kg = weighing.fit.learnt_terms_and_mass_changes_per_mean_u
         own = dict(zip(names, moved_kg, strict=True))
@@ -103,12 +103,12 @@ def make_learnt_mean_frames(
     empty = loads.filter("empty")["load_id"].to_list()
     states = range(fit.mass_count)
     of_mass, of_payload, of_cycle = MOVED
-    moved_kg = errors.mass_shifts_kg(weighing)
+    moved_kg = errors.compute_mass_shifts_kg(weighing)
 
     def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
         return _make_mass_response_rows(mass_kind, weighing, machine, errors.terms, moved_kg, sums)
 
-    rows = make_rows_of_kind(of_mass, {k: fit.mass_coefficients_of_state(k) for k in states})
+    rows = make_rows_of_kind(of_mass, {k: fit.make_mass_coefficients_of_state(k) for k in states})
     if empty:
         against = {
             k: mass_coefficients_of_payload(weighing, k, empty) for k in states if k not in empty

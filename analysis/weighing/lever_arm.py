@@ -49,8 +49,8 @@ class BodySwing:
     frequency_hz: float = 1.0
     damping_1: float = 1.0
 
-    def copy_adding_swing_of_squat(self, squat_1: float) -> "BodySwing":
-        """Add the swing of a squat by g s whose gravity was removed by the pitch."""
+    def copy_with_swing_of_squat(self, squat_1: float) -> "BodySwing":
+        """Copy with the swing of a squat of `squat_1` whose gravity the pitch removed."""
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 
     @property
@@ -137,12 +137,12 @@ def fit_body_spring_rates(measured_acceleration: Floats, motion: MotionSamples) 
         return None
     first, _ = min(known, key=lambda each: each[1])
 
-    def swing_from_logs(logs: Floats) -> BodySwing:
+    def make_swing_from_logs(logs: Floats) -> BodySwing:
         hz, damping_1 = np.exp(logs).tolist()
         return replace(first, frequency_hz=hz, damping_1=damping_1)
 
-    def misfit_of_swing(logs: Floats) -> float:
-        found = compared.estimate_swing_with_springs(swing_from_logs(logs))
+    def compute_misfit_of_swing(logs: Floats) -> float:
+        found = compared.estimate_swing_with_springs(make_swing_from_logs(logs))
         return np.inf if found is None else found[1]
 
     begin = np.log([first.frequency_hz, first.damping_1])
@@ -151,13 +151,13 @@ def fit_body_spring_rates(measured_acceleration: Floats, motion: MotionSamples) 
         [(tried[0], tried[-1]) for tried in (LIMITS.lever_frequencies_hz, LIMITS.lever_dampings_1)]
     ).T
     best = minimize(
-        misfit_of_swing,
+        compute_misfit_of_swing,
         begin,
         method="Nelder-Mead",
         bounds=Bounds(low, high),
         options={"initial_simplex": corners, "xatol": LIMITS.lever_tolerance, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex
     )
-    return swing_from_logs(best.x)
+    return make_swing_from_logs(best.x)
 
 
 @dataclass(frozen=True)

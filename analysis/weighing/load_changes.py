@@ -101,7 +101,7 @@ def classify_load_change(
         boom_begin_row: first sample of the boom to examine.
         boom_end_row: end sample of the boom to examine.
     """
-    if motion.digs is not None and motion.digs[end_row : begin_row + 1].any():
+    if motion.is_digging is not None and motion.is_digging[end_row : begin_row + 1].any():
         return FILLED
     if motion.empty is not None and motion.empty[end_row] != motion.empty[begin_row]:
         return NAMED
@@ -115,7 +115,10 @@ def classify_load_change(
     )
     if moved:
         return HINTED
-    silent = motion.silences is not None and motion.silences[end_row] != motion.silences[begin_row]
+    silent = (
+        motion.long_gap_count is not None
+        and motion.long_gap_count[end_row] != motion.long_gap_count[begin_row]
+    )
     return RESTARTED if silent else 1
 
 

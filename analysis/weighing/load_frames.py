@@ -15,17 +15,17 @@ from analysis.model.uncertainty_sources import (
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.empty_states import (
+    compute_weights_of_mean_mass_over_states,
     estimate_std_of_empty_masses_kg,
     find_empty_states,
     mass_coefficients_of_payload,
-    weights_of_mean_mass_over_states,
 )
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_changes import find_manoeuvre_of_fitted_samples
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.load_states import LoadStates
-from analysis.weighing.mass_budget import make_mass_budget, relative_load_mass_u
+from analysis.weighing.mass_budget import compute_relative_load_mass_u, make_mass_budget
 from analysis.weighing.motion_samples import Ints
 from analysis.weighing.nuisance_frames import make_frame_without_rows
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
@@ -123,7 +123,7 @@ def average_fuel_since_ticket_and_u_kg(
         return 0.0, 0.0
     count = np.bincount(states.membership)[empty]
     middles_ns = np.mean([state_spans_ns[state] for state in empty], axis=1)
-    return fuel.fuel_mass_since_ticket_and_u_kg(middles_ns, count / count.sum())
+    return fuel.estimate_fuel_mass_beyond_ticket_and_u_kg(middles_ns, count / count.sum())
 
 
 def _choose_empty_datum_or_refusal(
@@ -133,7 +133,7 @@ def _choose_empty_datum_or_refusal(
     fit = weighing.fit
     if not empty or len(empty) == fit.mass_count:
         return None, ""
-    weights = weights_of_mean_mass_over_states(fit, empty)
+    weights = compute_weights_of_mean_mass_over_states(fit, empty)
     found = EmptyMachine(weighing, machine, weights, fuel_kg=fuel_kg)
     if found.empty_mass_contradiction_text:
         return (
@@ -159,13 +159,14 @@ def _make_load_row(
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
     empty, empty_std_kg = empty_and_std_kg
-    sources = make_mass_budget(weighing, machine, fit.mass_coefficients_of_state(state))
+    sources = make_mass_budget(weighing, machine, fit.make_mass_coefficients_of_state(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combine_u(sources)
-    withheld = [check.check for check in verdict.withholding_checks("mass")]
+    withheld = [check.check for check in verdict.list_withholding_checks("mass")]
     # as the check of that name judges the load that most manoeuvres are of
     known = (
-        relative_load_mass_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
+        compute_relative_load_mass_u(weighing, machine, state)
+        <= machine.settings.verdict.relative_std_max
     )
     if not known and "relative_u" not in withheld:
         withheld.append("relative_u")

@@ -66,7 +66,7 @@ def fit_with_searched_load_states(
         )
     hauls = propose_hauling_partitions(first_fit.motion)
     if hauls:
-        haul = min(hauls, key=alike.akaike_criterion)
+        haul = min(hauls, key=alike.compute_akaike_criterion)
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
         held = _refit_with_fixed_load_states(alike.make_load_states(haul), inputs)
         hidden = search_states_and_refit_until_stable(held, inputs, repeatability_kg, kind, settled)
@@ -75,7 +75,8 @@ def fit_with_searched_load_states(
     if len(likely) == 1:
         return settled
     return min(
-        likely, key=lambda each: alike.akaike_criterion(_require_load_states(each).membership)
+        likely,
+        key=lambda each: alike.compute_akaike_criterion(_require_load_states(each).membership),
     )
 
 
@@ -111,7 +112,13 @@ class _PartitionComparison:
             select_terms_of_motion(earlier_fit.motion, has_several_loads=True),
         )
         task = FitTask(
-            motion, inputs.noise, inputs.priors, terms, inputs.wheels, None, inputs.uneven_1_s
+            motion,
+            inputs.noise,
+            inputs.priors,
+            terms,
+            inputs.wheels,
+            None,
+            inputs.ground_variance_ratio_1_s,
         )
         number = np.unique(find_manoeuvre_of_stretches(motion))
         return cls(
@@ -125,7 +132,7 @@ class _PartitionComparison:
         """Load states of a partition, with (units,) membership."""
         return make_states_of_partition(self.units, self.number, state_of_manoeuvre)
 
-    def akaike_criterion(self, state_of_manoeuvre: Ints) -> float:
+    def compute_akaike_criterion(self, state_of_manoeuvre: Ints) -> float:
         """Akaike information criterion (1974) of a partition; infinite if its fit fails."""
         key = np.ascontiguousarray(state_of_manoeuvre, np.int64).tobytes()
         if key not in self.known:
@@ -289,7 +296,10 @@ def _require_load_states(fit: JointFit) -> LoadStates:
 
 def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFitInputs:
     """Fit inputs with the variance of ground forces between stretches, from a fit's residual."""
-    if inputs.uneven_1_s or fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres:
+    if (
+        inputs.ground_variance_ratio_1_s
+        or fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres
+    ):
         return inputs
     # by the fit's own groups: rows of a refit are as many as the lag that the fit ended with allows
     fitted = fit.solution
@@ -299,4 +309,4 @@ def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFit
     if not noise > 0.0:  # a fit that leaves nothing has no unevenness to tell
         return inputs
     std_N = inputs.priors.ground_uneven_share * fit.motion.weight
-    return replace(inputs, uneven_1_s=std_N**2 * a_second / noise)
+    return replace(inputs, ground_variance_ratio_1_s=std_N**2 * a_second / noise)

@@ -158,7 +158,7 @@ def find_load_states(
     """
     if not (np.isfinite(masses.y).all() and (masses.variance > 0.0).all()):
         return make_single_unknown_state(manoeuvre_ids)
-    typical_kg = median_manoeuvre_mass_kg(masses)
+    typical_kg = compute_median_manoeuvre_mass_kg(masses)
     found = find_best_partitions(
         masses,
         LIMITS.largest_load_fraction * typical_kg,
@@ -194,7 +194,7 @@ def make_states_of_partition(
         membership: (units,) load state of each manoeuvre, numbered by time.
         usual_scatter: whether to assume the usual scatter, if `masses` are of other loads.
     """
-    typical_kg = median_manoeuvre_mass_kg(masses)
+    typical_kg = compute_median_manoeuvre_mass_kg(masses)
     posterior = PartitionPosterior(masses, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
     partition = posterior.evaluate_partition_posterior(
         Stretches.from_boundaries(membership, masses.kind)
@@ -224,7 +224,7 @@ def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition
     )
 
 
-def median_manoeuvre_mass_kg(masses: GroupEffects) -> float:
+def compute_median_manoeuvre_mass_kg(masses: GroupEffects) -> float:
     """Typical mass in kg; the noise level if no manoeuvre has a mass."""
     return float(max(np.median(np.abs(masses.y)), np.median(np.sqrt(masses.variance))))
 

@@ -10,7 +10,7 @@ from analysis.model.uncertainty_sources import (
     SCALES,
     UncertaintySource,
     combine_u,
-    root_sum_of_squares,
+    compute_root_sum_of_squares,
     sort_sources_largest_first,
 )
 from analysis.weighing.force_by_place import BY_PLACE
@@ -177,7 +177,7 @@ def make_mass_budget(
     )
     terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
-    parts_kg = fit.u_by_cause_kg(coefficients)
+    parts_kg = fit.compute_u_by_cause_kg(coefficients)
     parts_kg |= list_uncertainty_by_failed_checks_kg(weighing, coefficients, parts_kg)
     for source in {term.source: None for term in fit.terms if term.source}:
         own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
@@ -210,13 +210,15 @@ def make_mass_budget(
     return sort_sources_largest_first(sources)
 
 
-def relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> float:
+def compute_relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> float:
     """Relative standard uncertainty of a load's mass, without the scale.
 
     It decides whether the load has a mass: NaN if the fit has no number, infinite if the mass is
     not positive.
     """
-    sources = make_mass_budget(weighing, machine, weighing.fit.mass_coefficients_of_state(state))
+    sources = make_mass_budget(
+        weighing, machine, weighing.fit.make_mass_coefficients_of_state(state)
+    )
     mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
     if not np.isfinite([mass_kg, combine_u(sources)]).all():
         return float("nan")
@@ -292,6 +294,6 @@ def list_uncertainty_by_failed_checks_kg(
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(coefficients @ (weighing.doubled_kg - fit.masses_kg)))
-    if leans_kg > LIMITS.prior_dependence_std * root_sum_of_squares(parts_kg.values()):
+    if leans_kg > LIMITS.prior_dependence_std * compute_root_sum_of_squares(parts_kg.values()):
         found["priors"] = leans_kg
     return found

@@ -97,9 +97,10 @@ class MissingTerm:
 
 
 def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
-    """Terms that the model does not have, scaled by the log's largest force and speed.
+    """Terms that the model lacks, scaled by the 95th percentiles of the log's force and speed.
 
-    Over one short path, where a force depends on the place, only an elasticity.
+    The elasticity only without an accelerometer. In a fit with force by place (strokes over one
+    short path) no other, since a spring looks like such a gain there.
     """
     # an accelerometer sits on the mass, and a filter of its own has the same column
     elastic = () if fit.motion.by_accelerometer else (ELASTICITY,)
@@ -127,8 +128,8 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
         *(
             _make_gain_term(
                 f"gain_below_{share:.0%}",
-                _make_bell_function_of_speed(share * speed_m_s),
-                _make_bell_derivative_function_of_speed(share * speed_m_s),
+                _make_gaussian_of_speed(share * speed_m_s),
+                _make_gaussian_derivative_of_speed(share * speed_m_s),
                 "a gain of the force, or a scale of the speed, that changes at low speed",
             )
             for share in LIMITS.low_speed_fractions
@@ -176,11 +177,11 @@ def _make_gain_term(
     )
 
 
-def _make_bell_function_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
+def _make_gaussian_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: np.exp(-((speed / width_m_s) ** 2))
 
 
-def _make_bell_derivative_function_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
+def _make_gaussian_derivative_of_speed(width_m_s: float) -> Callable[[Floats], Floats]:
     return lambda speed: -2.0 * speed / width_m_s**2 * np.exp(-((speed / width_m_s) ** 2))
 
 

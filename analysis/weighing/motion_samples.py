@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -103,11 +103,11 @@ class MotionSamples:
         force_share: fraction of the force at the measured wheels.
         weight: weight of the empty machine in N, estimated if it is not stated.
         arms: measured angles of boom and bucket in rad, as hints of a load change.
-        digs: whether each sample is of a digging start, which fills the bucket; None if unknown.
+        is_digging: whether each sample lies in a digging start; None if unknown.
         empty: whether each sample is named as empty machine; None if none is.
         stood: number of earlier stops or gaps, the only places where a load changes; None if `unit`
             says so.
-        silences: number of earlier gaps as long as between files.
+        long_gap_count: number of earlier gaps as long as between files.
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
         has_single_load: whether the machine is known to carry one load throughout.
@@ -131,10 +131,10 @@ class MotionSamples:
     force_share: float
     weight: float
     arms: tuple[Floats, ...] = ()
-    digs: Bools | None = None
+    is_digging: Bools | None = None
     empty: Bools | None = None
     stood: Ints | None = None
-    silences: Ints | None = None
+    long_gap_count: Ints | None = None
     wheel_radius_u_1: float | None = None
     relative_gear_ratio: Floats | None = None
     has_single_load: bool = False
@@ -161,7 +161,7 @@ class MotionSamples:
         return replace(self, arms=tuple(each[selection] for each in self.arms), **own)
 
     @cached_property
-    def pieces_of_whole_stretches(self) -> tuple["MotionSamples", ...]:
+    def pieces_split_between_stretches(self) -> tuple["MotionSamples", ...]:
         """Split into pieces of whole stretches, with the samples around that their means need."""
         spans = find_stretch_spans(self.group)
         whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1
@@ -200,7 +200,7 @@ class MotionSamples:
 
     @cached_property
     def travelled_m(self) -> Floats:
-        """Distance of each sample from the begin of its stretch, (n,) in m."""
+        """Distance of each sample from the start of its stretch, (n,) in m."""
         way = np.cumsum(np.abs(self.speed)) / self.rate_hz
         return way - way[np.arange(way.size) - self.index_in_stretch]
 
@@ -250,7 +250,11 @@ class MotionSamples:
     @cached_property
     def record_count(self) -> int:
         """Number of records, separated by gaps."""
-        return 1 if self.silences is None else int(np.unique(self.silences[self.is_fittable]).size)
+        return (
+            1
+            if self.long_gap_count is None
+            else int(np.unique(self.long_gap_count[self.is_fittable]).size)
+        )
 
     @cached_property
     def is_short_path_bench_log(self) -> bool:
@@ -287,7 +291,7 @@ def collect_motion_samples(
         braking: whether braking is fitted, if it counts as driving.
     """
     settings = machine.settings
-    speed = column_values(aligned, "speed_x_m_s")
+    speed = get_column_values(aligned, "speed_x_m_s")
     force = compute_longitudinal_force(aligned, machine.machine)
     acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
@@ -328,7 +332,7 @@ def collect_motion_samples(
         stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
     )
     longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
-    silences = count_gaps_so_far(known, longest_hole)
+    long_gap_count = count_gaps_so_far(known, longest_hole)
     group = split_stretches_at_manoeuvres(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
@@ -346,16 +350,16 @@ def collect_motion_samples(
         make_centred_ramp(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
         *integrate_path_positions_and_length_m(
-            np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz
+            np.where(known, speed, 0.0), group >= 0, long_gap_count, settings.align.rate_hz
         ),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         estimate_empty_machine_gravity_force(machine, acceleration, force, group >= 0),
-        tuple(column_values(aligned, name) for name in _ARMS if name in aligned.columns),
+        tuple(get_column_values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         mark_samples_of_stated_empty_span(aligned, machine),
         stood,
-        silences,
+        long_gap_count,
         machine.machine.wheel_radius_u_1,
         None if ratio is None else ratio / ratio[group >= 0].max(initial=np.finfo(float).tiny),
         settings.loads.single_load,
@@ -392,4 +396,4 @@ def mark_samples_of_stated_empty_span(aligned: pl.DataFrame, machine: Machine) -
 def _read_known_grid_column(aligned: pl.DataFrame, name: str, has_value: Bools) -> Floats | None:
     if name not in aligned.columns:
         return None
-    return np.where(has_value, column_values(aligned, name), 0.0)
+    return np.where(has_value, get_column_values(aligned, name), 0.0)

@@ -31,7 +31,9 @@ def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
 def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
     """Rows of the terms of the fit."""
     fit, own = weighing.fit, weighing.alone
-    parts_kg = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))
+    parts_kg = fit.compute_u_by_cause_kg(
+        fit.make_mass_coefficients_of_state(fit.most_frequent_state)
+    )
     prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
     columns = {
         "term": [term.name for term in fit.terms],
@@ -66,7 +68,9 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
     wheels = fit.kinematics
     if wheels is None or not wheels.is_consistent or wheels.gain_counts:
         return pl.DataFrame()
-    parts_kg = fit.u_by_cause_kg(fit.mass_coefficients_of_state(fit.most_frequent_state))
+    parts_kg = fit.compute_u_by_cause_kg(
+        fit.make_mass_coefficients_of_state(fit.most_frequent_state)
+    )
     said = list(wheels.estimates_by_prior_name.values())
     rows: dict[str, object] = {
         "term": TERMS,
@@ -102,7 +106,9 @@ def make_budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFra
 
 def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
     """Uncertainty budget of a load, one row per source."""
-    sources = make_mass_budget(weighing, machine, weighing.fit.mass_coefficients_of_state(state))
+    sources = make_mass_budget(
+        weighing, machine, weighing.fit.make_mass_coefficients_of_state(state)
+    )
     total = combine_u(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(

@@ -212,7 +212,7 @@ NUISANCES: Final = (
     Nuisance(
         "slip",
         "s/m",
-        lambda m: np.abs(m.ground_speed) * m.force,
+        lambda m: np.abs(m.ground_speed_m_s) * m.force,
         lambda e, s: s.wheel_slip / e.speed_95_percentile_m_s,
         "longitudinal slip: friction of a wheel speed that is not the ground's",
         "an accelerometer beside the wheel speed, or starts at different throttles",
@@ -228,7 +228,7 @@ NUISANCES: Final = (
             * m.ground_speed_ratio
             * (
                 np.sign(m.speed) * m.wheel_acceleration * m.force
-                + np.abs(m.ground_speed) * m.force_rate
+                + np.abs(m.ground_speed_m_s) * m.force_rate
             )
         ),
         lambda e, s: e.approximate_mass_kg * s.wheel_slip / e.force_95_percentile_newtons,
@@ -279,7 +279,7 @@ NUISANCES: Final = (
     Nuisance(
         "offset",
         "N",
-        lambda m: -m.slip_s_m * np.abs(m.speed) - m.transfer_s2_m * m.acceleration,
+        lambda m: -m.slip_s_m * np.abs(m.speed) - m.load_transfer_s2_m * m.acceleration,
         lambda e, s: max(
             split_constant_prior_into_error_and_force(e, s)[1], LIMITS.min_offset_std_N
         ),
@@ -287,7 +287,7 @@ NUISANCES: Final = (
         "of it: neither slip nor load transfer act on it",
         "a measured force that is zeroed",
         by_speed=lambda m: -m.slip_s_m * np.sign(m.speed),
-        by_acceleration=lambda m: np.full(m.speed.size, -m.transfer_s2_m),
+        by_acceleration=lambda m: np.full(m.speed.size, -m.load_transfer_s2_m),
     ),
     *map(_make_warming_term, WARMING),
     Nuisance(

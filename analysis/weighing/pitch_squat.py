@@ -128,7 +128,9 @@ def estimate_pitch_gravity_per_acceleration_and_std(
     if few or not _is_squat(share, std):
         # a few starts do not part it from hills, unless the wheels show the same
         shows = share > LIMITS.shared_squat_min_std * std
-        if excess_by_wheels is None or not (shows and _agree(excess_by_wheels, (share, std))):
+        if excess_by_wheels is None or not (
+            shows and _do_estimates_agree(excess_by_wheels, (share, std))
+        ):
             return None
         weights = np.array([std, excess_by_wheels[1]]) ** -2.0
         share = float(weights @ [share, excess_by_wheels[0]] / weights.sum())
@@ -142,6 +144,6 @@ def _is_squat(share: float, std: float) -> bool:
     return share > max(LIMITS.min_pitch_squat_fraction, LIMITS.pitch_squat_min_std * std)
 
 
-def _agree(first: tuple[float, float], second: tuple[float, float]) -> bool:
+def _do_estimates_agree(first: tuple[float, float], second: tuple[float, float]) -> bool:
     """Whether two estimates differ by less than two standard deviations of their difference."""
     return abs(first[0] - second[0]) < 2.0 * float(np.hypot(first[1], second[1]))

@@ -23,9 +23,9 @@ from analysis.weighing.weighing_limits import LIMITS
 def align_paths_of_bench_records(motion: MotionSamples) -> MotionSamples:
     """Align the paths of a bench's records by their position-dependent force."""
     used = motion.is_fittable
-    if motion.silences is None or not used.any() or not motion.is_short_path_bench_log:
+    if motion.long_gap_count is None or not used.any() or not motion.is_short_path_bench_log:
         return motion
-    record = np.unique(motion.silences[used], return_inverse=True)[1]
+    record = np.unique(motion.long_gap_count[used], return_inverse=True)[1]
     records = int(record.max()) + 1
     if records < 2:
         return motion
@@ -40,7 +40,9 @@ def align_paths_of_bench_records(motion: MotionSamples) -> MotionSamples:
     )
     force, place_1 = motion.force[used], motion.place_1[used]
     off_1 = estimate_record_position_offsets(straight, force, place_1, of_record)
-    number = np.searchsorted(np.unique(motion.silences[used]), motion.silences).clip(0, records - 1)
+    number = np.searchsorted(np.unique(motion.long_gap_count[used]), motion.long_gap_count).clip(
+        0, records - 1
+    )
     place_1 = motion.place_1 + off_1[number]
     first, last = float(place_1[used].min()), float(place_1[used].max())
     length_1 = last - first

@@ -51,12 +51,12 @@ class _DrivingDirection:
                 "", lambda m: np.ones(m.speed.size), self._prior_std_at_loading_place_newtons
             )
         ]
-        for begin_m, end_m in places:
+        for start_m, end_m in places:
             name, column = (
-                f"_{begin_m:.0f}_{end_m:.0f}m",
-                _make_zero_to_one_ramp_over_distance(begin_m, end_m),
+                f"_{start_m:.0f}_{end_m:.0f}m",
+                _make_zero_to_one_ramp_over_distance(start_m, end_m),
             )
-            width = make_random_walk_prior_std_function(end_m - begin_m)
+            width = make_random_walk_prior_std_function(end_m - start_m)
             found.append(
                 self._make_uneven_ground_term(
                     name, column, width, "how the ground's force changes along it"
@@ -112,35 +112,35 @@ class _DrivingDirection:
 
 
 def _make_zero_to_one_ramp_over_distance(
-    begin_m: float, end_m: float
+    start_m: float, end_m: float
 ) -> Callable[[ColumnInputs], Floats]:
     """Function that rises from 0 to 1 between two travelled distances."""
-    return lambda m: _evaluate_linear_ramp_at_positions(m.travelled_m, begin_m, end_m)
+    return lambda m: _evaluate_linear_ramp_at_positions(m.travelled_m, start_m, end_m)
 
 
 @compiled_inline
-def _evaluate_linear_ramp(position: float, begin_m: float, end_m: float) -> float:
-    """Linear from 0 at `begin_m` to 1 at `end_m`, constant outside."""
-    return min(max((position - begin_m) / (end_m - begin_m), 0.0), 1.0)
+def _evaluate_linear_ramp(position: float, start_m: float, end_m: float) -> float:
+    """Linear from 0 at `start_m` to 1 at `end_m`, constant outside."""
+    return min(max((position - start_m) / (end_m - start_m), 0.0), 1.0)
 
 
 @compiled_unless_short_log
-def _evaluate_linear_ramp_at_positions(positions: Floats, begin_m: float, end_m: float) -> Floats:
+def _evaluate_linear_ramp_at_positions(positions: Floats, start_m: float, end_m: float) -> Floats:
     """Ramp at each place, as `positions`."""
     out = np.empty(positions.size)
     for k in range(out.size):
-        out[k] = _evaluate_linear_ramp(positions[k], begin_m, end_m)
+        out[k] = _evaluate_linear_ramp(positions[k], start_m, end_m)
     return out
 
 
 @compiled_unless_short_log
 def evaluate_scaled_ramp(
-    scale: Floats, positions: Floats, begin_m: float, end_m: float, ratio: float
+    scale: Floats, positions: Floats, start_m: float, end_m: float, ratio: float
 ) -> Floats:
     """Ramp at each place in proportion to `ratio` and to a scale (n,)."""
     out = np.empty(positions.size)
     for k in range(out.size):
-        out[k] = scale[k] * (_evaluate_linear_ramp(positions[k], begin_m, end_m) * ratio)
+        out[k] = scale[k] * (_evaluate_linear_ramp(positions[k], start_m, end_m) * ratio)
     return out
 
 

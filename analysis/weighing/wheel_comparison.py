@@ -85,7 +85,7 @@ def compare_wheels_with_accelerometer(
     )
     if still is None:
         return None
-    swing = swing if level is None else swing.copy_adding_swing_of_squat(still.squat[0])
+    swing = swing if level is None else swing.copy_with_swing_of_squat(still.squat[0])
     return replace(still, swing=swing, springs=springs)
 
 

@@ -186,7 +186,7 @@ def raise_meats_to_white_noise_floor(
     Returns:
         The meats times the variance `white_variance` of the residuals.
     """
-    if is_level_elimination_worthwhile(gram) and meats.is_at_least_fraction_of(
+    if is_level_elimination_worthwhile(gram) and meats.dominates_fraction_of(
         gram, LIMITS.min_white_fraction, LIMITS.gain_rounding_fraction
     ):
         return meats.multiply_by_number(white_variance)

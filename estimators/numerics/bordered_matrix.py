@@ -69,10 +69,10 @@ class BorderedMatrix(NamedTuple):
         )
         return np.concatenate([columns[:m] / self.diagonal - scaled @ shared, shared])
 
-    def is_at_least_fraction_of(
+    def dominates_fraction_of(
         self, other: "BorderedMatrix", fraction: float, rounding: float
     ) -> bool:
-        """Whether it is at least a fraction of another such matrix in every direction.
+        """Whether it, less a fraction of another one, is positive semidefinite.
 
         Directions of less than `rounding` of the largest corner element are not looked at.
         """

@@ -1,4 +1,4 @@
-"""Limits of the residuals' autocorrelation and of what a fit takes out of it."""
+"""Limits of the residuals' autocorrelation, and of its correction for what a fit removes."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class NumericsLimits:
-    """Limits of the residuals' autocorrelation and of what a fit takes out of it.
+    """Limits of the residuals' autocorrelation, and of its correction for what a fit removes.
 
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """

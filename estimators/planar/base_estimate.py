@@ -85,7 +85,7 @@ class BaseEstimate:
         """(p,) standard deviations, NaN where the motion does not determine a parameter."""
         return np.sqrt(np.diagonal(self.covariance))
 
-    def with_parameter_uncertainty(self, parameter: str, u: float) -> "BaseEstimate":
+    def copy_with_parameter_uncertainty(self, parameter: str, u: float) -> "BaseEstimate":
         """Add an uncertainty of a parameter that its residuals do not show.
 
         The others follow it as their covariance with it says. It is a further row of `responses`,

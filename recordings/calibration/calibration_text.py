@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.calibration_budget import rank_loads_for_next_run
-from analysis.calibration.line.outliers import find_runs_with_exchanged_loads
+from analysis.calibration.line.outliers import find_runs_with_swapped_loads
 from estimators.errors import format_count, join_first_names
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.campaign_faults import (
@@ -69,11 +69,11 @@ def write_report_paragraphs(
     return found
 
 
-def describe_exchanged_runs(document: EvidenceDocument) -> list[str]:
+def describe_runs_with_swapped_loads(document: EvidenceDocument) -> list[str]:
     """Name two runs of a calibration that fit the line with each other's load, if there are any."""
     if document.kind != "calibration" or document.calibration is None:
         return []
-    found = find_runs_with_exchanged_loads(document.calibration)
+    found = find_runs_with_swapped_loads(document.calibration)
     return [] if found is None else [str(found)]
 
 

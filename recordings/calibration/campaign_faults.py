@@ -16,7 +16,7 @@ from recordings.calibration.evidence_document import EvidenceDocument, EvidenceL
 _BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
 
 
-def parse_begin_time_of_log(log: EvidenceLog) -> dt.datetime | None:
+def parse_start_time_of_log(log: EvidenceLog) -> dt.datetime | None:
     """Begin of a log; None without absolute time."""
     try:
         return dt.datetime.strptime(log.begins, _BEGINS).replace(tzinfo=dt.UTC)
@@ -41,7 +41,7 @@ def iter_sentences_on_run_days_unlike_logs(
     by_name = {each.log: each for each in logs}
     for run in campaign.runs:
         log = by_name.get(run.log)
-        begin = None if log is None else parse_begin_time_of_log(log)
+        begin = None if log is None else parse_start_time_of_log(log)
         if log is None:
             continue
         if begin is None:
@@ -90,7 +90,7 @@ def iter_repeated_run_sentences(
                 f"runs '{first.id}' and '{run.id}' have the same readings to the last bit: one "
                 "drive counts twice"
             )
-    begins = {log.log: parse_begin_time_of_log(log) for log in logs}
+    begins = {log.log: parse_start_time_of_log(log) for log in logs}
     spans = sorted(
         (*_compute_run_span(run, by_name[run.log], begin), run.id, run.log)
         for run in counted
@@ -107,7 +107,7 @@ def iter_repeated_run_sentences(
 
 def select_runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
     """Runs whose logs have no absolute time, so that their days are unproven."""
-    without = {each.log for each in document.logs if parse_begin_time_of_log(each) is None}
+    without = {each.log for each in document.logs if parse_start_time_of_log(each) is None}
     return [run for run in document.campaign.runs if run.log in without]
 
 
@@ -127,10 +127,10 @@ def _compute_run_span(
     )
 
 
-def iter_contradicted_machine_sentences(
+def iter_machine_id_contradictions(
     serial_number: str, machine: Machine, logs: Sequence[EvidenceLog]
 ) -> Iterator[str]:
-    """Yield contradictions to the machine of a campaign, a sentence each.
+    """Yield a sentence per machine id, of the machine file or a log, that is not the campaign's.
 
     Args:
         serial_number: serial number in the campaign.

@@ -144,7 +144,7 @@ def check_chains_of_bundles(checked_bundles: Sequence[CheckedBundle]) -> ChainCh
 def _iter_chain_signer_sentences(
     ordered_bundles: Sequence[tuple[EvidenceDocument, CheckedBundle]],
 ) -> Iterator[str]:
-    """Sentences on the signer of each, and the begin of the chain."""
+    """Sentences on the signer of each, and the start of the chain."""
     if not ordered_bundles:
         return
     machine, first = ordered_bundles[0][0].campaign.machine.id, ordered_bundles[0][0].chain

@@ -231,7 +231,7 @@ class EvidenceDocument(BaseModel):
             **self._put_in,
         }
 
-    def with_released_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
+    def copy_with_released_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
         """Fill in settings newer than the evidence at the default they were released with.
 
         Args:
@@ -310,7 +310,7 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
         raise EvidenceError(
             f"{source}: holds a value of a type that the schema of evidence does not allow"
         )
-    return document.with_released_defaults(values)
+    return document.copy_with_released_defaults(values)
 
 
 def find_version_of_other_payscope(document_values: Any) -> str:

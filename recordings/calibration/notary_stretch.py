@@ -7,11 +7,15 @@ from typing import Final
 from analysis.calibration.campaign.campaign_plan import NotaryStretch
 from recordings.calibration.bundle_folder import NOTARY
 from recordings.calibration.bundle_limits import LIMITS
-from recordings.calibration.campaign_faults import parse_begin_time_of_log, parse_creation_time
+from recordings.calibration.campaign_faults import parse_creation_time, parse_start_time_of_log
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.notary.notary_check import CheckedList, check_untrusted_notary_list, parse_list_time
+from recordings.notary.notary_check import (
+    CheckedNotaryList,
+    check_untrusted_notary_list,
+    parse_list_time,
+)
 from recordings.notary.notary_list import NotaryEntry, split_list_into_complete_lines_and_tail
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
@@ -71,7 +75,7 @@ def check_notary_list_range(
 
 
 def iter_findings_on_notary_log_list_range(
-    document: EvidenceDocument, list_range: NotaryStretch, checked_list: CheckedList
+    document: EvidenceDocument, list_range: NotaryStretch, checked_list: CheckedNotaryList
 ) -> Iterator[BundleFinding]:
     """Yield errors in a part of a list, or in the campaign's account of it."""
     for fault in checked_list.faults:
@@ -137,7 +141,7 @@ def iter_contradictions_to_notary_list(
             said = f"number {number} is left out, although {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"
-        elif own is not None and not does_log_begin_within_list_entry(own, entry):
+        elif own is not None and not does_log_start_within_list_entry(own, entry):
             said = (
                 f"number {number}: {own.log} begins {own.begins}, but the list states "
                 f"{entry.begins}"
@@ -146,10 +150,10 @@ def iter_contradictions_to_notary_list(
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, NOTARY, said)
 
 
-def does_log_begin_within_list_entry(log: EvidenceLog, list_entry: NotaryEntry) -> bool:
+def does_log_start_within_list_entry(log: EvidenceLog, list_entry: NotaryEntry) -> bool:
     """Whether a log begins within the time of its line."""
     begin, first, last = (
-        parse_begin_time_of_log(log),
+        parse_start_time_of_log(log),
         parse_list_time(list_entry.begins),
         parse_list_time(list_entry.ends),
     )
@@ -161,7 +165,7 @@ def does_log_begin_within_list_entry(log: EvidenceLog, list_entry: NotaryEntry) 
 def identify_notary_signer(
     checked_bundle: CheckedBundle,
     document: EvidenceDocument,
-    checked_list: CheckedList,
+    checked_list: CheckedNotaryList,
     keyring: Keyring,
 ) -> SignedBy:
     """Identity of the notary, by the user's keyring."""

@@ -23,7 +23,7 @@ from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REP
 from recordings.calibration.bundle_limits import LIMITS
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.campaign_faults import (
-    iter_contradicted_machine_sentences,
+    iter_machine_id_contradictions,
     iter_repeated_run_sentences,
     iter_sentences_on_run_days_unlike_logs,
     parse_creation_time,
@@ -81,7 +81,7 @@ def compare_bundle_with_recomputed(
             f"{EVIDENCE}: calibration",
             lambda: compare_fit_with_refitted(document, readings, points, notes),
         ),
-        (REPORT, lambda: compare_report_with_remade(document, readings, points, report_html)),
+        (REPORT, lambda: compare_report_with_rerendered(document, readings, points, report_html)),
     )
     for item, step in steps:
         found += _run_step_and_catch_failure(item, step)
@@ -103,7 +103,7 @@ def _run_step_and_catch_failure(
         return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item_name, what)]
 
 
-def compare_report_with_remade(
+def compare_report_with_rerendered(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -188,7 +188,7 @@ def iter_evidence_values_unlike_campaign(document: EvidenceDocument) -> Findings
         yield _make_irreproducible_finding(
             "made", f"is in the future: {document.made}, but now it is {now:%F %R}"
         )
-    for fault in iter_contradicted_machine_sentences(campaign.machine.id, machine, document.logs):
+    for fault in iter_machine_id_contradictions(campaign.machine.id, machine, document.logs):
         yield _make_irreproducible_finding("campaign.machine.id", fault)
     yield from compare_learnt_priors_with_pooled(document)
     if document.estimator != make_estimator_with_digest(

@@ -21,7 +21,7 @@ from recordings.calibration.bundle_folder import (
     read_bundle_file,
 )
 from recordings.calibration.calibration_report import render_report_html, write_report_pdf
-from recordings.calibration.calibration_text import describe_exchanged_runs
+from recordings.calibration.calibration_text import describe_runs_with_swapped_loads
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
 from recordings.calibration.untrusted_files import encode_table_as_parquet
 from recordings.signatures.signing import (
@@ -92,11 +92,14 @@ def write_bundle(
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
         payload = encode_in_toto_statement(digests, make_signed_statement_predicate(document))
         (folder / STATEMENT).write_bytes(encode_signed_envelope(payload, signing_key))
-    return [*([remark] if remark else []), *describe_exchanged_runs(document)]
+    return [*([remark] if remark else []), *describe_runs_with_swapped_loads(document)]
 
 
 def make_signed_statement_predicate(document: EvidenceDocument) -> dict[str, object]:
-    """Predicate of the statement: id, machine and previous evidence."""
+    """Predicate of the signed statement: the evidence and what it follows.
+
+    Id, kind, machine, time and counter of the evidence, and the previous evidence.
+    """
     previous = document.chain.previous
     return {
         "id": document.id,

@@ -79,7 +79,7 @@ def write_overlay_recording(
     Raises:
         OutputError: as `write_recording`.
     """
-    moved = shift_run_b_to_time_of_a(run_a, run_b, one_log=is_same_log)
+    moved = shift_run_b_to_time_of_a(run_a, run_b, is_same_log=is_same_log)
     about = run_a.provenance.model_copy(
         update={"notes": ("two replays overlaid; see the tab Compared",), "losses": ()}
     )
@@ -125,7 +125,7 @@ def _make_overlay_pages(
             if view.kind is ViewKind.BANDS:  # the other tabs have the differences of what led to it
                 panels.append(make_difference_panel(view, difference, over))
         elif view.name in _CONTEXT:
-            panels.append(make_panel_of_equal_view(view, run_a))
+            panels.append(make_panel_of_unchanged_view(view, run_a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
     for tab in rest:
         differ = [
@@ -145,8 +145,8 @@ def _make_overlay_pages(
     return pages
 
 
-def make_panel_of_equal_view(view: View, run_a: _OverlaidRun) -> Panel | None:
-    """Panel of a view in which both runs are equal."""
+def make_panel_of_unchanged_view(view: View, run_a: _OverlaidRun) -> Panel | None:
+    """Panel of a view that draws the same in both runs, from A; None if it draws nothing."""
     drawn = tuple(
         replace(each, frame=make_entity_path_of_side(_A, each.frame))
         for each in run_a.list_columns_drawn_in_view(view)

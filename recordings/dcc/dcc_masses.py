@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from estimators.errors import EvidenceError
+from estimators.errors import EvidenceError, format_count
 from recordings.dcc.dcc_document import DCC, SI, read_leaf_text
 from recordings.dcc.dcc_limits import LIMITS
 from recordings.dcc.dcc_quantity import (
@@ -217,10 +217,9 @@ def find_item_of_each_list_value(
         return by_name
     if len(scope) != count:
         raise EvidenceError(
-            f"{certificate_name}: a list of masses names no weights, and has {count} values for a "
-            "result "
-            f"whose number of items is {len(scope)}, so it is not clear which mass belongs to "
-            f"which weight; {_REMEDY}"
+            f"{certificate_name}: a result has {format_count(len(scope), 'weight')} but a list has "
+            f"{format_count(count, 'value')} without names, so it is not clear which mass "
+            f"belongs to which weight; {_REMEDY}"
         )
     order = [each.get("id") for each, _ in scope]
     if item_ids is not None and [each for each in item_ids if each in order] != order:

@@ -156,7 +156,8 @@ def _read_standard_uncertainty(
     )
     if len(expanded) + len(interval) != 1:
         raise EvidenceError(
-            f"{error_label}: has {len(expanded) + len(interval)} uncertainties, not one"
+            f"{error_label}: has {len(expanded) + len(interval)} uncertainties, not one; ask the "
+            "laboratory for a corrected certificate, or state the masses by value_kg and u_kg"
         )
     inside, name = (interval[0], "standardUnc") if interval else (expanded[0], "uncertainty")
     if has_several_units and len(dsi_value.read_list_entry_texts(inside, name, error_label)) == 1:

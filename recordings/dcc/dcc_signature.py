@@ -138,7 +138,8 @@ def _verify_signed_element(
         ) from None
     except Exception as fault:  # noqa: BLE001  a stranger chose the bytes; cryptography has its own
         raise EvidenceError(
-            f"{certificate_name}: its signature is not valid ({type(fault).__name__})"
+            f"{certificate_name}: its signature cannot be verified ({type(fault).__name__}); ask "
+            "its issuer for the certificate again"
         ) from None
     if isinstance(result, list) or result.signed_xml is None:
         raise EvidenceError(

@@ -261,10 +261,10 @@ def _cut_run_around_moment(run: Run, moment_s: float) -> Run:
     return Run(frames, run.provenance)
 
 
-def select_rows_between_times(frame: pl.DataFrame, begin_ns: int, end_ns: int) -> pl.DataFrame:
+def select_rows_between_times(frame: pl.DataFrame, start_ns: int, end_ns: int) -> pl.DataFrame:
     """Samples of a stretch of a sorted frame, found by binary search."""
     t = frame["t_ns"].to_numpy()
-    first, last = np.searchsorted(t, begin_ns, "left"), np.searchsorted(t, end_ns, "right")
+    first, last = np.searchsorted(t, start_ns, "left"), np.searchsorted(t, end_ns, "right")
     return frame.slice(int(first), int(last - first))
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from recordings.report.atomic_output import AppendedFile
+from recordings.report.atomic_output import AppendOnlyFile
 
 if TYPE_CHECKING:
     from mmap import mmap
@@ -47,7 +47,7 @@ def iter_complete_messages(recording_bytes: "bytes | mmap") -> Iterator[Recordin
         at = end
 
 
-def append_recording_messages(file: AppendedFile, recording: bytes) -> None:
+def append_recording_messages(file: AppendOnlyFile, recording: bytes) -> None:
     """Append the messages of a separate recording.
 
     Raises:

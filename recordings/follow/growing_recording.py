@@ -26,7 +26,7 @@ from recordings.follow.growing_file import (
     append_recording_messages,
     iter_complete_messages,
 )
-from recordings.report.atomic_output import AppendedFile
+from recordings.report.atomic_output import AppendOnlyFile
 from recordings.rrd.blueprint import (
     Page,
     lay_out_pages_as_tabs,
@@ -109,7 +109,7 @@ class GrowingRecording:
         settings: Settings,
         name: str,
         *,
-        file: AppendedFile | None = None,
+        file: AppendOnlyFile | None = None,
         server: str | None = None,
     ) -> None:
         """Begin a recording, or continue it at the end of a file.
@@ -257,9 +257,9 @@ def _make_numeric_frame(
 
 
 class GrowingLayout(NamedTuple):
-    """Thresholds by column, and the blueprint of the views."""
+    """Values of the drawn thresholds by frame, and the blueprint of the views."""
 
-    threshold_by_column: dict[str, float]
+    threshold_by_frame: dict[str, float]
     blueprint: "Blueprint"
 
 

@@ -22,7 +22,7 @@ LATE: Final = dt.timedelta(days=1)
 
 
 @dataclass(frozen=True, slots=True)
-class ListFault:
+class NotaryListFault:
     """Fault of a list.
 
     Attributes:
@@ -38,7 +38,7 @@ class ListFault:
 
 
 @dataclass(slots=True)
-class CheckedList:
+class CheckedNotaryList:
     """Result of checking a list.
 
     Attributes:
@@ -50,7 +50,7 @@ class CheckedList:
 
     head: NotaryHead | None = None
     lines: list[NotaryLine] = field(default_factory=list)
-    faults: list[ListFault] = field(default_factory=list)
+    faults: list[NotaryListFault] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -65,12 +65,12 @@ class CheckedList:
 
     def add_forgery_fault(self, text: str, counter: int = 0) -> None:
         """Add a fault that no honest notary causes."""
-        self.faults.append(ListFault(True, counter, text))
+        self.faults.append(NotaryListFault(True, counter, text))
 
 
 def check_untrusted_notary_list(
     list_bytes: bytes, current_time: dt.datetime, first_counter: int = 1
-) -> CheckedList:
+) -> CheckedNotaryList:
     """Check an untrusted list, or the head and a part of one.
 
     Args:
@@ -78,14 +78,16 @@ def check_untrusted_notary_list(
         current_time: present time, which no time of the list may exceed.
         first_counter: counter of the first line after the head.
     """
-    checked = CheckedList()
+    checked = CheckedNotaryList()
     if len(list_bytes) > LIMITS.list_bytes:
         checked.add_forgery_fault(f"is larger than the {LIMITS.list_bytes} bytes allowed")
         return checked
     whole, tail = split_list_into_complete_lines_and_tail(list_bytes)
     if tail:
         checked.faults.append(
-            ListFault(False, 0, f"is truncated: {len(tail)} bytes follow its last complete line")
+            NotaryListFault(
+                False, 0, f"is truncated: {len(tail)} bytes follow its last complete line"
+            )
         )
     lines: list[NotaryLine] = []
     for number, line in enumerate(whole, start=1):
@@ -105,7 +107,9 @@ def check_untrusted_notary_list(
     return checked
 
 
-def _check_head_signature(checked_list: CheckedList, notary_lines: Sequence[NotaryLine]) -> None:
+def _check_head_signature(
+    checked_list: CheckedNotaryList, notary_lines: Sequence[NotaryLine]
+) -> None:
     """Check the signature of the first line with the key that the line names."""
     if not notary_lines or not isinstance(notary_lines[0].content, NotaryHead):
         checked_list.add_forgery_fault("does not begin with the head of a list")
@@ -129,7 +133,7 @@ def _check_head_signature(checked_list: CheckedList, notary_lines: Sequence[Nota
 
 
 def _check_chain_of_lines(
-    checked_list: CheckedList, notary_lines: Sequence[NotaryLine], first_counter: int
+    checked_list: CheckedNotaryList, notary_lines: Sequence[NotaryLine], first_counter: int
 ) -> None:
     """Check that each line refers to the line before it."""
     head = notary_lines[0].line_sha256
@@ -164,7 +168,7 @@ def _check_chain_of_lines(
 
 def _iter_contradictory_times(
     entries: Sequence[NotaryEntry], current_time: dt.datetime
-) -> Iterator[ListFault]:
+) -> Iterator[NotaryListFault]:
     """Yield contradictions between clocks and times."""
     clock = dt.timedelta(seconds=LIMITS.clock_difference_s)
     latest: NotaryEntry | None = None
@@ -174,23 +178,23 @@ def _iter_contradictory_times(
         assert listed is not None
         number = entry.counter
         if begins is not None and ends is not None and ends < begins:
-            yield ListFault(True, number, f"number {number} ends before it begins")
+            yield NotaryListFault(True, number, f"number {number} ends before it begins")
         if listed > current_time + clock:
-            yield ListFault(
+            yield NotaryListFault(
                 False,
                 number,
                 f"number {number} was listed in the future, {entry.listed}: the recorder's clock "
                 "is ahead of this computer's",
             )
         if ends is not None and ends > listed + clock:
-            yield ListFault(
+            yield NotaryListFault(
                 False,
                 number,
                 f"number {number} ends {entry.ends}, after it was listed, {entry.listed}: one of "
                 "the two clocks is wrong or was set back",
             )
         if latest is not None and entry.listed < latest.listed:
-            yield ListFault(
+            yield NotaryListFault(
                 False,
                 number,
                 f"number {number} was listed {entry.listed}, before number {latest.counter}, "
@@ -199,7 +203,7 @@ def _iter_contradictory_times(
         elif latest is None or entry.listed > latest.listed:
             latest = entry
         if ended is not None and entry.ends and entry.ends < ended.ends:
-            yield ListFault(
+            yield NotaryListFault(
                 False,
                 number,
                 f"number {number} ends {entry.ends}, before number {ended.counter} does, "
@@ -208,7 +212,7 @@ def _iter_contradictory_times(
         elif entry.ends:
             ended = entry
         if entry.replaces is not None:
-            yield ListFault(
+            yield NotaryListFault(
                 False,
                 number,
                 f"number {number}: '{entry.log}' was changed after it had been listed as number "

@@ -162,17 +162,17 @@ def _format_validation_fault(fault: Exception) -> str:
     return "its signature is not base64"
 
 
-class SplitList(NamedTuple):
-    """Whole lines of a list, and the torn rest after the last newline."""
+class SplitNotaryList(NamedTuple):
+    """Whole lines of a list, and the truncated rest after the last newline."""
 
     whole_lines: list[bytes]
-    torn_tail: bytes
+    truncated_tail: bytes
 
 
-def split_list_into_complete_lines_and_tail(list_bytes: bytes) -> SplitList:
-    """Whole lines of a list, and the torn tail after the last newline."""
+def split_list_into_complete_lines_and_tail(list_bytes: bytes) -> SplitNotaryList:
+    """Whole lines of a list, and the truncated tail after the last newline."""
     *whole, tail = list_bytes.split(b"\n")
-    return SplitList(whole, tail)
+    return SplitNotaryList(whole, tail)
 
 
 def encode_notary_lines(lines: Iterable[NotaryLine]) -> bytes:

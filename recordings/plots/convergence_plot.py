@@ -30,7 +30,7 @@ def draw_convergence_of_estimates(axes: "Axes", run: Run, at_s: float | None = N
         at_s: moment to mark.
     """
     bounds: list[float] = []
-    starts = _find_begin_of_loads_ns(run)
+    starts = _find_starts_of_loads_ns(run)
     # of many loads what is left of the beginnings covers all else
     for method in RECURSIVE_METHODS if len(starts) <= LIMITS.recursion_max_loads else ():
         frame = run.frames.get(f"estimates/{method}")
@@ -68,13 +68,13 @@ def draw_convergence_of_estimates(axes: "Axes", run: Run, at_s: float | None = N
     draw_legend_above_axes(axes, 7)
 
 
-def _find_begin_of_loads_ns(run: Run) -> list[int]:
+def _find_starts_of_loads_ns(run: Run) -> list[int]:
     loads = run.frames.get("loads")
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
 
 
 def _draw_estimates_of_method(
-    axes: "Axes", frame: pl.DataFrame, method: str, load_begins_ns: list[int], period_ns: float
+    axes: "Axes", frame: pl.DataFrame, method: str, load_starts_ns: list[int], period_ns: float
 ) -> list[float]:
     rows = frame.filter(pl.col("mass_kg").is_not_null()).select("t_ns", "mass_kg", "mass_std_kg")
     if rows.is_empty():
@@ -86,7 +86,7 @@ def _draw_estimates_of_method(
     mass, std = (convert_series_to_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
     # no line from one load to the next, nor where nothing was accepted
     gaps = 1 + np.flatnonzero(np.diff(t) > 1.5 * step * period_ns)
-    begins = np.union1d(np.searchsorted(t, load_begins_ns[1:]), gaps)
+    begins = np.union1d(np.searchsorted(t, load_starts_ns[1:]), gaps)
     mass = np.insert(mass, begins, np.nan)
     std, t_s = np.insert(std, begins, np.nan), np.insert(t / NS_PER_S, begins, np.nan)
     colour = colours.choose_method_colour(method)

@@ -9,7 +9,7 @@ from analysis.model.physical_units import NS_PER_S
 from estimators.errors import format_count
 from recordings.report.number_text import (
     SCALE_NOT_KNOWN,
-    describe_unknown_scale_uncertainty,
+    describe_missing_scale_uncertainties,
     format_plus_minus,
     round_to_uncertainty,
 )
@@ -40,8 +40,8 @@ def make_load_table_rows(answer: Answer) -> list[tuple[str, ...]]:
     return [
         (
             str(load["load_id"]),
-            _format_seconds_from_begin(load["start_t_ns"]),
-            _format_seconds_from_begin(load["end_t_ns"]),
+            _format_seconds_from_start(load["start_t_ns"]),
+            _format_seconds_from_start(load["end_t_ns"]),
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else format_plus_minus(load["mass_kg"], load["u_kg"]),
             _format_payload_or_reason(load),
@@ -124,7 +124,7 @@ def _list_notes_on_load(load_row: Mapping[str, Any]) -> list[str]:
     told = load_row.get("payload_to") is not None and not load_row.get("payload_scale_unknown")
     if load_row["scale_unknown"]:
         of = "masses; payloads are on the scale of the stated empty mass" if told else ""
-        lines.append(describe_unknown_scale_uncertainty(load_row["scale_unknown"], of))
+        lines.append(describe_missing_scale_uncertainties(load_row["scale_unknown"], of))
     if load_row["braking_left_out"]:
         lines.append("braking and driving disagree about the mass, and braking was left out")
     return lines
@@ -278,7 +278,7 @@ def _make_load_remark(load_row: Mapping[str, Any]) -> str:
     return ""
 
 
-def _format_seconds_from_begin(t_ns: int | None) -> str:
+def _format_seconds_from_start(t_ns: int | None) -> str:
     return "–" if t_ns is None else f"{t_ns / NS_PER_S:,.1f}"
 
 

@@ -14,7 +14,7 @@ from estimators.errors import OutputError
 _OURS: Final = ("metadata.yaml", "evidence.json", "payscope-log.json")
 
 
-class AppendedFile:
+class AppendOnlyFile:
     """A file that grows by complete records and exists from the first one on.
 
     Attributes:

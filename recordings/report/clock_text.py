@@ -57,7 +57,7 @@ class ShiftClock:
         day = "" if self._is_within_one_day else f"{local:%Y-%m-%d} "
         return f"{day}{local:%H:%M:%S} {self._format_utc_offset(time_s)}"
 
-    def format_begin_of_hour(self, time_s: float) -> str:
+    def format_start_of_hour(self, time_s: float) -> str:
         """Begin of the hour that contains a time, with offset; h:00 without a date."""
         if not self.has_date:
             return f"{int(time_s // _HOUR_S)}:00"

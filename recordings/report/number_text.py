@@ -62,15 +62,15 @@ def round_to_uncertainty(value: float | None, std: float) -> str:
 SCALE_NOT_KNOWN: Final = "scale error not included"
 
 
-def describe_unknown_scale_uncertainty(uncertainty_names: str, quantity: str = "") -> str:
+def describe_missing_scale_uncertainties(missing_names: str, quantity: str = "") -> str:
     """Line that names the uncertainties missing from the machine file.
 
     Args:
-        uncertainty_names: names of the sources in frames: `force_gain, wheel_radius`.
+        missing_names: names of the sources in frames: `force_gain, wheel_radius`.
         quantity: the quantity, if not the mass.
     """
     whose = f" of {quantity}" if quantity else ""
-    keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in uncertainty_names.split(", "))
+    keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in missing_names.split(", "))
     return f"±{whose} excludes scale error: set {keys} in the machine file"
 
 

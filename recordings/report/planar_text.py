@@ -6,7 +6,7 @@ from typing import Any
 from analysis.model.run_record import Run
 from estimators.errors import format_count
 from recordings.report.number_text import (
-    describe_unknown_scale_uncertainty,
+    describe_missing_scale_uncertainties,
     format_markdown_table,
     format_number,
     format_plus_minus,
@@ -66,7 +66,7 @@ def describe_uncertainties_missing_in_file(planar_rows: Sequence[Mapping[str, An
     ):
         names = (n for row in planar_rows for n in (row.get(column) or "").split(", ") if n)
         if missing := ", ".join(dict.fromkeys(names)):
-            lines.append(describe_unknown_scale_uncertainty(missing, of))
+            lines.append(describe_missing_scale_uncertainties(missing, of))
     return lines
 
 

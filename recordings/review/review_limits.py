@@ -57,11 +57,11 @@ class ReviewLimits:
     #: Longest stands that are named.
     max_stands: int = 3
     #: Length in s of a hole that is stated at the top: about one cycle.
-    headline_hole_s: float = 120.0
+    headline_gap_s: float = 120.0
 
     # shift_ledger
     #: Length in s of a hole from which a cycle with it says so, and is left out of the mean times.
-    cycle_hole_s: float = 5.0
+    cycle_gap_s: float = 5.0
     #: Time in s before or after the one that is asked for, within which a dump is meant.
     near_dump_s: float = 5.0
 

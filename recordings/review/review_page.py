@@ -30,9 +30,9 @@ from recordings.review.shift_facts import (
     describe_long_gaps,
     describe_missing_loads,
     describe_scale_of_tonnes,
-    describe_torn_logs,
+    describe_truncated_logs,
     explain_why_no_cycle_counts,
-    list_losses_besides_torn_ends,
+    list_losses_besides_truncated_ends,
     list_shift_names_and_values,
     make_warning_of_mixed_machines,
     summarise_shift_in_line,
@@ -147,7 +147,7 @@ def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple
     """
     clock, t0_ns = state.clock, state.t0_unix_ns
     hours = [
-        clock.format_begin_of_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]
+        clock.format_start_of_hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]
     ]
     named = ledger.with_columns(pl.Series("hour", hours, dtype=pl.String))
     recorded_s = sum_recorded_time_by_hour(clock, state.gaps_s)
@@ -185,7 +185,7 @@ def sum_recorded_time_by_hour(
             continue
         while start_s < end_s:
             stop_s = min(clock.compute_next_hour_s(start_s), end_s)
-            hour = clock.format_begin_of_hour(start_s)
+            hour = clock.format_start_of_hour(start_s)
             recorded_s[hour] = recorded_s.get(hour, 0.0) + (0.0 if is_gap else stop_s - start_s)
             start_s = stop_s
     return recorded_s
@@ -271,8 +271,8 @@ def render_review_html(review_page: ReviewPage) -> str:
         load_pictures=draw_pictures_of_loads(review_page.ledger, state, review_page.target),
         pictures=draw_pictures_of_shift(state, review_page.track),
         losses=[
-            *(each.loss_entry_text for each in state.torn),
-            *list_losses_besides_torn_ends(state),
+            *(each.lost_time_text for each in state.torn),
+            *list_losses_besides_truncated_ends(state),
         ],
         totals={name: _make_rows_of_totals(rows) for name, rows in review_page.totals.items()},
         changes=review_page.changes,
@@ -310,8 +310,8 @@ def _make_rows_of_totals(totals: Sequence[LabelTotal]) -> list[_TotalRow]:
 def _list_review_warnings(review_page: ReviewPage) -> list[str]:
     state = review_page.state
     found = describe_missing_loads(review_page.shift)
-    found += describe_torn_logs(state)
-    if losses := list_losses_besides_torn_ends(state):
+    found += describe_truncated_logs(state)
+    if losses := list_losses_besides_truncated_ends(state):
         found.append(f"Damaged or incomplete: {format_count(len(losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:

@@ -25,7 +25,7 @@ from estimators.errors import format_count
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import format_finding, read_findings_of_run
 from recordings.review.review_limits import LIMITS
-from recordings.review.torn_logs import TornLog
+from recordings.review.truncated_logs import TruncatedLog
 from recordings.rrd.recording_properties import format_local_time, read_machine_section
 from recordings.rrd.recording_texts import read_machine_name
 
@@ -118,7 +118,7 @@ class ReviewState(BaseModel):
     motion: DriveSummary = DriveSummary(None, None, 0.0, 0.0, 0.0)
     energy: ShiftEnergy = NO_ENERGY
     idle_s: tuple[tuple[float, float], ...] = ()
-    torn: tuple[TornLog, ...] = ()
+    torn: tuple[TruncatedLog, ...] = ()
     calibration: tuple[str, str] = ("", "")
 
     @property
@@ -143,7 +143,7 @@ def collect_review_state(
     recording_sha256: str,
     resolved_settings: dict[str, Any],
     mixed_machines_warning: str = "",
-    torn_logs: tuple[TornLog, ...] = (),
+    truncated_logs: tuple[TruncatedLog, ...] = (),
     energy: ShiftEnergy = NO_ENERGY,
 ) -> ReviewState:
     """Collect the state of a review from a replay.
@@ -154,7 +154,7 @@ def collect_review_state(
         recording_sha256: digest of the recording.
         resolved_settings: see `ReviewState`.
         mixed_machines_warning: see `ReviewState`.
-        torn_logs: see `ReviewState`.
+        truncated_logs: see `ReviewState`.
         energy: see `ReviewState`.
     """
     about, frames = run.provenance, run.frames
@@ -212,7 +212,7 @@ def collect_review_state(
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
         idle_s=tuple((s / NS, e / NS) for s, e in find_idle_spans_ns(frames["excitation"])),
-        torn=torn_logs,
+        torn=truncated_logs,
         energy=energy,
     )
 

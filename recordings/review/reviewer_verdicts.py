@@ -98,8 +98,8 @@ class VerdictFile(BaseModel):
     cycle: tuple[CycleVerdict, ...] = ()
 
     @property
-    def shift_labels(self) -> Labels:
-        """Labels of all cycles, whenever they are dumped."""
+    def labels_of_whole_shift(self) -> Labels:
+        """Labels of the whole shift: those given without begin and end."""
         return merge_labels_of_verdicts(
             each for each in self.shift if each.begin is None and each.end is None
         )

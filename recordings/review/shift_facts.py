@@ -20,7 +20,7 @@ from recordings.report.shift_text import (
 from recordings.review.energy_columns import list_energy_names_and_values
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
-from recordings.review.torn_logs import find_torn_last_log
+from recordings.review.truncated_logs import find_truncated_last_log
 
 #: Seconds of an hour.
 _HOUR_S: Final = 3600.0
@@ -37,14 +37,14 @@ def summarise_shift_in_line(
     Args:
         shift: frame `shift` after verdicts.
         missing_tonnes_reason: see `explain_why_no_cycle_counts`.
-        state: state of the review; if its last log is torn, the end is unknown.
+        state: state of the review; if its last log is truncated, the end is unknown.
     """
     answer = (
         f"No tonnes: {missing_tonnes_reason}"
         if missing_tonnes_reason
         else describe_shift_payload(shift)
     )
-    end = find_torn_last_log(state.torn)
+    end = find_truncated_last_log(state.torn)
     if end is None or missing_tonnes_reason:
         return answer
     return (
@@ -111,17 +111,17 @@ def format_spans_of_recording_gaps(state: ReviewState) -> str:
     return "; ".join(
         f"from {clock.format_time(s)} to {clock.format_time(e)} ({format_duration(e - s)})"
         for s, e in state.gaps_s
-        if e - s > LIMITS.headline_hole_s
+        if e - s > LIMITS.headline_gap_s
     )
 
 
-def describe_torn_logs(state: ReviewState) -> list[str]:
-    """Sentences about torn logs and the minutes they lack."""
+def describe_truncated_logs(state: ReviewState) -> list[str]:
+    """Sentences about truncated logs and the minutes they lack."""
     return [each.describe_missing_time(state.clock) for each in state.torn]
 
 
-def list_losses_besides_torn_ends(state: ReviewState) -> list[str]:
-    """Losses other than torn ends of logs."""
+def list_losses_besides_truncated_ends(state: ReviewState) -> list[str]:
+    """Losses other than truncated ends of logs."""
     torn = {text for each in state.torn for text in each.losses}
     return [text for text in state.losses if text not in torn]
 
@@ -275,7 +275,7 @@ def _describe_lost_recording_time(shift: Mapping[str, Any], state: ReviewState) 
         for s, e in state.gaps_s
         if e - s > CYCLE_LIMITS.break_max_s
     ]
-    if end := find_torn_last_log(state.torn):
+    if end := find_truncated_last_log(state.torn):
         unknown.append(f"unknown after {state.clock.format_time(end.ends_s)}")
     return "; ".join([lost] * (lost != _NOTHING or not unknown) + unknown)
 
@@ -320,7 +320,7 @@ def list_mean_phase_durations(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     """
     parts = ("return_s", "load_s", "haul_s", "dump_s")
     whole = ledger.drop_nulls(parts).filter(
-        pl.col("hole_s").fill_null(0.0) <= LIMITS.cycle_hole_s, ~pl.col("rejected")
+        pl.col("hole_s").fill_null(0.0) <= LIMITS.cycle_gap_s, ~pl.col("rejected")
     )
     if not whole.height:
         return []

@@ -137,7 +137,7 @@ def make_cycle_remark(ledger_row: Mapping[str, Any]) -> str:
         ledger_row: row of the ledger, with motion.
     """
     hole_s = ledger_row["hole_s"] or 0.0
-    hole = f"{format_duration(hole_s)} of it not recorded" if hole_s > LIMITS.cycle_hole_s else ""
+    hole = f"{format_duration(hole_s)} of it not recorded" if hole_s > LIMITS.cycle_gap_s else ""
     return "; ".join(filter(None, (ledger_row["withheld_for"], ledger_row["doubt"], hole)))
 
 

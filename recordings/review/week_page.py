@@ -22,9 +22,9 @@ from recordings.review.review_limits import LIMITS
 from recordings.review.review_page import PAGE
 from recordings.review.review_state import ReviewState, read_review_state
 from recordings.review.shift_facts import (
-    describe_torn_logs,
+    describe_truncated_logs,
     format_spans_of_recording_gaps,
-    list_losses_besides_torn_ends,
+    list_losses_besides_truncated_ends,
     make_warning_of_mixed_machines,
 )
 from recordings.review.week_totals import (
@@ -90,8 +90,8 @@ def _describe_uncounted_work_of_shift(state: ReviewState) -> Iterable[str]:
         yield make_warning_of_mixed_machines(state)
     if gaps := format_spans_of_recording_gaps(state):
         yield f"Nothing was recorded {gaps}."
-    yield from describe_torn_logs(state)
-    yield from list_losses_besides_torn_ends(state)
+    yield from describe_truncated_logs(state)
+    yield from list_losses_besides_truncated_ends(state)
 
 
 def _read_friction_of_shift_day(state: ReviewState) -> FrictionDay | None:

@@ -84,7 +84,7 @@ def _make_quantity_property(
 def _summarise_weighing_verdict(verdict: Verdict) -> str:
     if not verdict.checks:
         return "not judged"
-    failed = [check.check for check in verdict.withholding_checks("mass")]
+    failed = [check.check for check in verdict.list_withholding_checks("mass")]
     return f"cannot weigh: {', '.join(failed)}" if failed else "can weigh"
 
 

@@ -93,7 +93,7 @@ _ERRORS: Final = ("error kg", "load left out kg")
 
 def format_answer_headline(answer: Answer) -> str:
     """The answer in one sentence, without Markdown."""
-    failed = answer.verdict.withholding_checks("mass")
+    failed = answer.verdict.list_withholding_checks("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(answer.loads) > 1:
@@ -190,7 +190,7 @@ def format_answer_markdown(run: Run) -> str:
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
     if has_payload_total(said):
         parts.append("As weighed; the verdicts of reviewers are on the page of the review.")
-    if failed := said.verdict.withholding_checks("mass"):
+    if failed := said.verdict.list_withholding_checks("mass"):
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(

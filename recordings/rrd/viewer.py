@@ -169,7 +169,7 @@ def take_screenshots_of_recording_or_log(
             raise RecordingError(
                 f"{path}: shows no tab '{tab_title}'; {suggest_choice(tab_title, names)}"
             )
-        return list(_take_pictures_of_tabs(client, folder, whole, tabs, tab_title))
+        return list(_take_screenshots_of_tabs(client, folder, whole, tabs, tab_title))
 
 
 def _find_tabs_container(blueprint: dict[str, Any]) -> dict[str, Any]:
@@ -189,7 +189,7 @@ def _set_time_cursor(client: "ViewerClient", at_unix_ns: int) -> None:
     client.set_time(TIME, timestamp=np.datetime64(at_unix_ns, "ns"), play_state="paused")
 
 
-def _take_pictures_of_tabs(
+def _take_screenshots_of_tabs(
     client: "ViewerClient",
     folder: Path,
     blueprint: dict[str, Any],
@@ -205,7 +205,7 @@ def _take_pictures_of_tabs(
         client.set_blueprint(blueprint, "recording")
         # a tab of an imported log is called like its topic
         png = folder / f"{number:02}-{name.lower().strip('/').replace('/', '-')}.png"
-        png.write_bytes(wait_for_still_picture(client))
+        png.write_bytes(wait_for_still_screenshot(client))
         shown = set(_iter_view_ids(blueprint, entity))
         errors = tuple(
             f"{view.name}: {report.summary}"
@@ -216,7 +216,7 @@ def _take_pictures_of_tabs(
         yield Screenshot(name, png, errors)
 
 
-def wait_for_still_picture(client: "ViewerClient") -> bytes:
+def wait_for_still_screenshot(client: "ViewerClient") -> bytes:
     """Take pictures until two are equal, since the first ones lack data that is being loaded."""
     before, deadline = b"", time.monotonic() + LIMITS.viewer_start_s
     while time.monotonic() < deadline:

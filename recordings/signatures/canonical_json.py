@@ -26,7 +26,10 @@ def encode_canonical_json(value: Any) -> bytes:
     try:
         return rfc8785.dumps(value)
     except rfc8785.CanonicalizationError as error:
-        raise EvidenceError(f"cannot be written as canonical JSON: {error}") from None
+        raise EvidenceError(
+            "a value cannot be written as canonical JSON, which has no NaN, infinity or whole "
+            f"numbers beyond 2^53: {error}"
+        ) from None
 
 
 def parse_canonical_json(json_bytes: bytes, source: str) -> Any:

@@ -280,7 +280,10 @@ def parse_untrusted_envelope(envelope_bytes: bytes, source: str) -> EnvelopeCont
         signed = _decode_base64_or_refuse(signature["sig"], f"{source}: its signature")
         key_id = signature["keyid"]
     except (TypeError, KeyError, ValueError, AttributeError):
-        raise EvidenceError(f"{source}: is not a DSSE envelope with one signature") from None
+        raise EvidenceError(
+            f"{source}: is not a signed statement (DSSE envelope with one signature); copy the "
+            "bundle again"
+        ) from None
     inside = parse_canonical_json(payload, f"{source}: its statement")
     if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
         raise EvidenceError(f"{source}: is not a DSSE envelope of an in-toto statement")

@@ -252,8 +252,9 @@ def load_and_verify_calibration(request: CalibrationRequest) -> MachineCalibrati
         raise EvidenceError(f"{folder}: is not a calibration: {document.no_fit}")
     if document.estimator.name not in ESTIMATORS:
         raise EvidenceError(
-            f"{folder}: calibrates '{document.estimator.name}', which is not a mass of a load; "
-            f"calibrate again with [method] estimator = {' or '.join(map(repr, ESTIMATORS))}"
+            f"{folder}: calibrates the estimator '{document.estimator.name}', which does not give "
+            "the mass of a load; calibrate again with [method] estimator = "
+            f"{' or '.join(map(repr, ESTIMATORS))}"
         )
     return MachineCalibration(folder, document, document.calibration, by)
 

@@ -182,13 +182,13 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         made = stage / folder.name
         made.mkdir()
 
-        def path_of_log(log: str) -> Path:
+        def find_path_of_log(log: str) -> Path:
             return campaign_file.parent / log
 
         learnt = None
         if campaign.does_learn_priors and len(campaign.log_names) >= USE_LIMITS.min_logs:
             # under the machine's own priors: what they say of the nuisances together
-            first = replay_campaign_logs(campaign, machine, path_of_log, None, on_log)
+            first = replay_campaign_logs(campaign, machine, find_path_of_log, None, on_log)
             refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)
             refuse_campaign.refuse_unaccounted_logs_of_list(campaign_file, campaign, first, stretch)
             learnt = first.pool_priors_learnt_from_logs
@@ -196,7 +196,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             machine if learnt is None else copy_machine_with_learnt_priors(machine, learnt.terms)
         )
         replayed = replay_campaign_logs(
-            campaign, weighing, path_of_log, made if recordings else None, on_log
+            campaign, weighing, find_path_of_log, made if recordings else None, on_log
         )
         refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, replayed, machine)
         refuse_campaign.refuse_repeated_runs(campaign_file, campaign, replayed)

@@ -147,7 +147,7 @@ def describe_why_log_cannot_weigh(replayed_run: Run) -> str:
     for row in replayed_run.frames["findings"].filter(severity="withhold").to_dicts():
         mends = f". Set {row['setting']} = {row['value']}" if row["setting"] else ""
         reasons.append(f"{row['cause'].replace('_', ' ')}: {row['evidence']}{mends}")
-    for check in make_answer(replayed_run).verdict.withholding_checks("mass"):
+    for check in make_answer(replayed_run).verdict.list_withholding_checks("mass"):
         if check.check == INVALIDATING_CAUSES:
             continue
         value = "unknown" if check.value is None else f"{check.value:.3g}"
@@ -164,7 +164,7 @@ def copy_machine_with_single_load_if_stated(
     is_empty_stated = machine.settings.loads.empty_from_s is not None
     if not whole or is_empty_stated or len({each.load_id for each in runs}) != 1:
         return machine
-    settings = machine.settings.with_changes({"loads.single_load": True})
+    settings = machine.settings.copy_with_changes({"loads.single_load": True})
     return machine.model_copy(update={"settings": settings})
 
 
@@ -226,13 +226,13 @@ def make_evidence_log_record(
             LoggedTopic(topic=topic, messages=messages.get(topic, 0), stamped_by=stamped)
             for topic, stamped in sorted(about.stamps.items())
         ),
-        begins=_format_begin_as_iso_time(about.t0_unix_ns),
+        begins=_format_start_as_iso_time(about.t0_unix_ns),
         duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
         speed_range_m_s=None if speed.is_empty() else _find_min_and_max(speed),
         losses=tuple(str(loss)[: LIMITS.loss_characters] for loss in about.losses),
         notes=tuple(note[: LIMITS.loss_characters] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
-        failed_checks=tuple(check.check for check in said.verdict.withholding_checks("mass")),
+        failed_checks=tuple(check.check for check in said.verdict.list_withholding_checks("mass")),
         settings_fingerprint=taken.settings,
         results_fingerprint=taken.results,
         recording=recording,
@@ -252,7 +252,7 @@ def _find_min_and_max(values: pl.Series) -> _ValueRange:
     return _ValueRange(float(numbers.min()), float(numbers.max()))
 
 
-def _format_begin_as_iso_time(t0_unix_ns: int) -> str:
+def _format_start_as_iso_time(t0_unix_ns: int) -> str:
     if t0_unix_ns < FIRST_DATE_NS:
         return f"{t0_unix_ns / 1e9:.3f} s of the log's own clock"
     stamp = dt.datetime.fromtimestamp(t0_unix_ns // 10**9, dt.UTC)

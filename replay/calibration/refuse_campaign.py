@@ -7,7 +7,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError
 from recordings.calibration.campaign_faults import (
-    iter_contradicted_machine_sentences,
+    iter_machine_id_contradictions,
     iter_repeated_run_sentences,
     iter_sentences_on_run_days_unlike_logs,
 )
@@ -71,7 +71,7 @@ def refuse_machine_unlike_logs(
         CampaignError: another machine is named.
     """
     fault = next(
-        iter_contradicted_machine_sentences(campaign.machine.id, machine, replayed_logs.logs), None
+        iter_machine_id_contradictions(campaign.machine.id, machine, replayed_logs.logs), None
     )
     if fault is not None:
         raise CampaignError(f"{campaign_path}: {fault}; name logs and machine file of one machine")

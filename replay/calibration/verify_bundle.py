@@ -20,7 +20,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.calibration_recording import make_run_of_calibration
 from recordings.calibration.calibration_report import render_report_html
 from recordings.calibration.calibration_text import (
-    describe_exchanged_runs,
+    describe_runs_with_swapped_loads,
     describe_undetectable_faults,
 )
 from recordings.calibration.check_outcomes import (
@@ -164,7 +164,7 @@ def verify_bundle(
     done += files.done
     if document is not None:
         # of evidence that is wrong elsewhere the points need not be what a line can be fitted to
-        bundle.notes += [] if bundle.findings else describe_exchanged_runs(document)
+        bundle.notes += [] if bundle.findings else describe_runs_with_swapped_loads(document)
         add_expiry_finding(bundle, document, verification_day)
     return Verification(
         folder,

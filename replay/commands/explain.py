@@ -149,7 +149,7 @@ def _print_explanation(
     if corrected_machine is not None and corrected_machine.path is None:
         print_line(screen, "no proposal improves the mass, so no machine file was written")
     print_line(screen, describe_answer_and_likeliest_cause(explanation))
-    failed = explanation.answer.verdict.withholding_checks("mass")
+    failed = explanation.answer.verdict.list_withholding_checks("mass")
     if failed:
         screen.print("\nfailed checks:", markup=False)
         print_failed_checks(screen, failed)

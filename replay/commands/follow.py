@@ -8,7 +8,7 @@ import typer
 if TYPE_CHECKING:
     from analysis.model.machine import Machine
     from replay.follow.agreement import FollowedDigests
-    from replay.follow.follow_logs import Following
+    from replay.follow.follow_logs import FollowedLogState
 
 
 def command(
@@ -91,13 +91,13 @@ def command(
     from replay.follow.agreement import FollowedDigests
     from replay.follow.background_replay import BackgroundReplays
     from replay.follow.follow_logs import (
-        Following,
+        FollowedLogState,
         MachineFileChange,
         follow_logs,
         must_following_end_quickly,
     )
     from replay.follow.followed_outputs import FollowedOutputs
-    from replay.follow.interrupts import Interrupts
+    from replay.follow.interrupts import InterruptCounter
     from replay.machines.machine_file import load_machine
 
     change = MachineFileChange(machine)
@@ -109,7 +109,7 @@ def command(
         typer.echo(f"payscope: {line}", err=True)
 
     with ExitStack() as opened:
-        interrupts = opened.enter_context(Interrupts())
+        interrupts = opened.enter_context(InterruptCounter())
         server = opened.enter_context(serve_viewer_to_browsers()) if live else None
         if server is not None:
             print_message(f"open {server.page}")
@@ -131,7 +131,7 @@ def command(
         )
         printer = ReportPrinter(outputs, panel, replays, as_json=as_json)
 
-        def show_new_rows(following: Following, rows: list[FollowedRow]) -> None:
+        def show_new_rows(following: FollowedLogState, rows: list[FollowedRow]) -> None:
             digests.add_followed_rows(rows)
             printer.print_row_reports(following, rows)
             if change.has_file_changed():
@@ -149,7 +149,7 @@ def command(
             until_u_kg=until_u,
             interrupts=interrupts,
         )
-        if not following.lost:
+        if not following.loss_reason:
             printer.wait_for_last_replay_and_print_it(
                 following, lambda: must_following_end_quickly(following, interrupts)
             )
@@ -161,13 +161,13 @@ def command(
         _record_and_compare_causal_replay(logs, loaded, output, following, digests)
 
 
-def _explain_why_following_ended(following: "Following") -> str:
+def _explain_why_following_ended(following: "FollowedLogState") -> str:
     from estimators.errors import format_count
 
     follower = following.follower
     spins = f", inertia of {format_count(follower.spins, 'spin')}" if follower.spins else ""
     return (
-        f"{following.ended}: {format_count(follower.rows_stepped, 'row')}, masses of "
+        f"{following.end_reason}: {format_count(follower.rows_stepped, 'row')}, masses of "
         f"{format_count(follower.manoeuvres, 'manoeuvre')}{spins}"
     )
 
@@ -176,7 +176,7 @@ def _record_and_compare_causal_replay(
     logs: list[Path],
     machine: "Machine",
     output: Path,
-    following: "Following",
+    following: "FollowedLogState",
     followed_digests: "FollowedDigests",
 ) -> None:
     """Record the causal replay of the followed log; by ctrl-C what was followed stays."""
@@ -185,9 +185,11 @@ def _record_and_compare_causal_replay(
     from replay.follow.agreement import iter_agreement_lines, record_and_compare_followed_log
 
     is_growing = following.is_interrupted
-    if following.lost:
+    if following.loss_reason:
         how = "stays as it was recorded while following" if output.exists() else "is not written"
-        why = f"{following.lost}; " if following.is_interrupted else ""  # else it is said above
+        why = (
+            f"{following.loss_reason}; " if following.is_interrupted else ""
+        )  # else it is said above
         raise LogError(f"{why}{output} {how}")
     try:
         agreements = record_and_compare_followed_log(

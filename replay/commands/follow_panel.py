@@ -21,7 +21,7 @@ from analysis.online.replay_report import ReplayReport
 from estimators.errors import format_count
 from replay.commands.screen_limits import LIMITS
 from replay.follow.background_replay import BackgroundReplays
-from replay.follow.follow_logs import Following
+from replay.follow.follow_logs import FollowedLogState
 from replay.follow.followed_outputs import FollowedOutputs
 from replay.follow.report_file import (
     describe_finished_manoeuvre,
@@ -77,7 +77,7 @@ class FollowPanel:
         if not report.fault or self._replay is None or self._replay.fault:
             self._replay = report
 
-    def show_followed_log(self, following: Following, reports: list[OnlineReport]) -> None:
+    def show_followed_log(self, following: FollowedLogState, reports: list[OnlineReport]) -> None:
         """Show the state of a followed log."""
         for report in reports:
             self._last = report
@@ -86,7 +86,7 @@ class FollowPanel:
         if self._live is not None:
             self._live.update(Group(*self._render_panel_parts(following)))
 
-    def _render_panel_parts(self, following: Following) -> list[Text | Table]:
+    def _render_panel_parts(self, following: FollowedLogState) -> list[Text | Table]:
         parts: list[Text | Table] = [self._render_panel_head(following)]
         if self._last is None:
             waits = following.topics_without_messages or following.follower.topics
@@ -103,7 +103,7 @@ class FollowPanel:
         if self._masses:
             parts.append(_make_manoeuvre_table(list(self._masses)))
         if self._replay is not None:
-            parts += _format_replayed_loads(self._replay.with_age_at(self._last.unix_ns))
+            parts += _format_replayed_loads(self._replay.copy_with_age_at(self._last.unix_ns))
         if following.losses:
             count = "1 loss" if len(following.losses) == 1 else f"{len(following.losses):,} losses"
             parts.append(Text(f"{count}: {following.losses[-1]}"))
@@ -112,12 +112,12 @@ class FollowPanel:
             parts.append(Text(f"{samples} arrived too late for the row", style="yellow"))
         return parts
 
-    def _render_panel_head(self, following: Following) -> Text:
+    def _render_panel_head(self, following: FollowedLogState) -> Text:
         names = ", ".join(path.name for path in following.paths)
         rows = following.follower.rows_stepped
-        state = following.ended or "ctrl-C ends"
+        state = following.end_reason or "ctrl-C ends"
         return Text(
-            f"{names}  {rows:,} rows, last poll {1e3 * following.look_s:.0f} ms  ({state})",
+            f"{names}  {rows:,} rows, last poll {1e3 * following.last_poll_s:.0f} ms  ({state})",
             style="bold",
         )
 
@@ -146,7 +146,7 @@ class ReportPrinter:
         self._newest: OnlineReport | None = None
         self._replay: ReplayReport | None = None
 
-    def print_row_reports(self, following: Following, rows: list[FollowedRow]) -> None:
+    def print_row_reports(self, following: FollowedLogState, rows: list[FollowedRow]) -> None:
         """Write and print the reports of new rows, and of a replay that is done."""
         made = self._outputs.write_rows_and_return_new_reports(following, rows)
         for report in (report for row in rows for report in row.reports):
@@ -162,7 +162,7 @@ class ReportPrinter:
         self._panel.show_followed_log(following, made)
 
     def wait_for_last_replay_and_print_it(
-        self, following: Following, is_wait_cancelled: Callable[[], bool]
+        self, following: FollowedLogState, is_wait_cancelled: Callable[[], bool]
     ) -> None:
         """Wait for the replay of the whole log and print it, unless it is left out."""
         self.print_replay_result(
@@ -180,7 +180,7 @@ class ReportPrinter:
             return
         if replay_report.fault:
             replay_report = replace(replay_report, unix_ns=newest.unix_ns, t_s=newest.t_s)
-        replay_report = replay_report.with_age_at(newest.unix_ns)
+        replay_report = replay_report.copy_with_age_at(newest.unix_ns)
         self._panel.show_replay_result(replay_report)
         if not self._outputs.write_replay_report_if_new(replay_report, newest.unix_ns):
             return
@@ -212,7 +212,7 @@ def _format_current_answer(online_report: OnlineReport) -> Text:
     )
 
 
-def _make_method_table(following: Following) -> Table:
+def _make_method_table(following: FollowedLogState) -> Table:
     table = Table("method", "mass, kg", "u", "friction, N·s/m", "u", box=None)
     for name, (_, estimate) in following.follower.newest.items():
         theta, std = estimate.theta, estimate.std

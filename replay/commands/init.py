@@ -26,7 +26,10 @@ def command(
     keys: LogKeys = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
+    """Draft a machine file from a log, or a campaign file from a folder of logs.
+
+    Check and complete it by hand.
+    """
     from recordings.report.atomic_output import (
         refuse_input_as_output,
         require_writable_output,

@@ -101,7 +101,7 @@ def warn_of_slow_compilation(print_warning: Callable[[], None]) -> Generator[Non
     # numba is slow to import: whoever shows stages has loaded it already
     from numba.core import event
 
-    class Compiling(event.Listener):
+    class CompilationTimer(event.Listener):
         """Adds up the seconds of compilation; nested compilations count once."""
 
         def __init__(self) -> None:
@@ -128,7 +128,7 @@ def warn_of_slow_compilation(print_warning: Callable[[], None]) -> Generator[Non
                 self._has_warned = True
                 print_warning()
 
-    listener = Compiling()
+    listener = CompilationTimer()
     event.register("numba:compile", listener)
     try:
         yield
@@ -155,7 +155,7 @@ class FleetProgress:
 
     def begin_progress_bar(self, fleet_logs: "Sequence[FleetLog]") -> None:
         """Start the bar with the known logs."""
-        self._left = TimeLeft([log.size_bytes for log in fleet_logs])
+        self._left = RemainingTimeEstimator([log.size_bytes for log in fleet_logs])
         self._bar.update(self._task, total=len(fleet_logs))
 
     def note_engine_slots(self, engine: "TaskEngine") -> None:
@@ -184,7 +184,7 @@ class FleetProgress:
         self._bar.stop()
 
 
-class TimeLeft:
+class RemainingTimeEstimator:
     """Estimate of the time left, from the seconds per size of finished recordings."""
 
     def __init__(self, sizes_bytes: list[int]) -> None:

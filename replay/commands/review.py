@@ -147,7 +147,7 @@ def command(
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
     from replay.review.give_verdicts import (
-        GivenVerdicts,
+        RequestedVerdicts,
         is_review_folder,
         parse_label_channel,
         read_label_spans,
@@ -168,7 +168,9 @@ def command(
         "customer": customer,
         "stockpile": stockpile,
     }
-    given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
+    given = RequestedVerdicts(
+        reject or (), accept or (), cycle or (), note, labels, author, begin, end
+    )
     given.refuse_incomplete_verdicts()
     channels = [parse_label_channel(each) for each in label or ()]
     asked = make_calibration_request(calibration, key, is_signature_required=require_signed)
@@ -294,8 +296,8 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
     from recordings.review.shift_facts import (
         describe_long_gaps,
         describe_missing_loads,
-        describe_torn_logs,
-        list_losses_besides_torn_ends,
+        describe_truncated_logs,
+        list_losses_besides_truncated_ends,
         list_shift_names_and_values,
         make_warning_of_mixed_machines,
         summarise_shift_in_line,
@@ -311,7 +313,7 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
     for sentence in (
         *filter(None, [holes]),
         *describe_missing_loads(review.shift),
-        *describe_torn_logs(state),
+        *describe_truncated_logs(state),
     ):
         print_line(console, sentence)
     for name, value in list_shift_names_and_values(
@@ -329,7 +331,7 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         for each in state.failed_checks_that_withhold_nothing
     ]:
         print_line(console, f"checks with a remark: {', '.join(remarks)}")
-    for loss in list_losses_besides_torn_ends(state):
+    for loss in list_losses_besides_truncated_ends(state):
         print_line(console, f"lost: {loss}")
     if not review.replayed:
         print_line(console, "not replayed: logs, machine and settings are those of the last review")

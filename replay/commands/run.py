@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from analysis.compare.run_comparison import ValueChange
     from analysis.model.answer import Answer, AnswerRow
     from analysis.model.verdict import Verdict
-    from replay.runs.run_logs import RecordTo
+    from replay.runs.run_logs import RecordingOutput
 
 _OF_MASS: Final = {
     "mass kg": ("mass_kg", "mass_std_kg"),
@@ -95,7 +95,7 @@ def command(
     """
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import StageProgress
-    from replay.runs.run_logs import STEPS, RecordTo, replay_and_record_logs
+    from replay.runs.run_logs import STEPS, RecordingOutput, replay_and_record_logs
 
     if live and output is None:
         raise typer.BadParameter("--live shows the recording while it is written; name it with -o")
@@ -104,7 +104,7 @@ def command(
     settings = [*(overrides or []), *_make_empty_span_overrides(empty)]
     asked = make_calibration_request(calibration, key, is_signature_required=require_signed)
 
-    def replay_to(to: RecordTo) -> "Answer":
+    def replay_to(to: RecordingOutput) -> "Answer":
         with StageProgress(len(STEPS), timing=timing) as stages:
             return replay_and_record_logs(
                 logs,
@@ -122,7 +122,7 @@ def command(
         else:
             print_answer(answer, goal, verbose)
 
-    to = RecordTo(output, force, live)
+    to = RecordingOutput(output, force, live)
     if watch:
         replay_on_machine_file_changes(machine, to, settings, replay_to, show_answer)
         return
@@ -134,9 +134,9 @@ def command(
 
 def replay_on_machine_file_changes(
     machine_file: Path,
-    recording_path: "RecordTo",
+    recording_path: "RecordingOutput",
     overrides: list[str],
-    replay_logs: "Callable[[RecordTo], Answer]",
+    replay_logs: "Callable[[RecordingOutput], Answer]",
     print_answer: "Callable[[Answer], None]",
 ) -> None:
     """Replay after each change of the machine file and print the change, until interrupted."""
@@ -342,7 +342,7 @@ def _print_estimates_by_method(console: "Console", answer: "Answer") -> None:
 def print_weighing_verdict(console: "Console", answer: "Answer", verbosity: int) -> None:
     """Print whether the log can weigh: failed and near checks in full, the others counted."""
     verdict = answer.verdict
-    failed = (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))
+    failed = (*verdict.list_withholding_checks("mass"), *verdict.list_withholding_checks("inertia"))
     passed = sum(check.passed is True for check in verdict.checks)
     if verdict.can_weigh:
         share = f"{answer.accepted_share:.0%}"

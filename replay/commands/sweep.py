@@ -334,7 +334,10 @@ def _list_failed_check_names(sweep_row: SweepRow) -> list[str]:
     verdict = sweep_row.answer.verdict
     return [
         check.check
-        for check in (*verdict.withholding_checks("mass"), *verdict.withholding_checks("inertia"))
+        for check in (
+            *verdict.list_withholding_checks("mass"),
+            *verdict.list_withholding_checks("inertia"),
+        )
     ]
 
 

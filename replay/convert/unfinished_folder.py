@@ -114,7 +114,7 @@ class ConversionPlan(BaseModel):
     borders_ns: tuple[int, ...]
 
 
-class DoneSpan(BaseModel):
+class FinishedSpan(BaseModel):
     """Parts of a completed span, by topic."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -132,7 +132,7 @@ class UnfinishedFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def resume_or_restart_conversion(self, conversion_plan: ConversionPlan) -> list[DoneSpan]:
+    def resume_or_restart_conversion(self, conversion_plan: ConversionPlan) -> list[FinishedSpan]:
         """Resume a conversion with the same plan; other content is removed.
 
         Returns:
@@ -142,9 +142,9 @@ class UnfinishedFolder:
             self.remove_all_content()
             write_file_atomically(self.path / _PLAN, conversion_plan.model_dump_json(indent=1))
             return []
-        done: list[DoneSpan] = []
+        done: list[FinishedSpan] = []
         while span := load_json_model_or_none(
-            self.path / _make_span_file_name(len(done)), DoneSpan
+            self.path / _make_span_file_name(len(done)), FinishedSpan
         ):
             if not all((self.path / part.file).is_file() for part in span.parts.values()):
                 break
@@ -153,9 +153,9 @@ class UnfinishedFolder:
 
     def record_finished_span(
         self, span_number: int, parts_by_topic: dict[str, ConvertedPart]
-    ) -> DoneSpan:
+    ) -> FinishedSpan:
         """Record that a span is complete."""
-        span = DoneSpan(parts=parts_by_topic)
+        span = FinishedSpan(parts=parts_by_topic)
         write_file_atomically(
             self.path / _make_span_file_name(span_number), span.model_dump_json(indent=1)
         )

@@ -170,7 +170,7 @@ def run_demo(
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
     shift, page = folder / "shift.mcap", folder / "review"
     keys = folder / "key.pem", folder / "key.pub.pem"
-    scenario = Scenario().with_seed(seed)
+    scenario = Scenario().copy_with_seed(seed)
     hauling = scenario.model_copy(update={"shift": _SHIFT})
     hauled, truth = make_paths_of_simulated_logs(hauling, shift), make_shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):

@@ -14,7 +14,7 @@ import numpy as np
 from analysis.explain import Finding
 from analysis.model.answer import Answer, make_answer
 from analysis.model.run_record import Run
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from estimators.errors import DataError, MachineError
 from recordings.report.finding_text import read_findings_of_run
 from replay.explain.proposal_edits import Proposal, split_finding_to_proposal_per_key
@@ -61,9 +61,9 @@ class ProposalTrial:
         )
         if worse:
             return f"the log would fail {', '.join(worse)}"
-        if self.finding.severity == "tell" and _find_smallest_load_u_kg(
+        if self.finding.severity == "tell" and _find_smallest_u_of_loads_kg(
             now
-        ) > LIMITS.max_u_growth * _find_smallest_load_u_kg(was):
+        ) > LIMITS.max_u_growth * _find_smallest_u_of_loads_kg(was):
             return "the uncertainty would grow"
         return ""
 
@@ -147,7 +147,7 @@ def find_finding_of_same_cause_and_keys(finding: Finding, run: Run) -> Finding |
     return next((each for each in shown if each.setting == keys), None)
 
 
-def find_time_halving_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
+def find_time_halving_starts_ns(run: Run, start_ns: int, end_ns: int) -> int | None:
     """Log time half-way between the two middle starts, in ns.
 
     The middle of the log if it has no starts; None if it has too few of them.
@@ -160,7 +160,7 @@ def find_time_halving_starts_ns(run: Run, begin_ns: int, end_ns: int) -> int | N
         at = starts.height // 2
         edge = (int(starts["end_t_ns"][at - 1]) + int(starts["start_t_ns"][at])) // 2
         middle = (edge - int(t_ns[0])) / max(int(t_ns[-1] - t_ns[0]), 1)
-    return begin_ns + round(middle * (end_ns - begin_ns))
+    return start_ns + round(middle * (end_ns - start_ns))
 
 
 def list_failed_checks_with_consequence(answer: Answer) -> set[str]:
@@ -192,7 +192,7 @@ def does_accelerometer_read_gravity(run: Run) -> bool:
     if "specific_force_z_m_s2" not in frame.columns:
         return False
     stands = (frame["phase"] == "standstill").fill_null(value=False).to_numpy()
-    z = column_values(frame, "specific_force_z_m_s2")[stands]
+    z = get_column_values(frame, "specific_force_z_m_s2")[stands]
     pull = float(run.provenance.machine["machine"].get("gravity_m_s2", 9.80665))
     return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < LIMITS.gravity_tolerance_1
 
@@ -222,8 +222,8 @@ def did_mass_change_as_claimed(
     return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= LIMITS.coverage_factor * u_kg
 
 
-def _find_smallest_load_u_kg(answer: Answer) -> float:
-    """Standard uncertainty of the best-known load."""
+def _find_smallest_u_of_loads_kg(answer: Answer) -> float:
+    """Smallest standard uncertainty of the loads; infinite without a mass."""
     return min(
         (load["u_kg"] for load in answer.loads if load["u_kg"] is not None), default=math.inf
     )

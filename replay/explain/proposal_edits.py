@@ -9,7 +9,7 @@ from typing import Any
 from analysis.explain import Finding
 from estimators.errors import MachineError, join_to_one_line
 from recordings.report.finding_text import describe_mass_change_if_fixed, find_readable_cause_name
-from replay.machines.old_names import BothNamesError, migrate_toml_text
+from replay.machines.old_names import OldKeyError, migrate_toml_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ def insert_proposals_into_machine_file(
                 new.comment(_format_change_comment(place, name, change.comment))
             place[name] = new
         return tomlkit.dumps(document)
-    except BothNamesError as error:
+    except OldKeyError as error:
         raise MachineError(f"{machine_path}: {error}") from None
     except (TOMLKitError, tomllib.TOMLDecodeError) as error:
         raise MachineError(f"{machine_path}: is not TOML: {join_to_one_line(str(error))}") from None

@@ -23,7 +23,7 @@ class TaskLimits(BaseModel):
         3.0, ge=0, description="bytes of it for each byte of the log; at twice as much it is ended"
     )
 
-    def memory_bytes_for_log(self, size_bytes: int) -> int:
+    def compute_memory_bytes_for_log(self, size_bytes: int) -> int:
         """Memory that the task declares for a log of this size."""
         return int(self.memory_GiB * 2**30 + self.memory_per_byte * size_bytes)
 

@@ -167,8 +167,8 @@ def is_mass_check_evidence(evidence_folder: Path) -> bool:
     return isinstance(content, dict) and content.get("kind") == "check"
 
 
-class AboutFleet(BaseModel):
-    """Owner of the fleet."""
+class FleetSection(BaseModel):
+    """Name of the fleet on its page."""
 
     model_config = _STRICT
 
@@ -208,7 +208,7 @@ class FleetRules(BaseModel):
 
     model_config = _STRICT
 
-    fleet: AboutFleet = AboutFleet.model_validate({})
+    fleet: FleetSection = FleetSection.model_validate({})
     limits: TaskLimits = TaskLimits.model_validate({})
     machines: tuple[MachineRule, ...] = Field(min_length=1)
 

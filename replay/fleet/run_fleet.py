@@ -175,7 +175,7 @@ def _plan_replay_tasks(
             fleet_run.failed[log.source] = str(error)
             continue
         by_machine[setups[0].name] = setups
-        memory = plan.time_and_memory_limits.memory_bytes_for_log(log.size_bytes)
+        memory = plan.time_and_memory_limits.compute_memory_bytes_for_log(log.size_bytes)
         seconds = plan.time_and_memory_limits.seconds
         tasks.append(ReplayTask(log, setups, store_address, recordings, seconds, memory, versions))
     return tasks, by_machine

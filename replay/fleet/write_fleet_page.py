@@ -160,6 +160,6 @@ def estimate_fleet_friction_trends(
         machine: [] for machine in sorted(results["machine"].unique())
     }
     columns = ("machine", "t0_unix_ns", "friction_x_N_s_m", "friction_x_std_N_s_m")
-    for machine, begin_ns, friction, std in known.select(columns).iter_rows():
-        days[machine].append(FrictionDay(begin_ns / _DAY_NS, friction, std))
+    for machine, start_ns, friction, std in known.select(columns).iter_rows():
+        days[machine].append(FrictionDay(start_ns / _DAY_NS, friction, std))
     return {machine: fit_daily_friction_trend(each, limit_N_s_m) for machine, each in days.items()}

@@ -214,7 +214,7 @@ def record_and_compare_followed_log(
         PayscopeError: the log is invalid or gone, or there is too little data.
     """
     closed = [find_current_log_path(path) for path in paths]
-    settings = machine.settings.with_changes({"filter.causal": True})
+    settings = machine.settings.copy_with_changes({"filter.causal": True})
     causal = machine.model_copy(update={"settings": settings})
     refuse_input_as_output(output, (path for path in closed if path.exists()))
     try:

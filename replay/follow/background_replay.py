@@ -58,7 +58,7 @@ class BackgroundReplays:
         self,
         logs: Sequence[Path],
         machine: Machine,
-        tell: Callable[[str], None],
+        on_message: Callable[[str], None],
         *,
         share: float = LIMITS.replay_share_1,
     ) -> None:
@@ -67,12 +67,12 @@ class BackgroundReplays:
         Args:
             logs: paths of the log; a `.bag.active` is found under its final name as well.
             machine: the machine as it was read once, with the settings that `run` would use.
-            tell: called with a line when a process has ended.
+            on_message: called with a line when a process has ended.
             share: largest share of one core; 0 for no replays.
         """
         self.processor_s = 0.0
         self._logs, self._machine = logs, machine
-        self._tell, self._share = tell, share
+        self._on_message, self._share = on_message, share
         self._process: subprocess.Popen[bytes] | None = None
         self._output = bytearray()
         self._is_wanted = self._is_underway = self._is_last = False
@@ -226,14 +226,14 @@ class BackgroundReplays:
         self._is_wanted, self._signature = True, {}
         self._note_processor_time(time.monotonic() - self._began_s)
         if self._is_last:
-            self._tell(f"the process of the last replay {exit_text}")
+            self._on_message(f"the process of the last replay {exit_text}")
             return
         more = (
             "the next replay starts another"
             if self._ended < LIMITS.max_ended_processes
             else "no more start"
         )
-        self._tell(f"the process of the replay {exit_text}; following goes on, {more}")
+        self._on_message(f"the process of the replay {exit_text}; following goes on, {more}")
 
     def _note_processor_time(self, processor_s: float) -> None:
         self.processor_s += processor_s

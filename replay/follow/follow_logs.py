@@ -21,7 +21,7 @@ from estimators.interpreted import force_compilation
 from estimators.threads import limit_blas_to_one_thread
 from replay.follow.background_replay import find_current_log_path, is_text_table
 from replay.follow.follow_limits import LIMITS
-from replay.follow.interrupts import Interrupts
+from replay.follow.interrupts import InterruptCounter
 from replay.inputs.channel_inputs import list_channel_fields
 from replay.logs import GrowingLogFile, open_growing_log
 from replay.machines.machine_file import (
@@ -34,7 +34,7 @@ _INTERRUPTED: Final = "interrupted"
 
 
 @dataclass(slots=True)
-class Following:
+class FollowedLogState:
     """State of a followed log.
 
     Attributes:
@@ -42,22 +42,23 @@ class Following:
         follower: gate and estimators.
         topics: topics found so far.
         losses: data that could not be read.
-        look_s: duration of the last poll that found data.
-        ended: reason for the end; empty while following.
+        last_poll_s: duration of the last poll that found data.
+        end_reason: reason for the end; empty while following.
         is_interrupted: whether ctrl-C was the reason: the log may grow on.
         sizes: size of each file when it grew last.
-        lost: what has become of a log that is gone or shorter than what was followed; else empty.
+        loss_reason: what has become of a log that is gone or shorter than what was followed; else
+            empty.
     """
 
     paths: Sequence[Path]
     follower: Follower
     topics: list[str] = field(default_factory=list)
     losses: list[Loss] = field(default_factory=list)
-    look_s: float = 0.0
-    ended: str = ""
+    last_poll_s: float = 0.0
+    end_reason: str = ""
     is_interrupted: bool = False
     sizes: Mapping[Path, int] = field(default_factory=dict)
-    lost: str = ""
+    loss_reason: str = ""
 
     @property
     def topics_without_messages(self) -> list[str]:
@@ -77,14 +78,14 @@ class Following:
 def follow_logs(
     paths: Sequence[Path],
     machine: Machine,
-    on_rows: Callable[[Following, list[FollowedRow]], None],
+    on_rows: Callable[[FollowedLogState, list[FollowedRow]], None],
     *,
     noise: pl.DataFrame | None = None,
     idle_s: float = LIMITS.idle_s,
     valid_s: float = ONLINE_LIMITS.valid_s,
     until_u_kg: float | None = None,
-    interrupts: Interrupts | None = None,
-) -> Following:
+    interrupts: InterruptCounter | None = None,
+) -> FollowedLogState:
     """Follow a log until its recorder closes it, it stops growing for `idle_s`, or ctrl-C.
 
     Ctrl-C ends it between two polls, and once more within one: each row that was stepped is given
@@ -106,9 +107,9 @@ def follow_logs(
     """
     fields = list_channel_fields(copy_machine_with_causal_filters(machine))
     follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
-    following = Following(paths, follower)
+    following = FollowedLogState(paths, follower)
     with ExitStack() as opened:
-        noted = interrupts or opened.enter_context(Interrupts())
+        noted = interrupts or opened.enter_context(InterruptCounter())
         log = opened.enter_context(
             closing(open_growing_log(paths, fields, find_time_axis_of_machine(machine)))
         )
@@ -122,34 +123,34 @@ def follow_logs(
             opened.callback(gc.unfreeze)
         noted.is_raised = False
         try:
-            following.ended = poll_log_until_end(log, following, on_rows, idle_s, noted)
+            following.end_reason = poll_log_until_end(log, following, on_rows, idle_s, noted)
         except KeyboardInterrupt:  # by `on_rows`
-            following.ended = _INTERRUPTED
-        following.is_interrupted = following.ended == _INTERRUPTED
-        following.lost = describe_lost_log_file(paths, following.sizes)
-        if following.lost and not following.is_interrupted:
-            following.ended = following.lost
+            following.end_reason = _INTERRUPTED
+        following.is_interrupted = following.end_reason == _INTERRUPTED
+        following.loss_reason = describe_lost_log_file(paths, following.sizes)
+        if following.loss_reason and not following.is_interrupted:
+            following.end_reason = following.loss_reason
         try:
             if not (following.is_interrupted and must_following_end_quickly(following, noted)):
                 process_new_log_data(log, following, on_rows, noted, is_last=True)
         except DataError as error:
             raise LogError(
-                f"{paths[0]}: {following.ended}: {error}{following.missing_topics_remedy}"
+                f"{paths[0]}: {following.end_reason}: {error}{following.missing_topics_remedy}"
             ) from error
     return following
 
 
-def must_following_end_quickly(following: Following, interrupts: Interrupts) -> bool:
+def must_following_end_quickly(following: FollowedLogState, interrupts: InterruptCounter) -> bool:
     """Whether ctrl-C asks for the end of what is left to do when following has ended, or must."""
-    return interrupts.count > (following.is_interrupted or not following.ended)
+    return interrupts.count > (following.is_interrupted or not following.end_reason)
 
 
 def poll_log_until_end(
     growing_log: GrowingLogFile,
-    following: Following,
-    on_rows: Callable[[Following, list[FollowedRow]], None],
+    following: FollowedLogState,
+    on_rows: Callable[[FollowedLogState, list[FollowedRow]], None],
     idle_s: float,
-    interrupts: Interrupts,
+    interrupts: InterruptCounter,
 ) -> str:
     """Poll the log until it ends; returns the reason."""
     grew = time.monotonic()
@@ -195,9 +196,9 @@ def describe_lost_log_file(paths: Sequence[Path], sizes_before: Mapping[Path, in
 
 def process_new_log_data(
     growing_log: GrowingLogFile,
-    following: Following,
-    on_rows: Callable[[Following, list[FollowedRow]], None],
-    interrupts: Interrupts,
+    following: FollowedLogState,
+    on_rows: Callable[[FollowedLogState, list[FollowedRow]], None],
+    interrupts: InterruptCounter,
     *,
     is_last: bool = False,
 ) -> bool:
@@ -222,7 +223,7 @@ def process_new_log_data(
             rows.append(row)
             if must_following_end_quickly(following, interrupts):
                 break
-        following.look_s = time.monotonic() - began
+        following.last_poll_s = time.monotonic() - began
     on_rows(following, rows)
     return bool(frames)
 

@@ -23,8 +23,8 @@ from recordings.follow.growing_recording import (
     RecordingEnd,
     read_end_of_recording,
 )
-from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
-from replay.follow.follow_logs import Following
+from recordings.report.atomic_output import AppendOnlyFile, refuse_input_as_output
+from replay.follow.follow_logs import FollowedLogState
 from replay.follow.report_file import (
     ReportFile,
     format_replay_markdown,
@@ -61,7 +61,7 @@ class FollowedOutputs:
         paths: Sequence[Path],
         machine: Machine,
         noise: pl.DataFrame | None,
-        tell: Callable[[str], None],
+        on_message: Callable[[str], None],
         *,
         output: Path | None = None,
         reports: Path | None = None,
@@ -74,7 +74,7 @@ class FollowedOutputs:
             paths: paths of the logs.
             machine: the machine of the follower.
             noise: noise given to the follower, if any.
-            tell: called with a message when an output continues or is abandoned.
+            on_message: called with a message when an output continues or is abandoned.
             output: recording to write, or None.
             reports: MCAP file of reports, or None.
             server: address of a viewer's server, or None.
@@ -83,11 +83,11 @@ class FollowedOutputs:
         Raises:
             OutputError: an output exists and is of something else.
         """
-        self._output, self._server, self._tell = output, server, tell
+        self._output, self._server, self._on_message = output, server, on_message
         self._identity = make_input_identity(paths, machine, noise)
         self._name = f"{machine.machine.name}: {', '.join(path.name for path in paths)}"
         self._recording: GrowingRecording | None = None
-        self._file: AppendedFile | None = None
+        self._file: AppendOnlyFile | None = None
         self._begins = output is not None or server is not None
         self._from = None
         if output is not None:
@@ -102,13 +102,13 @@ class FollowedOutputs:
         self._recorded_ns = self._from.until_unix_ns if self._from else 0
         self._until_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
         if self._until_ns:
-            tell(
+            on_message(
                 f"continues after {format_utc_time_of_day(self._until_ns)} UTC without repeating "
                 "what is on disc"
             )
 
     def write_rows_and_return_new_reports(
-        self, following: Following, online_rows: Sequence[FollowedRow]
+        self, following: FollowedLogState, online_rows: Sequence[FollowedRow]
     ) -> list[OnlineReport]:
         """Write rows, and return the reports that were not emitted before."""
         told: list[OnlineReport] = []
@@ -118,7 +118,7 @@ class FollowedOutputs:
             if row.reports:
                 text = format_reports_markdown(row.reports[-1])
                 if self._replay is not None:
-                    replay = self._replay.with_age_at(row.reports[-1].unix_ns)
+                    replay = self._replay.copy_with_age_at(row.reports[-1].unix_ns)
                     text += f"\n{format_replay_markdown(replay)}\n"
                 self._record_rows(following, waiting, text)
                 self._write_report_or_stop(
@@ -148,7 +148,7 @@ class FollowedOutputs:
             try:
                 self._topic.close_with_index()
             except OSError as error:
-                self._tell(f"{self._topic.path}: {_describe_output_write_error(error)}")
+                self._on_message(f"{self._topic.path}: {_describe_output_write_error(error)}")
 
     def _write_report_or_stop(self, write_report: Callable[[ReportFile], None]) -> None:
         if self._topic is None:
@@ -156,12 +156,15 @@ class FollowedOutputs:
         try:
             write_report(self._topic)
         except OSError as error:
-            self._tell(f"{self._topic.path}: {_describe_output_write_error(error)}")
+            self._on_message(f"{self._topic.path}: {_describe_output_write_error(error)}")
             self._topic.close_without_index()
             self._topic = None
 
     def _record_rows(
-        self, following: Following, online_rows: Sequence[FollowedRow], answer_markdown: str | None
+        self,
+        following: FollowedLogState,
+        online_rows: Sequence[FollowedRow],
+        answer_markdown: str | None,
     ) -> None:
         """Record rows; with a text, the file is flushed before anyone is notified."""
         if not online_rows or not self._begins:
@@ -177,12 +180,12 @@ class FollowedOutputs:
                 recording.write_added_rows(answer_markdown)
             self._replace_recording_that_ends_earlier(online_rows[-1].t_ns + t0_ns)
         except OSError as error:
-            self._tell(f"{self._output}: {_describe_output_write_error(error)}")
+            self._on_message(f"{self._output}: {_describe_output_write_error(error)}")
             if self._recording is not None:
                 self._recording.stop_writing_file()
             self._begins = self._server is not None and self._recording is not None
 
-    def _create_recording_once_rows_exist(self, following: Following) -> GrowingRecording:
+    def _create_recording_once_rows_exist(self, following: FollowedLogState) -> GrowingRecording:
         basis = following.follower.log.basis
         assert basis is not None, "there are rows"
         end = self._from.end if self._from else None
@@ -199,7 +202,7 @@ class FollowedOutputs:
             path = self._output
             if self._from is not None and end is None:
                 path = path.with_name(f".payscope-{path.name}")
-            self._file = AppendedFile(path, end.size if end else 0)
+            self._file = AppendOnlyFile(path, end.size if end else 0)
         self._recording = GrowingRecording(
             about, basis.machine.settings, self._name, file=self._file, server=self._server
         )
@@ -212,7 +215,7 @@ class FollowedOutputs:
         if written_until_unix_ns > self._recorded_ns:
             self._file.move_to_path(self._output)
 
-    def _compute_first_row_unix_ns(self, following: Following) -> int:
+    def _compute_first_row_unix_ns(self, following: FollowedLogState) -> int:
         basis = following.follower.log.basis
         assert basis is not None, "there are rows"
         return basis.t0_unix_ns

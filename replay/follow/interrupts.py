@@ -8,7 +8,7 @@ from typing import Self
 from replay.follow.follow_limits import LIMITS
 
 
-class Interrupts:
+class InterruptCounter:
     """Counts ctrl-C within a `with` statement of the main thread; elsewhere there are none.
 
     Attributes:

@@ -18,7 +18,7 @@ from analysis.online.online_report import OnlineReport, make_report_schema
 from analysis.online.replay_report import LoadReport, ReplayReport, make_replay_report_schema
 from estimators.errors import format_count
 from recordings.report.atomic_output import (
-    AppendedFile,
+    AppendOnlyFile,
     refuse_input_as_output,
     require_writable_output,
 )
@@ -64,7 +64,7 @@ class ReportFile:
         require_writable_output(path, force=force or is_empty or size > 0)
         self.path = path
         self.until_unix_ns, self.replayed = 0, (0, False)
-        self._stream = _Stream(AppendedFile(path, size))
+        self._stream = _Stream(AppendOnlyFile(path, size))
         # a chunk would be as late as it is long
         self._writer = Writer(self._stream, compression=CompressionType.NONE, use_chunking=False)
         self._writer.start("", "payscope")
@@ -142,7 +142,7 @@ class ReportFile:
 class _Stream(BytesIO):
     """File object for the MCAP writer that skips existing bytes."""
 
-    def __init__(self, file: AppendedFile) -> None:
+    def __init__(self, file: AppendOnlyFile) -> None:
         super().__init__()
         self._file, self._at = file, 0
         self._new = bytearray()

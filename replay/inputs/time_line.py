@@ -94,7 +94,7 @@ class _SampleLattice(NamedTuple):
         return round(periods * self.period_ns) - between_ns
 
 
-def compute_log_begins_ns(
+def compute_log_starts_ns(
     logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]], t0_unix_ns: int
 ) -> dict[Log, int]:
     """Begin of each log in ns since the first aligned sample, ascending.

@@ -19,6 +19,16 @@ _KINDS: Final = {
     "boolean": "bool",
     "string": "string",
 }
+#: Names of JSON's values, by the type as which Python reads them.
+_JSON_NAMES: Final = {
+    "dict": "an object",
+    "list": "a list",
+    "str": "a text",
+    "NoneType": "null",
+    "bool": "true or false",
+    "int": "a number",
+    "float": "a number",
+}
 #: how times and durations are written
 _STAMPS: Final = ({"sec", "nsec"}, {"sec", "nanosec"})
 
@@ -134,7 +144,7 @@ def _get_message_member(message: Any, name: str) -> Any:
 
 def _refuse_value_that_is_no_list(values: Any) -> Sequence[Any]:
     if not isinstance(values, list):
-        raise BrokenBytesError(f"{type(values).__name__} in place of a list")
+        raise BrokenBytesError(f"a list is expected, not {_JSON_NAMES[type(values).__name__]}")
     return values
 
 
@@ -150,7 +160,7 @@ def _convert_value_to_type(value: Any, field_type: str) -> Any:
 
 def _convert_stamp_dict_to_ns(stamp: Any) -> int:
     if not isinstance(stamp, dict) or "sec" not in stamp:
-        raise BrokenBytesError(f"{type(stamp).__name__} in place of a time")
+        raise BrokenBytesError("a time is expected: an object with sec and nsec")
     nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
     return require_number_fits_int64(
         _convert_value_to_type(stamp["sec"], "int64") * 10**9

@@ -277,7 +277,7 @@ class MessageLog(Log):
         for topic, stream in streams.items():
             stream.drain_all_rows()
             self._note_undecoded_messages(topic, stream.tally)
-        crcs = self._container.read_whole_file_and_count_valid_crcs()
+        crcs = self._container.check_whole_file_and_count_valid_crcs()
         found = {key: np.concatenate(parts) for key, parts in times.items()}
         if not self._container.losses:  # which would be why they differ
             self._note_times_that_differ_from_index(found)

@@ -56,8 +56,8 @@ class OldNameWarning(UserWarning):
     """Warning that a file uses former names of keys, which were read."""
 
 
-class BothNamesError(ValueError):
-    """Error that a file has a key under both its former and its present name."""
+class OldKeyError(ValueError):
+    """A former key cannot be renamed to its present name."""
 
 
 def rename_old_keys_in_content(file_content: dict[str, Any]) -> dict[str, str]:
@@ -70,7 +70,7 @@ def rename_old_keys_in_content(file_content: dict[str, Any]) -> dict[str, str]:
         Present name by former name.
 
     Raises:
-        BothNamesError: the new name exists as well, or a value is in its place.
+        OldKeyError: the new name exists as well, or a value is in its place.
     """
     taken: list[tuple[str, str, Any]] = []
     for old, new in OLD_NAMES.items():
@@ -85,9 +85,12 @@ def rename_old_keys_in_content(file_content: dict[str, Any]) -> dict[str, str]:
         for section in sections:
             place = place.setdefault(section, {})
             if not isinstance(place, dict):
-                raise BothNamesError(f"'{old}' is now '{new}', but '{section}' is a value")
+                raise OldKeyError(
+                    f"'{old}' is now '{new}', but '{section}' is a value there and not a table; "
+                    "rename or remove it"
+                )
         if name in place:
-            raise BothNamesError(
+            raise OldKeyError(
                 f"'{old}' is the old name of '{new}', and both are given; remove the old one"
             )
         place[name] = value
@@ -118,7 +121,7 @@ def migrate_toml_text(toml_text: str) -> MigratedText:
         Text, and present name by former name.
 
     Raises:
-        BothNamesError: as `rename_old_keys_in_content`, or a key is written in a way that only a
+        OldKeyError: as `rename_old_keys_in_content`, or a key is written in a way that only a
             person can rename, such as an inline table.
         ValueError: it is not TOML.
     """
@@ -133,7 +136,7 @@ def migrate_toml_text(toml_text: str) -> MigratedText:
     except tomllib.TOMLDecodeError:
         is_equal = False
     if not is_equal:
-        raise BothNamesError(
+        raise OldKeyError(
             f"{describe_renamed_keys_in_line(renamed)}: cannot be rewritten; rename it by hand"
         )
     return MigratedText(migrated, renamed)
@@ -156,7 +159,7 @@ def migrate_toml_file(path: Path) -> dict[str, str]:
         raise MachineError(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
         raise MachineError(f"{path}: is not TOML: not UTF-8") from None
-    except BothNamesError as fault:
+    except OldKeyError as fault:
         raise MachineError(f"{path}: {fault}") from None
     except ValueError as fault:
         raise MachineError(f"{path}: is not TOML: {fault}") from None

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ValidationError
 from estimators.errors import PayscopeError, format_count, suggest_choice
 from replay.machines.old_names import (
     OLD_NAMES,
-    BothNamesError,
+    OldKeyError,
     OldNameWarning,
     describe_renamed_keys_in_line,
     rename_old_keys_in_content,
@@ -64,7 +64,7 @@ def read_toml_file(path: Path, error_type: type[PayscopeError]) -> dict[str, Any
         raise error_type(f"{path}: is not TOML: {fault}{remedy}") from None
     try:
         renamed = rename_old_keys_in_content(content)
-    except BothNamesError as fault:
+    except OldKeyError as fault:
         raise error_type(f"{path}: {fault}") from None
     if renamed:
         remedy = f"`payscope migrate {path}` rewrites the file"

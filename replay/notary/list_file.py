@@ -52,7 +52,7 @@ UNSEEN = (
 
 
 @dataclass(frozen=True, slots=True)
-class ListEnd:
+class NotaryListEnd:
     """End of a list, as kept in the second place."""
 
     head: str
@@ -61,7 +61,7 @@ class ListEnd:
 
 
 @dataclass(slots=True)
-class OpenList:
+class OpenNotaryList:
     """List that only this process may write.
 
     Attributes:
@@ -124,7 +124,7 @@ class OpenList:
 
 
 @contextmanager
-def open_list_exclusively(path: Path) -> Generator[OpenList]:
+def open_list_exclusively(path: Path) -> Generator[OpenNotaryList]:
     """Open a list for this process alone, and compare it with its end at the last time.
 
     The system releases the lock when the process ends, however it ends.
@@ -162,7 +162,7 @@ def open_list_exclusively(path: Path) -> Generator[OpenList]:
         if tail:
             os.ftruncate(number, size - len(tail))
             os.fsync(number)
-        yield OpenList(path, lines, len(tail), second, number, size - len(tail))
+        yield OpenNotaryList(path, lines, len(tail), second, number, size - len(tail))
     finally:
         os.close(number)
 
@@ -175,7 +175,9 @@ def _read_bytes_from_descriptor(descriptor: int, byte_count: int) -> bytes:
     return b"".join(parts)
 
 
-def refuse_altered_list(path: Path, lines: list[NotaryLine], kept_end: ListEnd | None) -> None:
+def refuse_altered_list(
+    path: Path, lines: list[NotaryLine], kept_end: NotaryListEnd | None
+) -> None:
     """Check that a list contains its former lines and that its chain is intact.
 
     Raises:
@@ -225,7 +227,7 @@ def find_path_of_second_copy(path: Path) -> Path | None:
     return folder / f"{name}.json" if os.access(folder, os.W_OK) else None
 
 
-def read_kept_list_end(second_copy: Path | None) -> ListEnd | None:
+def read_kept_list_end(second_copy: Path | None) -> NotaryListEnd | None:
     """Read the kept end of a list; None if there is none.
 
     Raises:
@@ -235,7 +237,7 @@ def read_kept_list_end(second_copy: Path | None) -> ListEnd | None:
         return None
     try:
         held = json.loads(second_copy.read_bytes())
-        return ListEnd(str(held["head"]), int(held["counter"]), str(held["digest"]))
+        return NotaryListEnd(str(held["head"]), int(held["counter"]), str(held["digest"]))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise EvidenceError(
             f"{second_copy}: does not contain the end of the list ({type(error).__name__}); remove "
@@ -244,7 +246,7 @@ def read_kept_list_end(second_copy: Path | None) -> ListEnd | None:
 
 
 @dataclass(frozen=True, slots=True)
-class VerifiedList:
+class VerifiedNotaryList:
     """Result of verifying a list.
 
     Attributes:
@@ -288,7 +290,7 @@ class VerifiedList:
 
 def verify_notary_list(
     path: Path, *, key_file: Path | None = None, is_signature_required: bool = False
-) -> VerifiedList:
+) -> VerifiedNotaryList:
     """Check a list on its own, without the logs.
 
     Args:
@@ -342,4 +344,4 @@ def verify_notary_list(
     elif is_signature_required and not by.is_trusted and not findings:
         what = f"is {by}, but a signature by a known key is required"
         findings.append(BundleFinding(BundleOutcome.INCOMPLETE, path.name, what))
-    return VerifiedList(path, tuple(findings), tuple(kept.notes), len(kept.lines), by)
+    return VerifiedNotaryList(path, tuple(findings), tuple(kept.notes), len(kept.lines), by)

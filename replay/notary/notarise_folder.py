@@ -23,7 +23,7 @@ from recordings.notary.notary_list import (
 )
 from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing_key_or_none
 from replay.logs import open_log
-from replay.notary.list_file import OpenList, open_list_exclusively
+from replay.notary.list_file import OpenNotaryList, open_list_exclusively
 
 #: The list, where no other place is named.
 LIST_NAME: Final = "notary.jsonl"
@@ -70,7 +70,7 @@ class NotarisedFolder:
 
 
 @dataclass(frozen=True, slots=True)
-class FoundLog:
+class CandidateLog:
     """Log in the folder.
 
     Attributes:
@@ -149,7 +149,7 @@ def notarise_folder(
 
 
 def begin_list_or_refuse_other_signer(
-    open_list: OpenList, signing_key: SigningKey, machine_id: str
+    open_list: OpenNotaryList, signing_key: SigningKey, machine_id: str
 ) -> list[str]:
     """Begin a new list, or check that an existing one has this key and machine; return notes."""
     if not open_list.lines:
@@ -179,7 +179,7 @@ def begin_list_or_refuse_other_signer(
     return []
 
 
-def iter_logs_below_folder(folder: Path, list_path: Path) -> Iterator[FoundLog]:
+def iter_logs_below_folder(folder: Path, list_path: Path) -> Iterator[CandidateLog]:
     """Yield the logs of a folder and its subfolders; links are not followed.
 
     Args:
@@ -200,12 +200,12 @@ def iter_logs_below_folder(folder: Path, list_path: Path) -> Iterator[FoundLog]:
         }
         if _METADATA in files and inside != folder:
             folders.clear()
-            yield FoundLog(inside.relative_to(folder).as_posix(), inside, files)
+            yield CandidateLog(inside.relative_to(folder).as_posix(), inside, files)
             continue
         for name, about in files.items():
             log = inside / name
             if log.suffix.lower() in _SUFFIXES and log.resolve() != own:
-                yield FoundLog(log.relative_to(folder).as_posix(), log, {name: about})
+                yield CandidateLog(log.relative_to(folder).as_posix(), log, {name: about})
 
 
 class SizeAndTime(NamedTuple):
@@ -226,12 +226,12 @@ def read_size_and_modification_time(path: Path) -> SizeAndTime | None:
     )
 
 
-def _is_log_unchanged_since_entry(entry: NotaryEntry, log: FoundLog) -> bool:
+def _is_log_unchanged_since_entry(entry: NotaryEntry, log: CandidateLog) -> bool:
     return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
 def make_list_entry_of_log(
-    open_list: OpenList, log: FoundLog, previous_entry: NotaryEntry | None
+    open_list: OpenNotaryList, log: CandidateLog, previous_entry: NotaryEntry | None
 ) -> NotaryEntry | None:
     """Line of the list for a log; None if the log changes meanwhile."""
     inside = log.path if log.path.is_dir() else log.path.parent
@@ -239,7 +239,7 @@ def make_list_entry_of_log(
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = read_begin_end_and_machine_of_log(log.path)
+    begins, ends, machine = read_time_span_and_machine_of_log(log.path)
     if any(
         read_size_and_modification_time(inside / name) != about for name, about in log.files.items()
     ):
@@ -270,7 +270,7 @@ class _LogSummary(NamedTuple):
     machine_id: str
 
 
-def read_begin_end_and_machine_of_log(log_path: Path) -> _LogSummary:
+def read_time_span_and_machine_of_log(log_path: Path) -> _LogSummary:
     """Begin, end and machine of a log; "" for what is unknown.
 
     A damaged log is listed as well.
@@ -299,7 +299,7 @@ def _format_current_time_as_list_time() -> str:
     return _format_unix_ns_as_list_time(time.time_ns())
 
 
-def _iter_notes_on_wrong_clock(open_list: OpenList, entry: NotaryEntry) -> Iterator[str]:
+def _iter_notes_on_wrong_clock(open_list: OpenNotaryList, entry: NotaryEntry) -> Iterator[str]:
     """Notes on a wrong clock; the log is listed anyway, and `verify` reports it."""
     last = open_list.lines[-1].content
     if isinstance(last, NotaryEntry) and entry.listed < last.listed:

@@ -37,7 +37,7 @@ class Reproduction:
         self._items = tuple(items)
         self._digests = RepetitionResults()
         study = StudySettings(
-            scenario=Scenario().with_seed(seed),
+            scenario=Scenario().copy_with_seed(seed),
             machine=copy_machine_with_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
             campaigns=campaigns,

@@ -118,7 +118,7 @@ def open_named_tables(
     for fleet in fleets:
         for name, table in make_tables_of_fleet(open_results_of_fleet(fleet)).items():
             found.add_table_or_query_error_if_name_taken(
-                name, partial(add_begin_time_column_in_unix_s, table), fleet
+                name, partial(add_start_time_column_in_unix_s, table), fleet
             )
     found.add_single_word_aliases()
     return found
@@ -213,7 +213,7 @@ def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _To
         )
 
 
-def add_begin_time_column_in_unix_s(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
+def add_start_time_column_in_unix_s(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
     """Add the second for `fleet open --at` to a fleet's table, if its rows have one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():

@@ -77,8 +77,8 @@ class RecordingFrame:
         with open_recording(self.recording) as held:
             rows = held.read_frame(self.stored.name, read)
         if time is not None and AT_S in needed_columns and AT_S not in own:
-            begin_ns = self.t0_unix_ns if time == "log_time_ns" else 0
-            rows = rows.with_columns(((pl.col(time) - begin_ns) / 1e9).alias(AT_S))
+            start_ns = self.t0_unix_ns if time == "log_time_ns" else 0
+            rows = rows.with_columns(((pl.col(time) - start_ns) / 1e9).alias(AT_S))
         if self.with_source:
             rows = rows.with_columns(pl.lit(str(self.recording)).alias(SOURCE))
         return rows

@@ -148,7 +148,7 @@ class Recognition:
         """Fill a channel unless an earlier column has filled it."""
         if channel in self.recognised_channels:
             return
-        stated = return_unit_unless_si(unit or column.unit, channel)
+        stated = drop_unit_if_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
     def propose_channel_without_unit(self, column: LogColumn, channel: str) -> None:
@@ -183,7 +183,7 @@ class Recognition:
         )
 
 
-def return_unit_unless_si(unit: str | None, channel: str) -> str | None:
+def drop_unit_if_si(unit: str | None, channel: str) -> str | None:
     """Unit that a channel must state; None if it is SI."""
     if unit is None:
         return None

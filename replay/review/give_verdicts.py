@@ -58,7 +58,7 @@ BY_LOGS: Final = "the logs"
 
 
 @dataclass(frozen=True)
-class GivenVerdicts:
+class RequestedVerdicts:
     """Verdicts of a reviewer from the command line.
 
     Attributes:
@@ -186,7 +186,7 @@ class GivenVerdicts:
             said = {
                 name: text
                 for name, text in self._given_labels.items()
-                if in_parts or getattr(earlier_verdicts.shift_labels, name) != text
+                if in_parts or getattr(earlier_verdicts.labels_of_whole_shift, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
         standing = assign_verdicts_to_rows(earlier_verdicts, ledger_rows["id"], review_folder)
@@ -212,7 +212,7 @@ def is_review_folder(folder: Path) -> bool:
     return read_review_state(folder) is not None and (folder / PARQUET).is_file()
 
 
-def recount_review_with_verdicts(folder: Path, verdicts: GivenVerdicts) -> ShiftReview:
+def recount_review_with_verdicts(folder: Path, verdicts: RequestedVerdicts) -> ShiftReview:
     """Add verdicts to a review's file, and rewrite its ledger and page.
 
     Raises:

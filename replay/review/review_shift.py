@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
+from recordings.review.truncated_logs import TruncatedLog
 
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
@@ -35,7 +36,6 @@ from recordings.review.review_state import (
     read_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
-from recordings.review.torn_logs import TornLog
 from replay.calibration.apply_evidence import (
     CalibrationRequest,
     MachineCalibration,
@@ -49,7 +49,7 @@ from replay.inputs.channel_inputs import (
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs_in_parallel
-from replay.inputs.time_line import compute_log_begins_ns
+from replay.inputs.time_line import compute_log_starts_ns
 from replay.logs import Log, expand_log_folders, open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
@@ -164,7 +164,9 @@ def review_shift(
                     stage / RECORDING,
                 )
                 digest = file_sha256(stage / RECORDING)
-                torn = find_torn_logs(opened, list_channel_fields(machine), made.run.provenance)
+                torn = find_truncated_logs(
+                    opened, list_channel_fields(machine), made.run.provenance
+                )
                 energy = _compute_shift_energy_of_run(made.run, machine)
                 state = collect_review_state(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
@@ -220,11 +222,11 @@ def _replay_opened_shift(
 
 def make_mixed_machines_warning(run: Run, opened_logs: list[Log], machine: Machine) -> str:
     """Warning that the logs may be of two machines; empty if nothing indicates it."""
-    begins = compute_log_begins_ns(
+    begins = compute_log_starts_ns(
         opened_logs, list_channel_fields(machine), run.provenance.t0_unix_ns
     )
     found = find_machine_change_by_empty_mass(run.frames["manoeuvres"], list(begins.values()))
-    return "" if found is None else found.warning_text(list(begins)[found.log].path.name)
+    return "" if found is None else found.make_warning_text(list(begins)[found.log].path.name)
 
 
 def _compute_shift_energy_of_run(run: Run, machine: Machine) -> ShiftEnergy:
@@ -326,9 +328,9 @@ def _list_changes_since_earlier_review(
     return [*logs, *list_changed_settings(earlier_state, state.resolved)]
 
 
-def find_torn_logs(
+def find_truncated_logs(
     logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]], provenance: Provenance
-) -> tuple[TornLog, ...]:
+) -> tuple[TruncatedLog, ...]:
     """Logs that end abruptly, in order of time.
 
     Args:
@@ -336,9 +338,9 @@ def find_torn_logs(
         wanted_fields: fields used by channels, by topic.
         provenance: provenance of the replay, with its losses and the origin of its times.
     """
-    begins = compute_log_begins_ns(logs, wanted_fields, provenance.t0_unix_ns)
+    begins = compute_log_starts_ns(logs, wanted_fields, provenance.t0_unix_ns)
     ordered = list(begins)
-    found: list[TornLog] = []
+    found: list[TruncatedLog] = []
     for number, log in enumerate(ordered, 1):
         losses = [
             str(loss)
@@ -351,7 +353,7 @@ def find_torn_logs(
         if losses and isinstance(first, int) and isinstance(last, int):
             following = ordered[number : number + 1]
             found.append(
-                TornLog(
+                TruncatedLog(
                     name=log.path.name,
                     number=number,
                     logs=len(ordered),

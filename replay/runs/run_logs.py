@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordTo:
+class RecordingOutput:
     """Output of a replay's recording.
 
     Attributes:
@@ -48,13 +48,13 @@ class RecordTo:
 #: Stages of a recorded replay, in the order in which `on_stage` is called.
 STEPS: Final = ("open", *STAGES, "record")
 
-_NOWHERE: Final = RecordTo()
+_NOWHERE: Final = RecordingOutput()
 
 
 def replay_and_record_logs(
     logs: Sequence[Path],
     machine_file: Path,
-    output: RecordTo = _NOWHERE,
+    output: RecordingOutput = _NOWHERE,
     overrides: Sequence[str] = (),
     *,
     strict: bool = False,
@@ -115,7 +115,7 @@ def replay_and_record_logs(
     return make_answer(result, str(output.path) if output.path else None)
 
 
-def open_requested_live_viewer(output: RecordTo) -> "LiveView | None":
+def open_requested_live_viewer(output: RecordingOutput) -> "LiveView | None":
     """The open viewer, or a new one if it is requested; None without one."""
     if output.viewer is not None or not output.live:
         return output.viewer
@@ -127,9 +127,9 @@ def open_requested_live_viewer(output: RecordTo) -> "LiveView | None":
 
 def watch_machine_file(
     machine_file: Path,
-    output: RecordTo,
+    output: RecordingOutput,
     overrides: list[str],
-    replay: Callable[[RecordTo], Answer],
+    replay: Callable[[RecordingOutput], Answer],
     on_answer: Callable[[Answer, list[ValueChange]], None],
     on_error: Callable[[PayscopeError], None],
 ) -> None:

@@ -13,7 +13,7 @@ from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.interpreted import force_compilation
-from replay.follow.follow_logs import Following, follow_logs
+from replay.follow.follow_logs import FollowedLogState, follow_logs
 from replay.machines.machine_file import load_machine
 from replay.machines.toml_file import format_toml
 from replay.review.review_shift import ReviewOptions, review_shift
@@ -97,5 +97,5 @@ def compile_all_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
         review_shift(shift, _MACHINE, folder / "page", ReviewOptions())
 
 
-def _discard_followed_rows(following: Following, rows: list[FollowedRow]) -> None:
+def _discard_followed_rows(following: FollowedLogState, rows: list[FollowedRow]) -> None:
     del following, rows

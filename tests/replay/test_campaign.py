@@ -142,7 +142,9 @@ def test_other_seeds_give_other_noise_and_the_same_seed_the_same_logs(tmp_path: 
         update={"campaign": short.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})}
     )
     written = [
-        simulate_scenario_to_logs(short.with_seed(seed), tmp_path / f"{name}.csv")[0].read_bytes()
+        simulate_scenario_to_logs(short.copy_with_seed(seed), tmp_path / f"{name}.csv")[
+            0
+        ].read_bytes()
         for name, seed in (("a", 1), ("b", 1), ("c", 2))
     ]
     assert written[0] == written[1] != written[2]

@@ -20,7 +20,7 @@ from analysis.calibration.use.calibration_drift import (
 from analysis.calibration.use.error_limits import (
     DecisionRule,
     ErrorLimits,
-    error_limit_of_load_kg,
+    compute_error_limit_of_load_kg,
     judge_loads_by_error_limits,
 )
 from analysis.model.machine_body import Body
@@ -118,7 +118,7 @@ def make_decision_rule(
         return None
     rule = DecisionRule(**asked.model_dump())
     for reference_kg in known_masses["reference_kg"]:
-        error_limit_of_load_kg(rule, reference_kg - rule.tare_kg)
+        compute_error_limit_of_load_kg(rule, reference_kg - rule.tare_kg)
     return rule
 
 

@@ -67,7 +67,7 @@ class CampaignRun(BaseModel):
         return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
 
     @model_validator(mode="after")
-    def _refuse_end_before_begin(self) -> Self:
+    def _refuse_end_before_start(self) -> Self:
         if self.to_s is not None and self.to_s <= (self.from_s or 0.0):
             raise ValueError(f"run '{self.id}': to_s is not after from_s")
         if len(set(self.loads)) < len(self.loads):

@@ -26,13 +26,13 @@ def compute_rms_mass_errors_by_method(calibration: pl.DataFrame) -> pl.DataFrame
     estimated = pl.col("estimate_kg").is_not_null()
     reference = pl.col("reference_kg").filter(estimated)
 
-    def rms_of_column(column: str) -> pl.Expr:
+    def compute_rms_of_column(column: str) -> pl.Expr:
         return (pl.col(column) ** 2).mean().sqrt()
 
     return calibration.group_by("method", maintain_order=True).agg(
         loads=estimated.sum().cast(pl.Int64),
-        rmse_kg=rms_of_column("error_kg"),
-        rmse_left_out_kg=rms_of_column("error_left_out_kg"),
+        rmse_kg=compute_rms_of_column("error_kg"),
+        rmse_left_out_kg=compute_rms_of_column("error_left_out_kg"),
         rmse_constant_kg=reference.std(ddof=0),
         load_range_kg=reference.max() - reference.min(),
     )
@@ -85,5 +85,5 @@ def compute_mass_errors_with_and_without_own_load(
     within = (mass - line.level_kg) / line.slope_1 + line.centre_kg - reference
     for number, other in fit_lines_without_each_load(points, line).items():
         left = load == number
-        without[left] = other.abscissae_of_ordinates(mass[left]) - reference[left]
+        without[left] = other.compute_x_at(mass[left]) - reference[left]
     return within, without

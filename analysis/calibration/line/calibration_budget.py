@@ -197,7 +197,7 @@ def rank_loads_for_next_run(
     used = [point for point in calibration.points if point.mean_kg is not None]
     ends = [reference.reference_kg for reference in calibration.references]
     now = make_line_inversion_for_points(calibration, used)
-    now_kg = widest_half_interval_of_masses_kg(calibration, now, ends)
+    now_kg = compute_widest_half_interval_kg(calibration, now, ends)
     found: list[NextLoad] = []
     for reference in calibration.references:
         more = replace(
@@ -218,7 +218,7 @@ def rank_loads_for_next_run(
                     / compute_determinant_of_line_covariance(now),
                     9,
                 ),
-                half_width_kg=widest_half_interval_of_masses_kg(calibration, then, ends),
+                half_width_kg=compute_widest_half_interval_kg(calibration, then, ends),
                 half_width_now_kg=now_kg,
             )
         )
@@ -236,7 +236,7 @@ def compute_determinant_of_line_covariance(inversion: LineInversion) -> float:
     return float(np.linalg.det(covariance))
 
 
-def widest_half_interval_of_masses_kg(
+def compute_widest_half_interval_kg(
     calibration: Calibration, inversion: LineInversion, masses_kg: list[float]
 ) -> float:
     """Largest half interval of a later mass at these masses."""

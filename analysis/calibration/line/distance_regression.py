@@ -35,7 +35,7 @@ class StraightLine:
     x: Floats
     residual: Floats
 
-    def abscissae_of_ordinates(self, y: Floats) -> Floats:
+    def compute_x_at(self, y: Floats) -> Floats:
         """(values,) abscissae at which the line has these ordinates."""
         return (y - self.intercept) / self.slope
 

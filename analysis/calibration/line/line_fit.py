@@ -33,10 +33,10 @@ from analysis.calibration.line.line_model import (
 )
 from analysis.calibration.line.outliers import find_outlying_readings_and_runs
 from analysis.calibration.line.point_errors import (
+    compute_rms_without_none,
     compute_scatter_to_stated_std_ratio,
     estimate_slope_attenuation,
     make_point_rows,
-    root_mean_square_without_none,
 )
 from analysis.calibration.line.shared_errors import (
     RunResponse,
@@ -134,7 +134,7 @@ def fit_calibration_line(
     points = campaign.points
     line, test = fit_line_and_test_lack_of_fit(points, options.day_known_kg)
     day_unknown = options.day_known_kg is None and points.day_count == 1
-    common_kg = largest_common_u_kg(campaign.readings)
+    common_kg = find_largest_common_u_kg(campaign.readings)
     counted_kg = common_kg if day_unknown else 0.0
     inversion = LineInversion.from_line(
         line, sum_variance_not_in_scatter_of_points_kg2(options.stated, counted_kg)
@@ -184,8 +184,8 @@ def fit_calibration_line(
         references_covariance_kg2=tuple(tuple(map(float, row)) for row in points.covariance_kg2),
         points=rows,
         outliers=find_outlying_readings_and_runs(campaign, line),
-        rms_error_kg=root_mean_square_without_none([row.error_kg for row in rows]) or 0.0,
-        rms_error_left_out_kg=root_mean_square_without_none(left_out),
+        rms_error_kg=compute_rms_without_none([row.error_kg for row in rows]) or 0.0,
+        rms_error_left_out_kg=compute_rms_without_none(left_out),
         attenuation_1=estimate_slope_attenuation(campaign),
         stated_ratio_1=compute_scatter_to_stated_std_ratio(campaign),
         range_kg=(low - margin, high + margin),
@@ -266,7 +266,7 @@ def _list_level_variance_covariance_slope_variance(
     return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
 
 
-def largest_common_u_kg(readings: pl.DataFrame) -> float:
+def find_largest_common_u_kg(readings: pl.DataFrame) -> float:
     """Largest common uncertainty of a run; 0 if none is stated."""
     if "common_u_kg" not in readings.columns:
         return 0.0
@@ -278,7 +278,7 @@ def compute_alpha_confidence_interval(
     inversion: LineInversion, confidence_1: float
 ) -> tuple[float | None, float | None]:
     """Interval of α = 1/c1, without unit; (None, None) if that of c1 contains 0."""
-    low, high = inversion.slope_interval(confidence_1)
+    low, high = inversion.compute_slope_interval(confidence_1)
     return (1.0 / high, 1.0 / low) if low * high > 0.0 else (None, None)
 
 

@@ -98,7 +98,7 @@ class LineInversion:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
         new = self._make_effect_factors_of_later_value(reading_counts)
-        beyond = self._random_variance_beyond_campaign_kg2(new, u_random_kg)
+        beyond = self._compute_random_variance_beyond_campaign_kg2(new, u_random_kg)
         return self._invert_with_effect_factors(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def invert_with_line_uncertainty_only(self, y_kg: float, confidence_1: float) -> InverseReading:
@@ -111,7 +111,7 @@ class LineInversion:
         none = np.zeros((1, self.variance_kg2.size))
         return self._invert_with_effect_factors(np.array([y_kg]), none, np.zeros(1), confidence_1)
 
-    def slope_interval(self, confidence_1: float) -> tuple[float, float]:
+    def compute_slope_interval(self, confidence_1: float) -> tuple[float, float]:
         """Confidence interval of the slope."""
         gradient = self.on_line[None, :, 1, 1]
         squared, _ = self._compute_squared_student_factors(gradient, np.zeros(1), confidence_1)
@@ -134,7 +134,7 @@ class LineInversion:
         self, mass_kg: float, reading_count: float, u_random_kg: float = 0.0
     ) -> float:
         """Standard uncertainty of a later mass, in kg."""
-        return self._half_interval_or_u_kg(mass_kg, None, reading_count, u_random_kg)
+        return self._compute_half_interval_or_u_kg(mass_kg, None, reading_count, u_random_kg)
 
     def half_interval_kg(
         self, mass_kg: float, confidence_1: float, reading_count: float, u_random_kg: float = 0.0
@@ -149,33 +149,39 @@ class LineInversion:
             reading_count: number of readings in its mean.
             u_random_kg: own random standard uncertainty in kg of m̂; 0 if unknown.
         """
-        return self._half_interval_or_u_kg(mass_kg, confidence_1, reading_count, u_random_kg)
+        return self._compute_half_interval_or_u_kg(
+            mass_kg, confidence_1, reading_count, u_random_kg
+        )
 
-    def exceedance_probability(
+    def compute_exceedance_probability(
         self, distance_kg: float, mass_kg: float, reading_count: float, u_random_kg: float = 0.0
     ) -> float:
         """Probability that a later mass errs to one side by more than a distance; 0.5 at 0."""
         if distance_kg < 0.0:
-            return 1.0 - self.exceedance_probability(
+            return 1.0 - self.compute_exceedance_probability(
                 -distance_kg, mass_kg, reading_count, u_random_kg
             )
 
-        def half_interval_excess_kg(tail: float) -> float:
+        def compute_half_interval_excess_kg(tail: float) -> float:
             confidence_1 = 1.0 - 2.0 * tail
             return (
                 self.half_interval_kg(mass_kg, confidence_1, reading_count, u_random_kg)
                 - distance_kg
             )
 
-        if half_interval_excess_kg(LIMITS.min_tail_probability) <= 0.0:
+        if compute_half_interval_excess_kg(LIMITS.min_tail_probability) <= 0.0:
             return LIMITS.min_tail_probability
         return (
-            float(brentq(half_interval_excess_kg, LIMITS.min_tail_probability, 0.5, xtol=1e-12))
+            float(
+                brentq(
+                    compute_half_interval_excess_kg, LIMITS.min_tail_probability, 0.5, xtol=1e-12
+                )
+            )
             if distance_kg
             else 0.5
         )
 
-    def _half_interval_or_u_kg(
+    def _compute_half_interval_or_u_kg(
         self, mass_kg: float, confidence_1: float | None, reading_count: float, u_random_kg: float
     ) -> float:
         """Half interval; one standard uncertainty if no confidence is given."""
@@ -183,7 +189,8 @@ class LineInversion:
         new = self._make_effect_factors_of_later_value(np.array([reading_count]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
         more_kg2 = (
-            self._random_variance_beyond_campaign_kg2(new, np.array([u_random_kg])) + self.extra_kg2
+            self._compute_random_variance_beyond_campaign_kg2(new, np.array([u_random_kg]))
+            + self.extra_kg2
         )
         scaled, of_more = gradient, 1.0
         if confidence_1 is not None:
@@ -194,17 +201,17 @@ class LineInversion:
         variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
         return float(np.sqrt(variance)) / abs(self.slope_1)
 
-    def _random_variance_beyond_campaign_kg2(
+    def _compute_random_variance_beyond_campaign_kg2(
         self, effect_factors: Floats, u_random_kg: Floats
     ) -> Floats:
         """Random variance of later values beyond that of the campaign's readings, (n,)."""
         random = (
-            effect_factors[:, self._index_of_random_effect()]
-            * self.variance_kg2[self._index_of_random_effect()]
+            effect_factors[:, self._find_index_of_random_effect()]
+            * self.variance_kg2[self._find_index_of_random_effect()]
         )
         return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
 
-    def _index_of_random_effect(self) -> int:
+    def _find_index_of_random_effect(self) -> int:
         """Index of the effect that averages out over readings, or of the one that contains it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 
@@ -287,7 +294,7 @@ class LineInversion:
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)
         return np.array(
             [
-                variances.satterthwaite_dof(row[self.estimated], float(all_kg2))
+                variances.compute_satterthwaite_dof(row[self.estimated], float(all_kg2))
                 for row, all_kg2 in zip(gradients, total_variances, strict=True)
             ]
         )

@@ -47,10 +47,10 @@ class LineLimits:
     outlier_min_readings: int = 3
     #: Probability, over all pairs, below which two runs are named as exchanged: a warning that is
     #: wrong once in a hundred campaigns.
-    exchange_probability: float = 0.01
+    swap_probability: float = 0.01
     #: Probability above which the size of what two runs differ by is that of their loads: one
     #: exchange in a hundred is missed by it.
-    exchange_size_probability: float = 0.01
+    swap_size_probability: float = 0.01
 
     # point_errors
     #: Spread of estimates, as a fraction of their size, below which it is rounding, not

@@ -60,7 +60,7 @@ class Points:
         """Number of days."""
         return np.unique(self.day).size
 
-    def effect_covariance(self, effect_name: str) -> Floats:
+    def make_effect_covariance(self, effect_name: str) -> Floats:
         """(points, points) covariance of the points for a unit variance of an effect."""
         if effect_name == REPEATABILITY:
             return np.diag(1.0 / self.readings)
@@ -203,13 +203,13 @@ def make_covariance_structure(
     points: Points, effect_names: tuple[str, ...], known_day_std_kg: float | None
 ) -> CovarianceStructure:
     """Covariance structure of the points for these effects."""
-    day = points.effect_covariance(DAY)
+    day = points.make_effect_covariance(DAY)
     known = (
         np.eye(points.y_kg.size) * (LIMITS.rounding_mass_fraction * np.abs(points.y_kg).max()) ** 2
     )
     if known_day_std_kg is not None:
         known = known + known_day_std_kg**2 * day
-    each = np.array([points.effect_covariance(name) for name in effect_names])
+    each = np.array([points.make_effect_covariance(name) for name in effect_names])
     return CovarianceStructure(
         effect_names,
         each,

@@ -92,7 +92,7 @@ def find_outlying_readings_and_runs(campaign: Campaign, line: FittedLine) -> tup
 
 
 @dataclass(frozen=True, slots=True)
-class ExchangedRuns:
+class RunsWithSwappedLoads:
     """Two runs that fit the line with each other's load.
 
     Attributes:
@@ -115,7 +115,7 @@ class ExchangedRuns:
         )
 
 
-def find_runs_with_exchanged_loads(calibration: Calibration) -> ExchangedRuns | None:
+def find_runs_with_swapped_loads(calibration: Calibration) -> RunsWithSwappedLoads | None:
     """Find the two runs that most likely have each other's load; None if none stand out.
 
     The difference of two runs is a column with a size of its own, as of an outlier. It must show
@@ -146,7 +146,7 @@ def find_runs_with_exchanged_loads(calibration: Calibration) -> ExchangedRuns | 
     variance = np.maximum(squares - taken, floor) / (freedom - 1)
     p = first.size * stdtr(freedom - 1, -np.sqrt(taken / variance))
     best: int | None = None
-    for n in np.flatnonzero(p < LIMITS.exchange_probability).tolist():
+    for n in np.flatnonzero(p < LIMITS.swap_probability).tolist():
         swapped_kg = x_kg.copy()
         swapped_kg[[first[n], second[n]]] = x_kg[[second[n], first[n]]]
         rest = _compute_residual_projector(whiten, swapped_kg) @ y
@@ -156,9 +156,9 @@ def find_runs_with_exchanged_loads(calibration: Calibration) -> ExchangedRuns | 
         return None
     n, exchanged = best, least
     beyond = max(exchanged - float(squares - taken[n]), 0.0) / float(variance[n])
-    if float(fdtrc(1, freedom - 1, beyond)) <= LIMITS.exchange_size_probability:
+    if float(fdtrc(1, freedom - 1, beyond)) <= LIMITS.swap_size_probability:
         return None
-    return ExchangedRuns(
+    return RunsWithSwappedLoads(
         (points[first[n]].run_id, points[second[n]].run_id),
         float(np.sqrt(squares / max(exchanged, floor))),
         float(p[n]),

@@ -53,7 +53,7 @@ def compute_leave_one_load_out_mass_errors_kg(campaign: Campaign, line: FittedLi
     errors = np.full(points.y_kg.size, np.nan)
     for load, other in fit_lines_without_each_load(points, line).items():
         left = points.load == load
-        errors[left] = other.abscissae_of_ordinates(points.y_kg[left]) - points.x_kg[left]
+        errors[left] = other.compute_x_at(points.y_kg[left]) - points.x_kg[left]
     return errors
 
 
@@ -78,7 +78,7 @@ def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, S
     return found
 
 
-def root_mean_square_without_none(errors: Sequence[float | None]) -> float | None:
+def compute_rms_without_none(errors: Sequence[float | None]) -> float | None:
     """Root mean square of the known errors; None without any."""
     known = [error for error in errors if error is not None]
     return float(np.sqrt(np.mean(np.square(known)))) if known else None

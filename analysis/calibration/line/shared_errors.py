@@ -125,7 +125,7 @@ class SharedErrors:
             ]
         )
 
-    def estimate_minus_line_kg_and_u_kg(
+    def compute_offset_from_line_kg_and_u_kg(
         self, responses_kg: Floats, line_shifts_kg: Floats
     ) -> tuple[float, float]:
         """Offset of an estimate from its line, with its standard uncertainty.
@@ -135,15 +135,19 @@ class SharedErrors:
             line_shifts_kg: (terms,) shifts of the line.
         """
         left = np.where(self.is_corrected, 0.0, responses_kg) - line_shifts_kg
-        return float(left @ self.error_1), self.shared_error_u_kg(responses_kg - line_shifts_kg)
+        return float(left @ self.error_1), self.compute_shared_error_u_kg(
+            responses_kg - line_shifts_kg
+        )
 
-    def shared_error_u_kg(self, mass_responses_kg: Floats) -> float:
+    def compute_shared_error_u_kg(self, mass_responses_kg: Floats) -> float:
         """Standard uncertainty of an estimate due to the shared errors."""
         return float(
             np.sqrt(max(float(mass_responses_kg @ self.covariance_1 @ mass_responses_kg), 0.0))
         )
 
-    def shared_part_of_log_u_kg(self, responses_kg: Floats) -> float:
+    def compute_shared_part_of_log_u_kg(self, responses_kg: Floats) -> float:
         """Part of the log's own standard uncertainty due to these errors."""
         told = np.where(self.is_corrected, responses_kg, 0.0)
-        return float(np.hypot(self.shared_error_u_kg(told), np.linalg.norm(responses_kg - told)))
+        return float(
+            np.hypot(self.compute_shared_error_u_kg(told), np.linalg.norm(responses_kg - told))
+        )

@@ -37,7 +37,7 @@ class Variances:
         """Variances of the linear combinations `coefficients` @ value."""
         return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
-    def satterthwaite_dof(self, weights: Floats, total_variance: float) -> float:
+    def compute_satterthwaite_dof(self, weights: Floats, total_variance: float) -> float:
         """Degrees of freedom of `total_variance`, whose estimated part is `weights` @ value.
 
         Source:

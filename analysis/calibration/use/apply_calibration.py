@@ -158,7 +158,7 @@ def estimate_driving_offset_and_u_kg(
         return 0.0, 0.0
     away_kg = ((load_row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
     line_kg = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, away_kg)
-    return shared_errors.estimate_minus_line_kg_and_u_kg(shared_errors.moved_kg[key], line_kg)
+    return shared_errors.compute_offset_from_line_kg_and_u_kg(shared_errors.moved_kg[key], line_kg)
 
 
 def _calibrate_load_mass(
@@ -220,7 +220,7 @@ def calibrate_payload_of_load(
         [("payload", load_row["load_id"])],
         np.array([load_row["own_payload_kg"]]),
     )
-    beside_kg = found.common_u_not_absorbed_by_line_kg(np.array([common_kg]))[0]
+    beside_kg = found.compute_common_u_not_absorbed_by_line_kg(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
     u_kg = float(np.linalg.norm(parts))
     half_kg = max(calibration.coverage_k_1, NORMAL) * u_kg

@@ -94,7 +94,7 @@ def compare_known_mass_with_calibration(
     difference = mass - reference_kg
     u = inversion.later_mass_u_kg(reference_kg, *run)
     limit = inversion.half_interval_kg(reference_kg, calibration.confidence_1, *run)
-    tail = inversion.exceedance_probability(abs(difference), reference_kg, *run)
+    tail = inversion.compute_exceedance_probability(abs(difference), reference_kg, *run)
     matters = 2.0 * limit if min_relevant_drift_kg is None else min_relevant_drift_kg
     # the limit is given by then, so that what a drift leaves within it is as good as normal
     missed = float(ndtr((limit - matters) / u) - ndtr((-limit - matters) / u))

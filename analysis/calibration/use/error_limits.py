@@ -90,7 +90,7 @@ class ErrorLimits:
     statement: str
 
 
-def error_limit_of_load_kg(rule: DecisionRule, load_kg: float) -> float:
+def compute_error_limit_of_load_kg(rule: DecisionRule, load_kg: float) -> float:
     """Error limit of a class for a load, to either side, in kg.
 
     Raises:
@@ -140,10 +140,10 @@ def judge_loads_by_error_limits(calibration: Calibration, rule: DecisionRule) ->
     inversion = calibration.inversion
     rows: list[LimitRow] = []
     for load_id, reference_kg, error_kg in list_mean_errors_of_loads(calibration):
-        limit = error_limit_of_load_kg(rule, reference_kg - rule.tare_kg)
+        limit = compute_error_limit_of_load_kg(rule, reference_kg - rule.tare_kg)
         outside = min(
-            inversion.exceedance_probability(limit - error_kg, reference_kg, readings)
-            + inversion.exceedance_probability(limit + error_kg, reference_kg, readings),
+            inversion.compute_exceedance_probability(limit - error_kg, reference_kg, readings)
+            + inversion.compute_exceedance_probability(limit + error_kg, reference_kg, readings),
             1.0,
         )
         one_sided = 1.0 - 2.0 * rule.risk_1

@@ -172,13 +172,13 @@ def copy_machine_with_learnt_priors(
     content = {
         "priors.learnt": {name: learnt[name].model_dump() for name in sorted(learnt)},
     }
-    return machine.model_copy(update={"settings": machine.settings.with_changes(content)})
+    return machine.model_copy(update={"settings": machine.settings.copy_with_changes(content)})
 
 
 def copy_machine_estimating_learnt_mean_errors(machine: Machine) -> Machine:
     """The machine for later logs, in which several loads show errors of learnt means."""
     told = {"priors.learnt_means": "told"}
-    return machine.model_copy(update={"settings": machine.settings.with_changes(told)})
+    return machine.model_copy(update={"settings": machine.settings.copy_with_changes(told)})
 
 
 def describe_contradicted_learnt_priors(nuisances: pl.DataFrame) -> str:

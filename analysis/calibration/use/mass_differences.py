@@ -46,7 +46,7 @@ class DifferenceOnLine:
     shared_u_kg: Floats
     size_1: float
 
-    def common_u_not_absorbed_by_line_kg(self, common_kg: Floats) -> Floats:
+    def compute_common_u_not_absorbed_by_line_kg(self, common_kg: Floats) -> Floats:
         """(n,) common uncertainty in kg of m̂ minus the absorbed part, in kg of mass."""
         return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
 
@@ -92,7 +92,7 @@ def calibrate_mass_differences(
         ) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
         off = [
-            shared_errors.estimate_minus_line_kg_and_u_kg(*each)
+            shared_errors.compute_offset_from_line_kg_and_u_kg(*each)
             for each in zip(moved, line, strict=True)
         ]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
@@ -101,9 +101,9 @@ def calibrate_mass_differences(
             [shared_errors.scale_kg.get(each, 0.0) for each in payload_kinds_and_numbers]
         )
         taken_kg = np.hypot(
-            share * shared_errors.shared_part_of_log_u_kg(moved.sum(axis=0)), scale_kg
+            share * shared_errors.compute_shared_part_of_log_u_kg(moved.sum(axis=0)), scale_kg
         )
-        shared_u_kg = share * shared_errors.shared_error_u_kg((moved - line).sum(axis=0))
+        shared_u_kg = share * shared_errors.compute_shared_error_u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope
     variance = gain.variance_1 * mass_kg**2
     if absolute:
@@ -149,7 +149,7 @@ def estimate_difference_gain_by_slope_and_level(
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
     own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
-    means_kg = shared_errors.shared_error_u_kg(
+    means_kg = shared_errors.compute_shared_error_u_kg(
         shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
     )
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2

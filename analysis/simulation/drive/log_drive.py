@@ -77,7 +77,7 @@ class TrialDriver(MachineDriver):
         self._added_kg, self._lost_kg = 0.0, 0.0
 
     def drive_manoeuvre(
-        self, trial: int, manoeuvre_number: int, manoeuvre: Manoeuvre, trial_begin_s: float
+        self, trial: int, manoeuvre_number: int, manoeuvre: Manoeuvre, trial_start_s: float
     ) -> None:
         """Drive one manoeuvre, from standing to standing."""
         loading = self.scenario.loading
@@ -124,7 +124,7 @@ class TrialDriver(MachineDriver):
                     f"campaign.manoeuvres.{manoeuvre_number}: a {manoeuvre.kind} cannot be "
                     "integrated"
                 )
-        since = times.subtract_begin(trial_begin_s)
+        since = times.subtract_start_time(trial_start_s)
         body = self.make_body_with_cold_friction(body, times.start_s)
         self.driven.append(
             DrivenManoeuvre(
@@ -134,7 +134,7 @@ class TrialDriver(MachineDriver):
 
     def _drive_waveform(self, excitation: Excite, body: RigidBody) -> ManoeuvreTimes:
         """Drive with a waveform of the force, then brake."""
-        begin_s, force = self.time_s, excitation.force
+        start_s, force = self.time_s, excitation.force
         assert force is not None
         since_s = np.arange(
             0.0, excitation.duration_s + 2.0 * LIMITS.wave_step_s, LIMITS.wave_step_s
@@ -145,12 +145,12 @@ class TrialDriver(MachineDriver):
                 for value in force(since_s)
             ]
         )
-        stage = DriveStage(begin_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
+        stage = DriveStage(start_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
         self.state[plant.BRAKE] = -body.mass_kg * self.uphill_gravity_m_s2()
         self.integrate_stage(FREE, stage, excitation.duration_s, wave)
         braking_s = self.time_s
         self.brake_to_stop(stage._replace(begin_s=braking_s))
-        return ManoeuvreTimes("excite", begin_s, begin_s, None, braking_s, self.time_s)
+        return ManoeuvreTimes("excite", start_s, start_s, None, braking_s, self.time_s)
 
     def _follow_target_speeds_by_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
         """Follow target speeds by a pedal, with brakes and a rest at each stand.
@@ -158,7 +158,7 @@ class TrialDriver(MachineDriver):
         Raises:
             ScenarioError: the machine does not move.
         """
-        begin_s, begin_m, way = self.time_s, self.position_m, 1.0
+        start_s, start_m, way = self.time_s, self.position_m, 1.0
         full_N = self.scenario.campaign.throttle_force_N
         stopping_N = body.mass_kg * self.scenario.campaign.braking_m_s2
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
@@ -177,7 +177,7 @@ class TrialDriver(MachineDriver):
                 motor_brakes=float(travel.motor_brakes),
                 facing=self.facing,
             )
-            if travel.in_motion and self.time_s == begin_s:
+            if travel.in_motion and self.time_s == start_s:
                 self.state[[plant.WHEEL, plant.BODY]] = leg.wanted_m_s[0]
                 self.state[plant.DRIVE] = self._cruise_force_newtons(stage, full_N)
             duration_s = (leg.wanted_m_s.size - 1) * LIMITS.wave_step_s
@@ -197,9 +197,9 @@ class TrialDriver(MachineDriver):
                 self.brake_to_stop(shut)
                 self.stand_still(leg.stand_s, body.mass_kg)
                 if travel.to_and_fro:
-                    way = -1.0 if self.position_m > begin_m else 1.0
+                    way = -1.0 if self.position_m > start_m else 1.0
         self.starts += 1
-        return ManoeuvreTimes("travel", begin_s, begin_s, None, None, self.time_s)
+        return ManoeuvreTimes("travel", start_s, start_s, None, None, self.time_s)
 
     def _count_pedal_steps(self, duration_s: float) -> int | None:
         """Number of integration steps of a travel; slow driving allows longer ones."""
@@ -265,7 +265,7 @@ def draw_travel_legs(
         yield TravelLeg(np.concatenate(parts), None)
 
 
-def make_ramp_speeds_m_s(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
+def make_ramp_speeds_m_s(start_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
     """Target speeds of a ramp in m/s, one per integration step."""
-    steps = round(abs(end_m_s - begin_m_s) / travel.acceleration_m_s2 / step_s)
-    return np.linspace(begin_m_s, end_m_s, steps, endpoint=False)
+    steps = round(abs(end_m_s - start_m_s) / travel.acceleration_m_s2 / step_s)
+    return np.linspace(start_m_s, end_m_s, steps, endpoint=False)

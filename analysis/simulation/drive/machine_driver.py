@@ -159,7 +159,7 @@ class MachineDriver:
             self.scenario.starts,
             self.scenario.brakes,
         )
-        begin_s, begin_m = self.time_s, self.position_m
+        begin_s, start_m = self.time_s, self.position_m
         steady_s = begin_s + start_order.start_s
         shut_s = steady_s + start_order.cruise_s
         full_N = (
@@ -214,7 +214,7 @@ class MachineDriver:
         cruise_s = start_order.cruise_s
         if start_order.distance_m is not None:
             cruise_s = self._cruise_duration_s(
-                abs(self.position_m - begin_m), start_order.distance_m, body
+                abs(self.position_m - start_m), start_order.distance_m, body
             )
         lead_s = min(brakes.gentle_lead_s, cruise_s) if brakes.gentle_m_s2 else 0.0
         keeping = steady._replace(drive_N=self._cruise_force_newtons(steady, full_N))
@@ -298,7 +298,7 @@ class MachineDriver:
 
     def uphill_gravity_m_s2(self) -> float:
         """Component of gravity against the machine at its position."""
-        slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
+        slope_rad = self.scenario.terrain.compute_slope_rad(self.position_m)
         return self.facing * self._machine.gravity_m_s2 * math.sin(slope_rad)
 
     def make_body_with_cold_friction(self, body: RigidBody, time_s: float) -> RigidBody:
@@ -357,7 +357,7 @@ class MachineDriver:
         return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
 
     def _driveline_spring_elongation_m(self, mass_kg: float) -> float:
-        """Stretch of the driveline's spring by the slope at the begin of a log, in m."""
+        """Stretch of the driveline's spring by the slope at the start of a log, in m."""
         wheel_kg = self._machine.wheel_share * mass_kg + self._machine.rotating_kg
         body_kg = mass_kg * (1.0 - self._machine.wheel_share)
         reduced_kg = wheel_kg * body_kg / (wheel_kg + body_kg)
@@ -368,7 +368,7 @@ class MachineDriver:
         self, mass_kg: float, speed_m_s: float = 0.0, turn_rad_s: float = 0.0
     ) -> float:
         """Rolling resistance of a mass at the machine's position, in N."""
-        slope_rad = float(self.scenario.terrain.slope_at_rad(self.position_m))
+        slope_rad = float(self.scenario.terrain.compute_slope_rad(self.position_m))
         return rolling_resistance(
             self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._machine
         )

@@ -63,7 +63,7 @@ class Dump(NamedTuple):
     mass_kg: float
 
 
-class Stand(NamedTuple):
+class Standstill(NamedTuple):
     """A stand of the machine: kind is idle, break or refuelling."""
 
     kind: str
@@ -92,7 +92,7 @@ class ShiftDriver(MachineDriver):
         self.shift = shift
         self.cycles: list[Cycle] = []
         self.dumps: list[Dump] = []
-        self.stands: list[Stand] = []
+        self.stands: list[Standstill] = []
         self.driven: list[DrivenManoeuvre] = []
         self.angles: list[BoomAngle] = []
         self._carried_kg = 0.0
@@ -112,7 +112,7 @@ class ShiftDriver(MachineDriver):
         """Drive one cycle, and the breaks that are due after it."""
         shift, number = self.shift, len(self.cycles)
         self._cycle, self._number = number, 0
-        begin_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
+        start_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
         operator = self._make_cycle_random_generator("shift_operator")
         self._rest_between_cycles(operator)
         pours = bool(self._make_cycle_random_generator("shift_pour").random() < shift.pour_cycles)
@@ -140,7 +140,7 @@ class ShiftDriver(MachineDriver):
         self.cycles.append(
             Cycle(
                 cycle=number,
-                start_s=begin_s,
+                start_s=start_s,
                 dig_s=dig_s,
                 haul_s=haul_s,
                 dump_s=dump_s,
@@ -222,11 +222,11 @@ class ShiftDriver(MachineDriver):
         self._rest_between_cycles(operator)
 
     def _record_spill(
-        self, spill_kind: str, mass_kg: float, begin_s: float, begin_m: float
+        self, spill_kind: str, mass_kg: float, start_s: float, start_m: float
     ) -> None:
         """Record material that has left the bucket since a time and a place."""
         lost = Dump(
-            self._cycle, spill_kind, begin_s, self.time_s, begin_m, self.position_m, mass_kg
+            self._cycle, spill_kind, start_s, self.time_s, start_m, self.position_m, mass_kg
         )
         self.dumps.append(lost)
 
@@ -325,9 +325,9 @@ class ShiftDriver(MachineDriver):
 
     def _stand_and_record(self, standstill_kind: str, duration_s: float) -> None:
         """Stand for a while, and record it; only idling burns fuel."""
-        body, begin_s = self._make_body_with_load(), self.time_s
+        body, start_s = self._make_body_with_load(), self.time_s
         self._record_manoeuvre(self.stand_still(duration_s, body.mass_kg), body)
-        self.stands.append(Stand(standstill_kind, begin_s, self.time_s))
+        self.stands.append(Standstill(standstill_kind, start_s, self.time_s))
         if standstill_kind != "idle":
             self._burnt_until_s = self.time_s
 

@@ -147,7 +147,7 @@ class ShiftSimulation:
             start_ns + convert_to_whole_ns(span.start_s),
             start_ns + convert_to_whole_ns(span.end_s),
             start_ns + np.rint(begins * 1e9).astype(np.int64),
-            subtract_cycle_begins(mine, begins),
+            subtract_cycle_starts(mine, begins),
             _ShiftTimeline(motion, start_ns).sample,
             _PositionAndBoom(
                 motion, tuple(driver.angles), start_ns
@@ -193,12 +193,12 @@ class _PositionAndBoom(NamedTuple):
         )
 
 
-def subtract_cycle_begins(
+def subtract_cycle_starts(
     manoeuvres: tuple[DrivenManoeuvre, ...], begins: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
     """Manoeuvres with their times relative to the begin of their cycle."""
     return tuple(
-        each._replace(times=each.times.subtract_begin(float(begins[each.trial])))
+        each._replace(times=each.times.subtract_start_time(float(begins[each.trial])))
         for each in manoeuvres
     )
 

@@ -23,7 +23,7 @@ from analysis.simulation.scenario.scenario import Scenario
 Values: TypeAlias = float | NDArray[np.float64]
 
 
-class AxisPair(NamedTuple):
+class LongitudinalYawPair(NamedTuple):
     """A quantity along x (force, speed, acceleration) and about z (torque, yaw rate, …)."""
 
     x: Values
@@ -96,8 +96,11 @@ class RigidBody:
         return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)
 
     def subtract_friction_and_gravity(
-        self, applied_force_and_torque: AxisPair, rate: AxisPair, heading: Values
-    ) -> AxisPair:
+        self,
+        applied_force_and_torque: LongitudinalYawPair,
+        rate: LongitudinalYawPair,
+        heading: Values,
+    ) -> LongitudinalYawPair:
         """Force and torque that remain for acceleration and Coulomb friction.
 
         Args:
@@ -107,7 +110,7 @@ class RigidBody:
         """
         gravity_x, gravity_y = self.slope_acceleration_along_and_across(heading)
         v, omega = rate
-        return AxisPair(
+        return LongitudinalYawPair(
             applied_force_and_torque.x
             - self.friction_x_N_s_m * v
             - self.mass_kg * gravity_x
@@ -119,33 +122,37 @@ class RigidBody:
         )
 
     def accelerations(
-        self, net_force_and_torque: AxisPair, moving_axes: tuple[bool, bool]
-    ) -> AxisPair:
+        self, net_force_and_torque: LongitudinalYawPair, moving_axes: tuple[bool, bool]
+    ) -> LongitudinalYawPair:
         """dv/dt and ω̇ under `net_force_and_torque`; 0 for an axis that does not move."""
         m, mc_y = self.mass_kg, self.first_moment_y_kg_m
         if not any(moving_axes):
-            return AxisPair(0.0 * net_force_and_torque.x, 0.0 * net_force_and_torque.z)
+            return LongitudinalYawPair(0.0 * net_force_and_torque.x, 0.0 * net_force_and_torque.z)
         if not moving_axes[0]:
-            return AxisPair(
+            return LongitudinalYawPair(
                 0.0 * net_force_and_torque.x, net_force_and_torque.z / self.inertia_z_kg_m2
             )
         if not moving_axes[1]:
-            return AxisPair(net_force_and_torque.x / m, 0.0 * net_force_and_torque.z)
+            return LongitudinalYawPair(net_force_and_torque.x / m, 0.0 * net_force_and_torque.z)
         turn = (net_force_and_torque.z + mc_y * net_force_and_torque.x / m) / (
             self.inertia_z_kg_m2 - mc_y * mc_y / m
         )
-        return AxisPair((net_force_and_torque.x + mc_y * turn) / m, turn)
+        return LongitudinalYawPair((net_force_and_torque.x + mc_y * turn) / m, turn)
 
     def required_force_and_torque(
-        self, rate: AxisPair, acceleration: AxisPair, heading: Values, friction_signs: AxisPair
-    ) -> AxisPair:
+        self,
+        rate: LongitudinalYawPair,
+        acceleration: LongitudinalYawPair,
+        heading: Values,
+        friction_signs: LongitudinalYawPair,
+    ) -> LongitudinalYawPair:
         """Drive F, T of a motion; `friction_signs` are those of Coulomb friction on each axis."""
         left = self.subtract_friction_and_gravity(
-            AxisPair(0.0 * rate.x, 0.0 * rate.z), rate, heading
+            LongitudinalYawPair(0.0 * rate.x, 0.0 * rate.z), rate, heading
         )
         dv, turn = acceleration
         mc_y = self.first_moment_y_kg_m
-        return AxisPair(
+        return LongitudinalYawPair(
             self.mass_kg * dv
             - mc_y * turn
             - left.x

@@ -51,19 +51,19 @@ class ManoeuvreTimes(NamedTuple):
     braking_s: float | None
     end_s: float
 
-    def subtract_begin(self, begin_s: float) -> "ManoeuvreTimes":
-        """The times relative to `begin_s`."""
+    def subtract_start_time(self, start_s: float) -> "ManoeuvreTimes":
+        """The times relative to `start_s`."""
 
-        def since_begin(time_s: float | None) -> float | None:
-            return None if time_s is None else time_s - begin_s
+        def subtract_start_s(time_s: float | None) -> float | None:
+            return None if time_s is None else time_s - start_s
 
         return ManoeuvreTimes(
             self.kind,
-            self.start_s - begin_s,
-            since_begin(self.drive_s),
-            since_begin(self.steady_s),
-            since_begin(self.braking_s),
-            self.end_s - begin_s,
+            self.start_s - start_s,
+            subtract_start_s(self.drive_s),
+            subtract_start_s(self.steady_s),
+            subtract_start_s(self.braking_s),
+            self.end_s - start_s,
         )
 
 

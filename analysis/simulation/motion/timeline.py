@@ -48,12 +48,13 @@ class Timeline:
     """The true motion of one simulated log over Unix time.
 
     Attributes:
-        start_ns: begin of the log.
+        start_ns: start of the log.
         end_ns: end of the log, including its last rest.
-        trial_ns: (trials + 1,) begin of each trial, and end of the last.
+        trial_ns: (trials + 1,) start of each trial, and end of the last.
         driven: manoeuvres in order.
         sample: computes the motion at times (n,) in Unix ns.
-        hints: computes the other signals of a shift at times (n,); None in a campaign.
+        sample_position_boom_and_bucket: computes position along the way and angles of boom and
+            bucket at times (n,); None in a campaign.
     """
 
     start_ns: int
@@ -61,7 +62,9 @@ class Timeline:
     trial_ns: NDArray[np.int64]
     driven: tuple[DrivenManoeuvre, ...]
     sample: Callable[[NDArray[np.int64]], Channels]
-    hints: Callable[[NDArray[np.int64]], PositionBoomAndBucket] | None = None
+    sample_position_boom_and_bucket: Callable[[NDArray[np.int64]], PositionBoomAndBucket] | None = (
+        None
+    )
 
     def assign_trial_numbers(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Trial number at each time, (n,); the rest after the last trial has the next number."""
@@ -171,7 +174,7 @@ def make_continuous_timeline(
 
     Args:
         scenario: simulated scenario.
-        trial_s: (trials + 1,) begin of each trial, and end of the last, since the log began.
+        trial_s: (trials + 1,) start of each trial, and end of the last, since the log began.
         manoeuvres: manoeuvres in order.
         motion: computes the channels at times in s since the log began.
         start_ns: Unix time of the log's begin.

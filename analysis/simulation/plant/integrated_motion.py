@@ -111,7 +111,7 @@ class IntegratedLog:
         interpolate_rows_into(self.rows, np.ascontiguousarray(time_s, np.float64), now, rate, last)
         wheel, body, acc = now[1 + plant.WHEEL], now[1 + plant.BODY], now[plant.ACCELERATION]
         position = now[1 + plant.POSITION]
-        slope = terrain.slope_at_rad(position)
+        slope = terrain.compute_slope_rad(position)
         omega, turn = now[plant.YAW_RATE], rate[TURN]
         force = now[plant.GROUND] - now[plant.BRAKED]
         squat, squat_rate = now[1 + plant.PITCH], now[1 + plant.PITCH_RATE]

@@ -131,7 +131,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     wheel, body = y[WHEEL], y[BODY]
     mass = compute_total_mass_kg(t, stage)
     slope = machine.slope_rad + machine.hills_rad * math.sin(
-        machine.hills_rad_m * y[POSITION] + machine.hills_phase_rad
+        machine.hills_wavenumber_rad_m * y[POSITION] + machine.hills_phase_rad
     )
     gravity = stage.facing * machine.gravity_m_s2 * math.sin(slope)
     boom = machine.boom_N * math.sin(machine.boom_rad_s * t)

@@ -39,7 +39,7 @@ class MachineAndGround(NamedTuple):
     gravity_m_s2: float
     slope_rad: float
     hills_rad: float
-    hills_rad_m: float
+    hills_wavenumber_rad_m: float
     hills_phase_rad: float
     drag_N: float
     rolling: float
@@ -126,7 +126,7 @@ def make_machine_and_ground_of_scenario(scenario: Scenario) -> MachineAndGround:
         gravity_m_s2=terrain.gravity_m_s2,
         slope_rad=terrain.slope_rad,
         hills_rad=math.radians(terrain.hills_deg),
-        hills_rad_m=terrain.hill_phase_rad_m,
+        hills_wavenumber_rad_m=terrain.hill_wavenumber_rad_m,
         hills_phase_rad=math.radians(terrain.hills_phase_deg),
         drag_N=scenario.brakes.drag_N,
         rolling=rolling.coefficient,

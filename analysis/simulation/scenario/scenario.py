@@ -300,23 +300,23 @@ class SimulatedTerrain(BaseModel):
         return math.radians(self.slope_deg)
 
     @property
-    def hill_phase_rad_m(self) -> float:
-        """Phase of the hills along the way."""
+    def hill_wavenumber_rad_m(self) -> float:
+        """Wavenumber of the hills along the way, in rad/m."""
         return 2.0 * math.pi / self.hills_length_m
 
     @overload
-    def slope_at_rad(self, position_m: float) -> float: ...
+    def compute_slope_rad(self, position_m: float) -> float: ...
     @overload
-    def slope_at_rad(self, position_m: Floats) -> Floats: ...
-    def slope_at_rad(self, position_m: float | Floats) -> float | Floats:
+    def compute_slope_rad(self, position_m: Floats) -> Floats: ...
+    def compute_slope_rad(self, position_m: float | Floats) -> float | Floats:
         """The slope at one or (n,) places, from where a log begins."""
-        phase = self.hill_phase_rad_m * position_m + math.radians(self.hills_phase_deg)
+        phase = self.hill_wavenumber_rad_m * position_m + math.radians(self.hills_phase_deg)
         return self.slope_rad + math.radians(self.hills_deg) * np.sin(phase)
 
     def slope_gradient_rad_m(self, position_m: Floats) -> Floats:
         """How much the slope changes along the way, at (n,) places."""
-        phase = self.hill_phase_rad_m * position_m + math.radians(self.hills_phase_deg)
-        return math.radians(self.hills_deg) * self.hill_phase_rad_m * np.cos(phase)
+        phase = self.hill_wavenumber_rad_m * position_m + math.radians(self.hills_phase_deg)
+        return math.radians(self.hills_deg) * self.hill_wavenumber_rad_m * np.cos(phase)
 
 
 class Scenario(BaseModel):
@@ -339,7 +339,7 @@ class Scenario(BaseModel):
     log: SimulatedRecorder = SimulatedRecorder()
     shift: SimulatedShift | None = None
 
-    def with_seed(self, seed: int) -> Self:
+    def copy_with_seed(self, seed: int) -> Self:
         """Copy the scenario with another seed, and so with other noise."""
         sensors = self.sensors.model_copy(update={"seed": seed})
         return self.model_copy(update={"sensors": sensors})

@@ -29,7 +29,7 @@ def topic_rate_hz(scenario: Scenario, topic: TopicName) -> float:
 
 
 def topic_phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
-    """Time of a topic's first sample after the begin of a log, in s."""
+    """Time of a topic's first sample after the start of a log, in s."""
     asked_s = scenario.sampling.phase_s(topic)
     if asked_s >= 0.0:
         return asked_s

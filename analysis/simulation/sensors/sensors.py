@@ -319,13 +319,15 @@ def simulate_boom_readings(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
     """Angles of boom and bucket, positive up, in rad."""
-    hints, noise = (
+    sample_position_boom_and_bucket, noise = (
         _interpolate_position_boom_and_bucket(timeline, at_ns),
         _boom_angle_noise_std_rad(scenario),
     )
     return {
-        "boom_rad": hints.boom_rad + random_streams.draw_white_noise("boom_rad", noise),
-        "bucket_rad": hints.bucket_rad + random_streams.draw_white_noise("bucket_rad", noise),
+        "boom_rad": sample_position_boom_and_bucket.boom_rad
+        + random_streams.draw_white_noise("boom_rad", noise),
+        "bucket_rad": sample_position_boom_and_bucket.bucket_rad
+        + random_streams.draw_white_noise("bucket_rad", noise),
     }
 
 
@@ -372,8 +374,8 @@ def simulate_gnss_readings(
 def _interpolate_position_boom_and_bucket(
     timeline: Timeline, at_ns: NDArray[np.int64]
 ) -> PositionBoomAndBucket:
-    assert timeline.hints is not None
-    return timeline.hints(at_ns)
+    assert timeline.sample_position_boom_and_bucket is not None
+    return timeline.sample_position_boom_and_bucket(at_ns)
 
 
 def _boom_angle_noise_std_rad(scenario: Scenario) -> float:

@@ -7,22 +7,22 @@ from the brakes, each axis by itself.
 
 import numpy as np
 
-from analysis.simulation.motion.body import AxisPair, RigidBody, Values
+from analysis.simulation.motion.body import LongitudinalYawPair, RigidBody, Values
 from analysis.simulation.motion.solved_motion import ManoeuvreTimes, MotionPhase, MotionState
 from analysis.simulation.scenario.manoeuvres import Arc
 from estimators.arrays import Floats
 
 
 def make_arc_phases_and_times(
-    body: RigidBody, manoeuvre: Arc, begin_s: float, heading_rad: float
+    body: RigidBody, manoeuvre: Arc, start_s: float, heading_rad: float
 ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
     """Phases of an arc: ramp up, constant, ramp down."""
-    steady_s = begin_s + manoeuvre.ramp_s
+    steady_s = start_s + manoeuvre.ramp_s
     down_s = steady_s + manoeuvre.duration_s
     end_s = down_s + manoeuvre.ramp_s
 
     def arc_state(time_s: Floats) -> MotionState:
-        up = np.clip((time_s - begin_s) / manoeuvre.ramp_s, 0.0, None)
+        up = np.clip((time_s - start_s) / manoeuvre.ramp_s, 0.0, None)
         down = np.clip((time_s - down_s) / manoeuvre.ramp_s, 0.0, None)
         level = _evaluate_smooth_step(up) - _evaluate_smooth_step(down)
         slope = (
@@ -33,12 +33,14 @@ def make_arc_phases_and_times(
             * manoeuvre.ramp_s
             * (integrate_smooth_step(up) - integrate_smooth_step(down))
         )
-        rate = AxisPair(manoeuvre.speed_m_s * level, manoeuvre.yaw_rate_rad_s * level)
-        acceleration = AxisPair(manoeuvre.speed_m_s * slope, manoeuvre.yaw_rate_rad_s * slope)
+        rate = LongitudinalYawPair(manoeuvre.speed_m_s * level, manoeuvre.yaw_rate_rad_s * level)
+        acceleration = LongitudinalYawPair(
+            manoeuvre.speed_m_s * slope, manoeuvre.yaw_rate_rad_s * slope
+        )
         heading = heading_rad + turned
-        sign = AxisPair(np.sign(rate.x), np.sign(rate.z))
+        sign = LongitudinalYawPair(np.sign(rate.x), np.sign(rate.z))
         total = body.required_force_and_torque(rate, acceleration, heading, sign)
-        drive = AxisPair(
+        drive = LongitudinalYawPair(
             _zero_force_against_motion(total.x, rate.x), _zero_force_against_motion(total.z, rate.z)
         )
         values: list[Values] = [
@@ -56,11 +58,11 @@ def make_arc_phases_and_times(
 
     held = "arc" if manoeuvre.yaw_rate_rad_s and manoeuvre.speed_m_s else None
     phases = [
-        MotionPhase(None, begin_s, steady_s, arc_state),
+        MotionPhase(None, start_s, steady_s, arc_state),
         MotionPhase(held, steady_s, down_s, arc_state),
         MotionPhase(None, down_s, end_s, arc_state),
     ]
-    return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
+    return phases, ManoeuvreTimes("arc", start_s, start_s, steady_s, down_s, end_s)
 
 
 def _zero_force_against_motion(force_or_torque: Values, rate: Values) -> Values:

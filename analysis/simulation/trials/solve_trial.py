@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from analysis.simulation.motion.body import AxisPair, RigidBody
+from analysis.simulation.motion.body import LongitudinalYawPair, RigidBody
 from analysis.simulation.motion.solved_motion import (
     ManoeuvreTimes,
     MotionPhase,
@@ -27,13 +27,13 @@ from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from analysis.simulation.trials.arc import make_arc_phases_and_times
-from analysis.simulation.trials.stiction import RATES, Commands, Stiction
+from analysis.simulation.trials.stiction import RATES, Commands, StictionMotion
 from analysis.simulation.trials.switches import find_scenario_key_needing_integration
 from analysis.simulation.trials.trial_limits import refuse_undrivable_scenario
 from estimators.arrays import Floats
 from estimators.errors import DataError, ScenarioError
 
-_STILL = AxisPair(0.0, 0.0)
+_STILL = LongitudinalYawPair(0.0, 0.0)
 
 
 def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
@@ -77,24 +77,24 @@ class _TrialSolver:
     body: RigidBody
 
     def solve_manoeuvre(
-        self, manoeuvre: Manoeuvre, begin_s: float, heading_rad: float
+        self, manoeuvre: Manoeuvre, start_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Consecutive phases of one manoeuvre that begins at standstill with a heading."""
         match manoeuvre:
             case Rest():
-                end_s = begin_s + manoeuvre.duration_s
-                phases = [self.stand_at_heading(begin_s, end_s, heading_rad)]
-                return phases, ManoeuvreTimes("rest", begin_s, None, None, None, end_s)
+                end_s = start_s + manoeuvre.duration_s
+                phases = [self.stand_at_heading(start_s, end_s, heading_rad)]
+                return phases, ManoeuvreTimes("rest", start_s, None, None, None, end_s)
             case Start():
                 sign = 1.0 if manoeuvre.direction == "forward" else -1.0
-                return self._solve_straight_or_spin(manoeuvre, 0, sign, begin_s, heading_rad)
+                return self._solve_straight_or_spin(manoeuvre, 0, sign, start_s, heading_rad)
             case Spin():
                 sign = 1.0 if manoeuvre.direction == "left" else -1.0
-                return self._solve_straight_or_spin(manoeuvre, 1, sign, begin_s, heading_rad)
+                return self._solve_straight_or_spin(manoeuvre, 1, sign, start_s, heading_rad)
             case Arc():
-                return make_arc_phases_and_times(self.body, manoeuvre, begin_s, heading_rad)
+                return make_arc_phases_and_times(self.body, manoeuvre, start_s, heading_rad)
             case Excite():
-                return self._solve_excitation(manoeuvre, begin_s, heading_rad)
+                return self._solve_excitation(manoeuvre, start_s, heading_rad)
             case Travel():
                 raise AssertionError(
                     "needs a whole log, which `find_scenario_key_needing_integration` says"
@@ -113,7 +113,7 @@ class _TrialSolver:
         return MotionPhase("standstill", start_s, end_s, standing_state)
 
     def _solve_straight_or_spin(
-        self, manoeuvre: Start | Spin, axis: int, sign: float, begin_s: float, heading_rad: float
+        self, manoeuvre: Start | Spin, axis: int, sign: float, start_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Open the throttle until `steady_s`, keep the speed or yaw rate, brake."""
         campaign = self.scenario.campaign
@@ -121,18 +121,18 @@ class _TrialSolver:
             axis
         ] * campaign.drive_fraction_at_throttle(manoeuvre.throttle)
         lag_s = campaign.valve_lag_s
-        steady_s = begin_s + manoeuvre.start_s
+        steady_s = start_s + manoeuvre.start_s
         braking_s = steady_s + manoeuvre.cruise_s
         names = ("accelerating", "cruising", "braking") if axis == 0 else ("spinning",) * 3
         machine = DrivenMotion(self.body, lag_s, (axis == 0, axis == 1))
 
-        stalled, state = self._solve_stall_until_breakaway(axis, sign, full, begin_s, heading_rad)
+        stalled, state = self._solve_stall_until_breakaway(axis, sign, full, start_s, heading_rad)
         asked = Commands(_make_constant_drive_command(axis, sign * full))
         opened, state = machine.follow_commands_until(
             names[0], stalled.end_s, steady_s, state, asked
         )
-        signs = AxisPair(sign, 0.0) if axis == 0 else AxisPair(0.0, sign)
-        rate = AxisPair(float(state[0]), float(state[3]))
+        signs = LongitudinalYawPair(sign, 0.0) if axis == 0 else LongitudinalYawPair(0.0, sign)
+        rate = LongitudinalYawPair(float(state[0]), float(state[3]))
         keeping = self.body.required_force_and_torque(rate, _STILL, float(state[6]), signs)[axis]
         asked = Commands(_make_constant_drive_command(axis, float(keeping)))
         kept, state = machine.follow_commands_until(names[1], steady_s, braking_s, state, asked)
@@ -141,14 +141,14 @@ class _TrialSolver:
         )
         phases = [stalled, *opened, *kept, *braked]
         kind = manoeuvre.kind
-        return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
+        return phases, ManoeuvreTimes(kind, start_s, start_s, steady_s, braking_s, phases[-1].end_s)
 
     def _solve_stall_until_breakaway(
         self,
         axis: int,
         sign: float,
         full_force_or_torque: float,
-        begin_s: float,
+        start_s: float,
         heading_rad: float,
     ) -> tuple[MotionPhase, Floats]:
         """Phase in which the throttle opens until the drive overcomes slope and friction.
@@ -159,12 +159,12 @@ class _TrialSolver:
         against = sign * float(hold[axis])
         coulomb = self.body.max_holding_force_and_torque[axis]
         lag_s = self.scenario.campaign.valve_lag_s
-        breakaway_s = begin_s - lag_s * math.log1p(
+        breakaway_s = start_s - lag_s * math.log1p(
             -max((coulomb + against) / full_force_or_torque, 0.0)
         )
 
         def opening_drive(time_s: Floats) -> Floats:
-            return full_force_or_torque * -np.expm1(-(time_s - begin_s) / lag_s)
+            return full_force_or_torque * -np.expm1(-(time_s - start_s) / lag_s)
 
         def stalled_state(time_s: Floats) -> MotionState:
             zero, opening = np.zeros_like(time_s), opening_drive(time_s)
@@ -178,24 +178,24 @@ class _TrialSolver:
         start = np.zeros(7)
         start[1 + 3 * axis] = sign * opening_drive(np.array([breakaway_s]))[0]
         start[6] = heading_rad
-        return MotionPhase("standstill", begin_s, breakaway_s, stalled_state), start
+        return MotionPhase("standstill", start_s, breakaway_s, stalled_state), start
 
     def _solve_excitation(
-        self, manoeuvre: Excite, begin_s: float, heading_rad: float
+        self, manoeuvre: Excite, start_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Follow the waveforms through both sides' valves, then brake."""
         force, torque = manoeuvre.force, manoeuvre.torque
-        end_s = begin_s + manoeuvre.duration_s
+        end_s = start_s + manoeuvre.duration_s
         waves: list[ForceWave | TorqueWave] = [wave for wave in (force, torque) if wave]
 
         def waveform_drive(time_s: float) -> tuple[float, float]:
-            since = float(time_s - begin_s)
+            since = float(time_s - start_s)
             return self.scenario.limit_force_and_torque_to_valves(
                 force(since) if force else 0.0, torque(since) if torque else 0.0
             )
 
         kinks = [
-            begin_s + kink for wave in waves for kink in wave.kink_times_s(manoeuvre.duration_s)
+            start_s + kink for wave in waves for kink in wave.kink_times_s(manoeuvre.duration_s)
         ]
         hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
         state = np.array([0.0, 0.0, -hold.x, 0.0, 0.0, -hold.z, heading_rad])
@@ -203,12 +203,12 @@ class _TrialSolver:
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
         )
         asked = Commands(waveform_drive, kinks_s=kinks)
-        driven, state = machine.follow_commands_until(None, begin_s, end_s, state, asked)
+        driven, state = machine.follow_commands_until(None, start_s, end_s, state, asked)
         braked = machine.follow_commands_until_rest(
             "braking", end_s, state, self._brake_commands(state)
         )
         phases = [*driven, *braked]
-        return phases, ManoeuvreTimes("excite", begin_s, begin_s, None, end_s, phases[-1].end_s)
+        return phases, ManoeuvreTimes("excite", start_s, start_s, None, end_s, phases[-1].end_s)
 
     def _brake_commands(self, state: Floats) -> Commands:
         """Commands without drive whose brakes slow all wheels equally on both axes."""
@@ -247,7 +247,7 @@ class DrivenMotion:
 
         Args:
             name: name of the phases.
-            start_s: where this begins, since the begin of the trial.
+            start_s: where this begins, since the start of the trial.
             end_s: where it ends, likewise.
             state: (7,) v, drive and brake force, ω, drive and brake torque, heading.
             commands: the commands.
@@ -262,7 +262,7 @@ class DrivenMotion:
         machine = self._find_consistent_stiction(state, self.free)
         for stage_s in [*(k for k in sorted(commands.kinks_s) if start_s < k < end_s), end_s]:
             while start_s < stage_s:
-                phase, state, changed = machine.integrate_until_grip_changes(
+                phase, state, changed = machine.integrate_until_stiction_changes(
                     name, start_s, stage_s, state, commands
                 )
                 phases.append(phase)
@@ -270,7 +270,7 @@ class DrivenMotion:
                 if changed:
                     _refuse_endless_stick_slip(phases)
                     state[[RATES[axis] for axis in changed]] = 0.0
-                    loose = [axis for axis in changed if machine.grip[axis] is None]
+                    loose = [axis for axis in changed if machine.friction_signs[axis] is None]
                     machine = self._find_consistent_stiction(state, self.free, loose)
         return phases, state
 
@@ -283,7 +283,7 @@ class DrivenMotion:
         while moving:
             machine = self._find_consistent_stiction(state, free_axes=(0 in moving, 1 in moving))
             last_s = start_s + LIMITS.trial_max_stop_s
-            phase, state, stood = machine.integrate_until_grip_changes(
+            phase, state, stood = machine.integrate_until_stiction_changes(
                 name, start_s, last_s, state, commands, stops_at_rest=True
             )
             phases.append(phase)
@@ -294,7 +294,7 @@ class DrivenMotion:
 
     def _find_consistent_stiction(
         self, state: Floats, free_axes: tuple[bool, bool], released_axes: Sequence[int] = ()
-    ) -> Stiction:
+    ) -> StictionMotion:
         """Grip of friction in `state`, just after it has released the `released_axes` axes."""
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
@@ -308,8 +308,11 @@ class DrivenMotion:
             else:
                 choices.append((1.0, -1.0) if axis in released_axes else (None, 1.0, -1.0))
         grips = product(choices[0], choices[1])
-        machines = [Stiction(self.body, self.valve_lag_s, free_axes, grip) for grip in grips]
-        return min(machines, key=lambda machine: machine.grip_inconsistency(state))
+        machines = [
+            StictionMotion(self.body, self.valve_lag_s, free_axes, friction_signs)
+            for friction_signs in grips
+        ]
+        return min(machines, key=lambda machine: machine.friction_sign_inconsistency(state))
 
 
 def _refuse_endless_stick_slip(phases: Sequence[MotionPhase]) -> None:
@@ -317,6 +320,6 @@ def _refuse_endless_stick_slip(phases: Sequence[MotionPhase]) -> None:
     recent = phases[-LIMITS.max_changes_at_once :]
     if len(recent) == LIMITS.max_changes_at_once and recent[-1].end_s - recent[0].start_s < 1e-9:
         raise DataError(
-            f"Coulomb friction finds no grip at {recent[-1].end_s:g} s of the run; "
+            f"Coulomb friction finds no consistent sign at {recent[-1].end_s:g} s of the run; "
             "change machine.coulomb_N or machine.coulomb_z_N_m a little"
         )

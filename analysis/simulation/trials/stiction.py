@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.simulation.motion.body import AxisPair, RigidBody
+from analysis.simulation.motion.body import LongitudinalYawPair, RigidBody
 from analysis.simulation.motion.solved_motion import MotionPhase, MotionState
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from estimators.arrays import Floats
@@ -30,39 +30,41 @@ class Commands(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stiction:
+class StictionMotion:
     """The machine under commands, with a fixed state of friction.
 
     Attributes:
         body: machine with its load.
         valve_lag_s: time constant of drive and brakes.
         free: whether x and z follow the commands; the drive keeps other axes still.
-        grip: sign of Coulomb friction on x and z; None if it holds the axis.
+        friction_signs: sign of Coulomb friction on x and z; None if it holds the axis.
     """
 
     body: RigidBody
     valve_lag_s: float
     free: tuple[bool, bool]
-    grip: tuple[float | None, float | None]
+    friction_signs: tuple[float | None, float | None]
 
-    def net_force_and_torque(self, state: Floats | tuple[float, ...]) -> AxisPair:
+    def net_force_and_torque(self, state: Floats | tuple[float, ...]) -> LongitudinalYawPair:
         """Net force and torque for the state, (7,) or (7, n), including sliding friction."""
         v, drive_x, brake_x, omega, drive_z, brake_z, heading = state
-        applied = AxisPair(drive_x - brake_x, drive_z - brake_z)
-        body, grip = self.body, self.grip
-        net_x, net_z = body.subtract_friction_and_gravity(applied, AxisPair(v, omega), heading)
-        return AxisPair(
-            net_x - body.max_holding_force_and_torque[0] * (grip[0] or 0.0),
-            net_z - body.max_holding_force_and_torque[1] * (grip[1] or 0.0),
+        applied = LongitudinalYawPair(drive_x - brake_x, drive_z - brake_z)
+        body, friction_signs = self.body, self.friction_signs
+        net_x, net_z = body.subtract_friction_and_gravity(
+            applied, LongitudinalYawPair(v, omega), heading
+        )
+        return LongitudinalYawPair(
+            net_x - body.max_holding_force_and_torque[0] * (friction_signs[0] or 0.0),
+            net_z - body.max_holding_force_and_torque[1] * (friction_signs[1] or 0.0),
         )
 
-    def accelerations(self, net_force_and_torque: AxisPair) -> AxisPair:
+    def accelerations(self, net_force_and_torque: LongitudinalYawPair) -> LongitudinalYawPair:
         """dv/dt and ω̇ of the axes that are free and not held."""
         return self.body.accelerations(net_force_and_torque, self._are_axes_free)
 
     @property
     def _are_axes_free(self) -> tuple[bool, bool]:
-        x, z = (self.free[axis] and self.grip[axis] is not None for axis in (0, 1))
+        x, z = (self.free[axis] and self.friction_signs[axis] is not None for axis in (0, 1))
         return x, z
 
     def holding_force_required(self, state: Floats) -> tuple[float, float]:
@@ -72,11 +74,12 @@ class Stiction:
         mc_y = self.body.first_moment_y_kg_m
         return float(net.x + mc_y * acceleration.z), float(net.z + mc_y * acceleration.x)
 
-    def grip_inconsistency(self, state: Floats) -> float:
-        """Violation of the friction law by the grip, for axes at rest in the state (7,).
+    def friction_sign_inconsistency(self, state: Floats) -> float:
+        """Violation of the friction law by the friction signs, for axes at rest in the state (7,).
 
         It is 0 if sticking friction holds no more than it can, and sliding friction opposes the
-        motion that begins. The inertia is positive definite, so exactly one grip is consistent.
+        motion that begins. The inertia is positive definite, so exactly one pair of signs is
+        consistent.
         """
         pull, acceleration = (
             self.holding_force_required(state),
@@ -85,14 +88,14 @@ class Stiction:
         inertia = (self.body.mass_kg, self.body.inertia_z_kg_m2)
         wrong = 0.0
         for axis in (0, 1):
-            sign = self.grip[axis]
+            sign = self.friction_signs[axis]
             if sign is None:
                 wrong += max(abs(pull[axis]) - self.body.max_holding_force_and_torque[axis], 0.0)
             elif state[RATES[axis]] == 0.0:
                 wrong += max(-sign * float(acceleration[axis]) * inertia[axis], 0.0)
         return wrong
 
-    def integrate_until_grip_changes(
+    def integrate_until_stiction_changes(
         self,
         name: str | None,
         start_s: float,
@@ -102,7 +105,7 @@ class Stiction:
         *,
         stops_at_rest: bool = False,
     ) -> tuple[MotionPhase, Floats, list[int]]:
-        """Integrate from `state` (7,) to `end_s` or the first change of grip.
+        """Integrate from `state` (7,) to `end_s` or the first change of a friction sign.
 
         Returns:
             The phase, the last state, and the axes (0, 1) on which friction releases or the motion
@@ -132,7 +135,7 @@ class Stiction:
             rtol=1e-12,
             atol=1e-12,
             dense_output=True,
-            events=[_GripChange(self, axis, expand_to_full_state) for axis in changes] or None,
+            events=[_StictionChange(self, axis, expand_to_full_state) for axis in changes] or None,
         )
         assert solution.sol is not None
         last_s = float(solution.t[-1])
@@ -184,7 +187,7 @@ class Stiction:
             )
             acceleration = self.accelerations(self.net_force_and_torque(whole))
             kept = self.body.required_force_and_torque(
-                AxisPair(v, omega), acceleration, heading, AxisPair(0.0, 0.0)
+                LongitudinalYawPair(v, omega), acceleration, heading, LongitudinalYawPair(0.0, 0.0)
             )
             if not self.free[0]:
                 v, drive_x, brake_x = 0.0 * v, np.asarray(kept.x), 0.0 * v
@@ -196,19 +199,21 @@ class Stiction:
         return states_at
 
 
-class _GripChange:
+class _StictionChange:
     """Event for solve_ivp: friction releases, or an axis stops."""
 
     terminal = True
 
-    def __init__(self, machine: Stiction, axis: int, full: Callable[[Floats], Floats]) -> None:
-        sign = machine.grip[axis]
+    def __init__(
+        self, machine: StictionMotion, axis: int, full: Callable[[Floats], Floats]
+    ) -> None:
+        sign = machine.friction_signs[axis]
         self.direction = 1.0 if sign is None else -sign
         self._machine, self._axis, self._full = machine, axis, full
 
     def __call__(self, _time_s: float, part: Floats) -> float:
         machine, axis, state = self._machine, self._axis, self._full(part)
-        if machine.grip[axis] is None:
+        if machine.friction_signs[axis] is None:
             return (
                 abs(machine.holding_force_required(state)[axis])
                 - machine.body.max_holding_force_and_torque[axis]

@@ -18,7 +18,7 @@ from analysis.model.axes import (
 )
 from analysis.model.machine import Machine
 from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
-from analysis.model.schema import build_frame, column_values
+from analysis.model.schema import build_frame, get_column_values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
 from analysis.model.windows import find_flagged_runs
@@ -66,7 +66,7 @@ def summarise_masses(
         columns[f"withheld{suffix}"] = pl.Series([False] * len(rows))
     empty_kg = machine.machine.empty_mass_kg
     table = build_frame("masses", columns)
-    payload = column_values(table, "mass_kg") - (np.nan if empty_kg is None else empty_kg)
+    payload = get_column_values(table, "mass_kg") - (np.nan if empty_kg is None else empty_kg)
     return build_frame("masses", {**table.to_dict(), "payload_kg": payload})
 
 

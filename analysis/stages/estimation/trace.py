@@ -34,7 +34,7 @@ def trace_estimates(
     gated: pl.DataFrame,
     settings: Settings,
     noise: pl.DataFrame | None = None,
-    load_begin_rows: Sequence[int] = (),
+    load_start_rows: Sequence[int] = (),
 ) -> dict[str, pl.DataFrame]:
     """Estimate from every accepted window with every method of the settings.
 
@@ -43,7 +43,7 @@ def trace_estimates(
         gated: frame with the accepted windows.
         settings: settings with window, methods and their options.
         noise: noise of the columns, if known.
-        load_begin_rows: rows at which the load changes, where recursions restart.
+        load_start_rows: rows at which the load changes, where recursions restart.
 
     Returns:
         Frames `estimates` by method, accepted rows only; `pooled` has a row per manoeuvre.
@@ -55,7 +55,7 @@ def trace_estimates(
             gated,
             settings,
             collect_axis_noise(axis, settings, noise),
-            load_begin_rows,
+            load_start_rows,
         )
         for axis in list_axes_allowed_by_channels(excitation)
     }
@@ -74,7 +74,7 @@ def _trace_methods(
     gated: pl.DataFrame,
     settings: Settings,
     noise: AxisNoise,
-    load_begin_rows: Sequence[int],
+    load_start_rows: Sequence[int],
 ) -> dict[str, Trace]:
     """Traces of every method over one axis."""
     A, f = make_regressor_and_force(axis, excitation, settings)
@@ -96,9 +96,9 @@ def _trace_methods(
     for name in settings.trace.methods:
         method = METHODS[name]
         options = method.options(settings.trace, noise)
-        if method.feed is FeedKind.SETTLED and load_begin_rows:
+        if method.feed is FeedKind.SETTLED and load_start_rows:
             fed_by = (*inputs_for_feed(method.feed), options)
-            traced = trace_each_load_separately(method, A, f, fed_by, load_begin_rows)
+            traced = trace_each_load_separately(method, A, f, fed_by, load_start_rows)
         else:
             traced = method.estimator.estimate_along_log(
                 A, f, *inputs_for_feed(method.feed), options
@@ -125,11 +125,11 @@ def trace_each_load_separately(
     A: Floats,
     f: Floats,
     window_arguments: tuple[Any, ...],
-    load_begin_rows: Sequence[int],
+    load_start_rows: Sequence[int],
 ) -> Trace:
     """Run a recursion over each load separately; no window reaches across a change."""
     window, accepted, options = window_arguments
-    bounds = [0, *load_begin_rows, f.size]
+    bounds = [0, *load_start_rows, f.size]
     parts: list[Trace] = []
     for begin, end in pairwise(bounds):
         inside = accepted[begin:end].copy()

@@ -143,36 +143,38 @@ def find_next_row_or_infinity(rows: Ints, after_row: int) -> float:
 
 
 def reject_windows_with_digging(
-    gated: pl.DataFrame, excitation: pl.DataFrame, digs: pl.DataFrame, machine: Machine
+    gated: pl.DataFrame, excitation: pl.DataFrame, digging: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """The gate, with windows that contain a digging sample rejected.
 
     Args:
         gated: frame with the accepted windows.
         excitation: frame with the phases.
-        digs: the frame `digging`.
+        digging: the frame `digging`.
         machine: machine file with settings.
     """
-    if digs.is_empty():
+    if digging.is_empty():
         return gated
     # the phase sees a start late, and its end
     dug = mark_digging_samples(
-        excitation["t_ns"].to_numpy(), digs, count_rows_of_speed_rate_span(machine.settings)
+        excitation["t_ns"].to_numpy(),
+        digging,
+        count_rows_of_speed_rate_span(machine.settings),
     )
     return reject_windows_with_excluded_rows(gated, dug, "digging", machine.settings)
 
 
-def add_digs_column(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
-    """The grid with a column `digs`: whether each sample is of a digging start."""
+def add_column_of_digging_starts(aligned: pl.DataFrame, digging: pl.DataFrame) -> pl.DataFrame:
+    """`aligned` with a column `digs`: True where a sample lies in a digging start."""
     return aligned.with_columns(
-        digs=pl.Series(mark_digging_samples(aligned["t_ns"].to_numpy(), digs))
+        digs=pl.Series(mark_digging_samples(aligned["t_ns"].to_numpy(), digging))
     )
 
 
-def mark_digging_samples(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
+def mark_digging_samples(t_ns: Ints, digging: pl.DataFrame, margin: int = 0) -> Bools:
     """Samples within a digging start or `margin` samples of one, (n,)."""
     dug = np.zeros(t_ns.size, np.bool_)
-    for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():
+    for start, end in digging.select("start_t_ns", "end_t_ns").iter_rows():
         first, last = np.searchsorted(t_ns, [start, end])
         dug[max(first - margin, 0) : last + margin + 1] = True
     return dug
@@ -206,12 +208,12 @@ def estimate_resistance_growth_and_std(
 ) -> tuple[float, float]:
     """Growth of the resistance over a start, and its standard deviation, in N.
 
-    The most likely begin of the growth is used.
+    The most likely beginning of the growth is used.
 
     Args:
         motion: (samples, 2) acceleration and speed.
         force: (samples,) force.
-        progress_1: (samples,) from 0 at the begin of the start to 1 at its end.
+        progress_1: (samples,) from 0 at the beginning of the start to 1 at its end.
         mean_kg: prior mean of the mass.
         prior_stds: (3,) prior standard deviations of mass, viscous friction and constant.
         noise_N: standard deviation of the force residual.

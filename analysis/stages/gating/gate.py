@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.axes import Axis, X, list_axes_allowed_by_channels, make_regressor_and_force
-from analysis.model.schema import PHASE, REASON, build_frame, column_values
+from analysis.model.schema import PHASE, REASON, build_frame, get_column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flag_windows_with_flagged_rows, mark_samples_in_accepted_windows
 from analysis.stages.gating.gate_rules import (
@@ -16,8 +16,8 @@ from analysis.stages.gating.gate_rules import (
 )
 from analysis.stages.motion.phases import (
     average_acceleration_over_rate_span,
+    compute_sign_of_yaw_rate_change,
     count_rows_of_speed_rate_span,
-    sign_of_yaw_rate_change,
 )
 from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Bools, Floats, Ints
@@ -74,7 +74,7 @@ def _make_gate_columns(
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
     slips = mark_slipping_samples(
-        column_values(excitation, "speed_rate_x_m_s2"),
+        get_column_values(excitation, "speed_rate_x_m_s2"),
         _forward_acceleration_m_s2(excitation),
         settings,
     )
@@ -186,12 +186,17 @@ def mark_deceleration(axis: Axis, excitation: pl.DataFrame, settings: Settings) 
     """Whether speed, or yaw rate, decreases at each sample, (rows,), with or without brakes."""
     if axis is X:
         return mark_braking_rows(encode_motion_phases_as_codes(excitation))
-    return sign_of_yaw_rate_change(column_values(excitation, "yaw_rate_rad_s"), settings) < 0
+    return (
+        compute_sign_of_yaw_rate_change(get_column_values(excitation, "yaw_rate_rad_s"), settings)
+        < 0
+    )
 
 
 def _forward_acceleration_m_s2(excitation: pl.DataFrame) -> Floats:
-    pitch = column_values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
-    return subtract_gravity(column_values(excitation, "specific_force_x_m_s2"), pitch)
+    pitch = (
+        get_column_values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
+    )
+    return subtract_gravity(get_column_values(excitation, "specific_force_x_m_s2"), pitch)
 
 
 def subtract_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:

@@ -39,7 +39,7 @@ _TURNING: Final = make_phase_code_mask(*TURNS)
 _IN_PLACE: Final = make_phase_code_mask("spinning", "standstill")
 
 
-class Decision(NamedTuple):
+class GateDecision(NamedTuple):
     """Decision of the gate on windows, (windows,) each; NaN for missing numbers.
 
     Attributes:
@@ -112,7 +112,7 @@ def decide_window_acceptance(
     holds_row_by_reason: Mapping[str, Bools],
     estimate_information: Callable[[Ints], Floats],
     settings: GateSettings,
-) -> Decision:
+) -> GateDecision:
     """Decide about windows.
 
     Args:
@@ -155,7 +155,7 @@ def decide_window_acceptance(
     refusals["low_information"] = poor
     refusals["noise_limited"] = noise_share > settings.noise_share_max
     refusals["ill_conditioned"] = ~(condition <= settings.condition_max)
-    return Decision(
+    return GateDecision(
         corr=np.where(spread > 0, rho, np.nan),
         mi_nat=index,
         predicted_std=predicted_std,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
-from analysis.model.schema import FRAMES, build_frame, column_values
+from analysis.model.schema import FRAMES, build_frame, get_column_values
 from analysis.stages.motion.phases import classify_motion_phases, compute_trailing_speed_rate
 from estimators.arrays import Floats
 
@@ -23,12 +23,14 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
         `excitation`.
     """
     settings = machine.settings
-    speed = column_values(smoothed, "speed_x_m_s")
+    speed = get_column_values(smoothed, "speed_x_m_s")
     rate = compute_trailing_speed_rate(speed, settings)
     declared = {column.name for column in FRAMES["excitation"].columns}
     columns: dict[str, NDArray[np.float64] | pl.Series] = {
         # arrays: of series, `build` would look for NaN by a query
-        name: column_values(smoothed, name) if smoothed[name].dtype.is_float() else smoothed[name]
+        name: get_column_values(smoothed, name)
+        if smoothed[name].dtype.is_float()
+        else smoothed[name]
         for name in smoothed.columns
         if name in declared
     }
@@ -47,28 +49,28 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
 def compute_longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
     """Equation (17), (rows,) in N: (τ_r + τ_l) / r over the share of the measured wheels."""
     if "force_x_N" in smoothed.columns:
-        force = column_values(smoothed, "force_x_N") / body.force_share
+        force = get_column_values(smoothed, "force_x_N") / body.force_share
     else:
         radius = float(body.wheel_radius_m or np.nan)
         sides = ("torque_right_N_m", "torque_left_N_m")
-        right, left = (column_values(smoothed, side) for side in sides)
+        right, left = (get_column_values(smoothed, side) for side in sides)
         force = (right + left) / radius / body.force_share
     if body.force_gain_in_reverse is None:
         return force
-    reverses = column_values(smoothed, "speed_x_m_s") < 0.0
+    reverses = get_column_values(smoothed, "speed_x_m_s") < 0.0
     return np.where(reverses, force / body.force_gain_in_reverse, force)
 
 
 def compute_yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
     """Equation (18), (rows,) in N·m: (τ_r - τ_l) / r · L/2 over the share; None when unknown."""
     if "torque_z_N_m" in smoothed.columns:
-        return column_values(smoothed, "torque_z_N_m") / body.force_share
+        return get_column_values(smoothed, "torque_z_N_m") / body.force_share
     sides = {"torque_right_N_m", "torque_left_N_m"}
     if body.wheel_radius_m is None or body.track_width_m is None:
         return None
     if not sides <= set(smoothed.columns):
         return None
-    difference = column_values(smoothed, "torque_right_N_m") - column_values(
+    difference = get_column_values(smoothed, "torque_right_N_m") - get_column_values(
         smoothed, "torque_left_N_m"
     )
     return difference / body.wheel_radius_m * body.track_width_m / 2.0 / body.force_share
@@ -82,10 +84,10 @@ def compute_regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> 
     is given).
     """
     if machine.settings.forces.acceleration == "specific_force":
-        return column_values(smoothed, "specific_force_x_m_s2")
-    acceleration = column_values(smoothed, "acc_x_m_s2")
+        return get_column_values(smoothed, "specific_force_x_m_s2")
+    acceleration = get_column_values(smoothed, "acc_x_m_s2")
     if "pitch_rad" in smoothed.columns:
-        pitch = column_values(smoothed, "pitch_rad")
+        pitch = get_column_values(smoothed, "pitch_rad")
         acceleration = acceleration + machine.machine.gravity_m_s2 * np.sin(pitch)
     return acceleration
 
@@ -98,11 +100,11 @@ def compute_lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Fl
     """
     measured = "specific_force_y_m_s2" in smoothed.columns
     if machine.settings.forces.acceleration == "specific_force" and measured:
-        return column_values(smoothed, "specific_force_y_m_s2")
-    acceleration = column_values(smoothed, "yaw_rate_rad_s") * column_values(
+        return get_column_values(smoothed, "specific_force_y_m_s2")
+    acceleration = get_column_values(smoothed, "yaw_rate_rad_s") * get_column_values(
         smoothed, "speed_x_m_s"
     )
     if "roll_rad" in smoothed.columns:
-        roll = column_values(smoothed, "roll_rad")
+        roll = get_column_values(smoothed, "roll_rad")
         acceleration = acceleration + machine.machine.gravity_m_s2 * np.sin(roll)
     return acceleration

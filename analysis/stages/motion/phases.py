@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.schema import PHASE, column_values
+from analysis.model.schema import PHASE, get_column_values
 from analysis.model.settings import Settings
 from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.motion.smooth import compute_trailing_mean
@@ -45,7 +45,7 @@ def count_rows_of_speed_rate_span(settings: Settings) -> int:
     return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
 
 
-def sign_of_speed_change(
+def compute_sign_of_speed_change(
     speed: Floats, speed_rate: Floats, steady_rate: float, settings: Settings
 ) -> Floats:
     """Sign of the change of v², (rows,): 1 growing, -1 falling, 0 steady; v may be a yaw rate.
@@ -59,10 +59,12 @@ def sign_of_speed_change(
     )
 
 
-def sign_of_yaw_rate_change(yaw_rate: Floats, settings: Settings) -> Floats:
+def compute_sign_of_yaw_rate_change(yaw_rate: Floats, settings: Settings) -> Floats:
     """Whether the turn speeds up (1), slows down (-1) or is steady (0), (rows,)."""
     rate = compute_trailing_speed_rate(yaw_rate, settings)
-    return sign_of_speed_change(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
+    return compute_sign_of_speed_change(
+        yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings
+    )
 
 
 def mark_stopping_samples(
@@ -140,10 +142,10 @@ def classify_motion_phases(
     Returns:
         (rows,) enum of phases.
     """
-    yaw_rate = np.nan_to_num(column_values(smoothed, "yaw_rate_rad_s"))
+    yaw_rate = np.nan_to_num(get_column_values(smoothed, "yaw_rate_rad_s"))
     # a derivative of the gyroscope is too noisy by itself to tell a steady arc
     yaw_acc = average_acceleration_over_rate_span(
-        column_values(smoothed, "yaw_acc_rad_s2"), settings
+        get_column_values(smoothed, "yaw_acc_rad_s2"), settings
     )
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = compute_trailing_speed_rate(yaw_rate, settings)

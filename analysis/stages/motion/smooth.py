@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.schema import build_frame, column_values
+from analysis.model.schema import build_frame, get_column_values
 from analysis.model.settings import SmoothSettings
 
 
@@ -27,7 +27,7 @@ def smooth_by_trailing_mean(aligned: pl.DataFrame, settings: SmoothSettings) -> 
     for name in aligned.columns:
         if name in ("t_ns", "gap"):
             continue
-        x = np.where(gap, np.nan, column_values(aligned, name))
+        x = np.where(gap, np.nan, get_column_values(aligned, name))
         columns[name] = compute_trailing_mean(x, settings.samples)
     return build_frame("aligned", {"t_ns": aligned["t_ns"], **columns, "gap": aligned["gap"]})
 

@@ -16,7 +16,7 @@ import polars as pl
 
 from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Machine
-from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build_frame, column_values
+from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build_frame, get_column_values
 from analysis.model.settings import NoiseSettings
 from analysis.stages.motion.forces import (
     compute_longitudinal_force,
@@ -205,13 +205,13 @@ def compute_equation_columns_by_name(aligned: pl.DataFrame, machine: Machine) ->
     body = machine.machine
     columns = {
         "regressor_acc_x_m_s2": compute_regressor_acceleration(aligned, machine),
-        "speed_x_m_s": column_values(aligned, "speed_x_m_s"),
+        "speed_x_m_s": get_column_values(aligned, "speed_x_m_s"),
         "force_x_N": compute_longitudinal_force(aligned, body),
     }
     torque = compute_yaw_torque(aligned, body)
     columns |= {} if torque is None else {"torque_z_N_m": torque}
     return columns | {
-        name: column_values(aligned, name)
+        name: get_column_values(aligned, name)
         for name in YAW_COLUMNS
         if name in aligned.columns and name not in columns
     }
@@ -279,7 +279,7 @@ def estimate_covariances_and_sources(
         of = how.derivative_of
         if of >= 0 and not (live[column] and live[of]):
             shared = np.sqrt(np.maximum(spectra[column, column] * spectra[of, of], 0.0))
-            slope = how.derivative_response(at)
+            slope = how.compute_derivative_response(at)
             turn = slope / np.maximum(np.abs(slope), np.finfo(float).tiny)
             spectra[of, column] = shared * turn
             spectra[column, of] = shared * turn.conj()
@@ -335,12 +335,12 @@ def fit_spectrum_to_fast_band(
     The frequencies are `list_spectrum_frequencies`.
     """
     at, wanted = list_block_frequencies_per_sample(), list_spectrum_frequencies()
-    response = column_response.power_response(at)
+    response = column_response.compute_power_response(at)
     fast = samples.min_relative_frequency
     band = (at >= fast) & (at <= samples.max_relative_frequency) & (response > 0.0)
     level = float(np.mean(block_power[band] / response[band]))
     seen = np.interp(wanted, at[1:], average_over_neighbouring_frequencies(block_power, 1)[1:])
-    return np.where(wanted < fast, level * column_response.power_response(wanted), seen)
+    return np.where(wanted < fast, level * column_response.compute_power_response(wanted), seen)
 
 
 def estimate_noise_growth_in_motion(

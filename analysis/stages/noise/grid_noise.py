@@ -59,27 +59,27 @@ class ColumnResponse:
     causal: bool
     rate_hz: float
 
-    def power_response(self, relative_frequency: Floats) -> Floats:
+    def compute_power_response(self, frequency_over_rate_1: Floats) -> Floats:
         """Power of unit white noise after processing, at frequencies over the rate."""
         slope = (
-            2.0 * np.sin(np.pi * relative_frequency)
+            2.0 * np.sin(np.pi * frequency_over_rate_1)
             if self.causal
-            else np.sin(2.0 * np.pi * relative_frequency)
+            else np.sin(2.0 * np.pi * frequency_over_rate_1)
         )
         power = (slope * self.rate_hz) ** (2 * self.derivatives)
         if self.filtered:
             power = power * filters.compute_low_pass_power_gain(
-                relative_frequency / self.cutoff, causal=self.causal
+                frequency_over_rate_1 / self.cutoff, causal=self.causal
             )
         return power
 
-    def derivative_response(self, relative_frequency: Floats) -> Complexes:
+    def compute_derivative_response(self, frequency_over_rate_1: Floats) -> Complexes:
         """Transfer function of one derivative, at frequencies over the rate."""
         if self.causal:
             return np.asarray(
-                self.rate_hz * (1.0 - np.exp(-2j * np.pi * relative_frequency)), np.complex128
+                self.rate_hz * (1.0 - np.exp(-2j * np.pi * frequency_over_rate_1)), np.complex128
             )
-        return self.rate_hz * 1j * np.sin(2.0 * np.pi * relative_frequency)
+        return self.rate_hz * 1j * np.sin(2.0 * np.pi * frequency_over_rate_1)
 
 
 def flag_columns_with_noise_hidden_by_grid(
@@ -95,12 +95,12 @@ def flag_columns_with_noise_hidden_by_grid(
     rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
     causal = machine.settings.filter.causal
     own_hz = {
-        name: 1e9 / rates.mean_period_without_gaps_ns(t, 1e9 / PAPER_HZ)
+        name: 1e9 / rates.compute_mean_period_without_gaps_ns(t, 1e9 / PAPER_HZ)
         for name, (t, _) in channels.items()
     }
     derived = any(channel.is_derivative for channel in machine.channels.values())
 
-    def source_rates_hz(names: Iterable[str]) -> list[float]:
+    def find_source_rates_hz(names: Iterable[str]) -> list[float]:
         made_of = frozenset[str]().union(
             *(rates.find_source_channels(name, machine) for name in names)
         )
@@ -108,8 +108,8 @@ def flag_columns_with_noise_hidden_by_grid(
 
     found: list[bool] = []
     for names in columns:
-        mine = source_rates_hz(names)
-        beside = source_rates_hz(
+        mine = find_source_rates_hz(names)
+        beside = find_source_rates_hz(
             next(
                 (each for each in rates.list_channel_sets_of_equations(machine) if each & {*names}),
                 frozenset(names),

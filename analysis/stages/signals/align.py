@@ -51,36 +51,38 @@ def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machin
     """
     raw, series = _make_channel_and_regressor_series(channels, machine)
     start, end = find_common_span_ns(select_required_series(series))
-    origin = Origin(
+    origin = GridOrigin(
         start, choose_grid_latency_ns(series, machine) if machine.settings.filter.causal else 0
     )
-    grid = make_grid_without_holes(
+    grid = make_grid_without_long_gaps(
         select_required_series(series), start, end, 1e9 / machine.settings.align.rate_hz
     )
     aligned = align_channels_at_instants(raw, series, grid, origin, machine)
-    return AlignedGrid(aligned, start + origin.late_ns)
+    return AlignedGrid(aligned, start + origin.latency_ns)
 
 
-class Origin(NamedTuple):
+class GridOrigin(NamedTuple):
     """Begin of the grid, and delay of its rows.
 
     Attributes:
         start_ns: Unix time of the instant in the first row.
-        late_ns: delay of every row behind its instant; 0 unless the replay is causal.
+        latency_ns: delay of every row behind its instant; 0 unless the replay is causal.
     """
 
     start_ns: int
-    late_ns: int
+    latency_ns: int
 
 
-def find_origin_of_causal_grid(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origin:
+def find_origin_of_causal_grid(
+    channels: Mapping[str, pl.DataFrame], machine: Machine
+) -> GridOrigin:
     """Origin of a grid, from the first seconds of the channels in a causal replay.
 
     Raises:
         DataError: the channels do not overlap in time yet.
     """
     _, series = _make_channel_and_regressor_series(channels, machine)
-    return Origin(
+    return GridOrigin(
         find_common_span_ns(select_required_series(series))[0],
         choose_grid_latency_ns(series, machine),
     )
@@ -89,7 +91,7 @@ def find_origin_of_causal_grid(channels: Mapping[str, pl.DataFrame], machine: Ma
 def align_known_rows_on_causal_grid(
     channels: Mapping[str, pl.DataFrame],
     machine: Machine,
-    origin: Origin,
+    origin: GridOrigin,
     after_ns: int,
     *,
     is_log_complete: bool,
@@ -112,13 +114,13 @@ def align_known_rows_on_causal_grid(
     if is_log_complete:
         end = min(int(each.t_ns[-1]) for each in needed.values())
     else:
-        end = min(int(raw[name].known_ns[-1]) for name in needed) - origin.late_ns
+        end = min(int(raw[name].known_ns[-1]) for name in needed) - origin.latency_ns
     step_ns = 1e9 / machine.settings.align.rate_hz
     first = max(0, math.ceil(after_ns / step_ns - 1e-9))
     if end < origin.start_ns + round(first * step_ns):
         grid = np.empty(0, np.int64)
     else:
-        grid = make_grid_without_holes(needed, origin.start_ns, end, step_ns, first)
+        grid = make_grid_without_long_gaps(needed, origin.start_ns, end, step_ns, first)
     return align_channels_at_instants(raw, series, grid, origin, machine)
 
 
@@ -139,12 +141,14 @@ def align_channels_at_instants(
     full_rate_series: Mapping[str, ChannelSeries],
     series: Mapping[str, ChannelSeries],
     grid_instants_ns: Ints,
-    origin: Origin,
+    origin: GridOrigin,
     machine: Machine,
 ) -> pl.DataFrame:
     """`aligned` at the given instants (rows,) of the grid."""
     is_causal = machine.settings.filter.causal
-    chosen = KnownInstants(series, grid_instants_ns, origin.late_ns, machine) if is_causal else None
+    chosen = (
+        KnownInstants(series, grid_instants_ns, origin.latency_ns, machine) if is_causal else None
+    )
     gap = np.zeros(grid_instants_ns.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
@@ -169,7 +173,7 @@ def align_channels_at_instants(
 def list_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Notes on what `align` does to these channels."""
     raw = {n: rates.make_channel_series(n, frame, machine) for n, frame in channels.items()}
-    said = _list_hole_notes(raw)
+    said = _list_long_gap_notes(raw)
     said += [str(each) for each in rates.list_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:
         late_s = (
@@ -223,14 +227,15 @@ class KnownInstants:
     """
 
     def __init__(
-        self, series: Mapping[str, ChannelSeries], grid: Ints, late_ns: int, machine: Machine
+        self, series: Mapping[str, ChannelSeries], grid: Ints, latency_ns: int, machine: Machine
     ) -> None:
-        self.series, self.grid, self.late_ns = series, grid, late_ns
+        self.series, self.grid, self.latency_ns = series, grid, latency_ns
         self.names = frozenset[str]().union(*rates.list_channel_sets_of_equations(machine)) & set(
             series
         )
         self.newest = {
-            name: each.find_newest_known_instant_ns(grid + late_ns) for name, each in series.items()
+            name: each.find_newest_known_instant_ns(grid + latency_ns)
+            for name, each in series.items()
         }
         self.shared = grid
         for name in self.names:
@@ -240,12 +245,12 @@ class KnownInstants:
         """Instants (rows,) of a channel, and whether its newest sample is too old."""
         each = self.series[name]
         newest = self.newest[name]
-        usual = self.grid - max(0, round(each.typical_lag_ns) - self.late_ns)
+        usual = self.grid - max(0, round(each.typical_lag_ns) - self.latency_ns)
         instants = self.shared if name in self.names else np.minimum(self.grid, newest)
         return instants, usual - newest > each.longest_ns
 
 
-def find_holes_ns(
+def find_long_gaps_ns(
     required_channels: Mapping[str, ChannelSeries], longest_s: float
 ) -> list[tuple[int, int]]:
     """Begin and end in ns of the holes of each channel that are longer than these seconds."""
@@ -257,10 +262,10 @@ def find_holes_ns(
     )
 
 
-def _list_hole_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
+def _list_long_gap_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
     """A note on the longest hole, with the channels that have it, if it is no mere pause."""
     required = select_required_series(series)
-    holes = find_holes_ns(required, LIMITS.reported_hole_s)
+    holes = find_long_gaps_ns(required, LIMITS.reported_gap_s)
     if not holes:
         return []
     opened, closed = max(holes, key=lambda hole: hole[1] - hole[0])
@@ -269,7 +274,7 @@ def _list_hole_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
         for name, each in required.items()
         if any(
             first < closed and opened < last
-            for first, last in find_holes_ns({name: each}, LIMITS.reported_hole_s)
+            for first, last in find_long_gaps_ns({name: each}, LIMITS.reported_gap_s)
         )
     ]
     are_all = len(names) == len(required)
@@ -281,7 +286,7 @@ def _list_hole_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
     ]
 
 
-def make_grid_without_holes(
+def make_grid_without_long_gaps(
     required_channels: Mapping[str, ChannelSeries],
     start_ns: int,
     end_ns: int,
@@ -293,7 +298,7 @@ def make_grid_without_holes(
     `first_point_number` is the number of the first point.
     """
     pieces: list[tuple[int, int]] = []
-    for opened, closed in find_holes_ns(required_channels, LIMITS.longest_hole_s):
+    for opened, closed in find_long_gaps_ns(required_channels, LIMITS.longest_gap_s):
         # a row behind the last sample, and the last one before the next
         left = int((opened - start_ns) // step_ns) + 1
         right = int((closed - start_ns) // step_ns) - 1

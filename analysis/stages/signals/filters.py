@@ -79,12 +79,12 @@ def apply_low_pass(
     return np.concatenate(times), np.concatenate(outputs)
 
 
-def compute_low_pass_power_gain(relative_frequency: Floats, *, causal: bool) -> Floats:
+def compute_low_pass_power_gain(frequency_over_cutoff_1: Floats, *, causal: bool) -> Floats:
     """Fraction of power that the low-pass passes, at frequencies over its cutoff.
 
     It holds well below half the rate.
     """
-    one_pass = 1.0 / (1.0 + relative_frequency ** (2 * LIMITS.low_pass_order))
+    one_pass = 1.0 / (1.0 + frequency_over_cutoff_1 ** (2 * LIMITS.low_pass_order))
     return one_pass if causal else one_pass**2
 
 

@@ -50,7 +50,7 @@ def choose_grid_rate_by_log(
     if "samples" not in settings.smooth.model_fields_set:
         chosen["smooth.samples"] = count_rows_in_duration(_MEAN_S, rate_hz)
     differs = any(settings.value_of_setting(name) != value for name, value in chosen.items())
-    settings = settings.with_changes(chosen)
+    settings = settings.copy_with_changes(chosen)
     said = f"{slowest} comes at {own_hz:.4g} Hz, so without a setting " + ", ".join(
         {
             "align.rate_hz": f"the grid is at {rate_hz:.4g} Hz",
@@ -83,7 +83,8 @@ def find_slowest_channel_and_rate_hz(
         if source in channels and not machine.is_piecewise_constant(source)
     }
     periods = {
-        name: rates.mean_period_without_gaps_ns(channels[name][0], 1e9 / PAPER_HZ) for name in names
+        name: rates.compute_mean_period_without_gaps_ns(channels[name][0], 1e9 / PAPER_HZ)
+        for name in names
     }
     slowest = max(sorted(periods), key=lambda name: periods[name])
     # six digits: a clock is no better, and the grid of an even log falls on its samples

@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.machine_body import ImuMounting
-from analysis.model.schema import column_values
+from analysis.model.schema import get_column_values
 from analysis.stages.signals.filters import find_slices_between_gaps
 from analysis.stages.signals.mounting import compute_rotation_to_machine_axes
 from analysis.stages.signals.resample import average_about_instants
@@ -115,13 +115,13 @@ def estimate_gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
     Returns:
         NaN without an accelerometer or a standstill.
     """
-    axes = [column_values(frame, name) for name in _AXES if name in frame.columns]
+    axes = [get_column_values(frame, name) for name in _AXES if name in frame.columns]
     if _AXES[0] not in frame.columns or len(axes) == 2:
         return float("nan")
     if "phase" in frame.columns:
         still = (frame["phase"] == "standstill").fill_null(value=False).to_numpy()
     else:
-        slow = np.abs(column_values(frame, "speed_x_m_s"))
+        slow = np.abs(get_column_values(frame, "speed_x_m_s"))
         still = slow < machine.settings.phases.standstill_speed_m_s
         t_ns = frame["t_ns"].to_numpy()
         still = mark_long_standstills(t_ns, still)

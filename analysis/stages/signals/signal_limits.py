@@ -14,9 +14,9 @@ class SignalLimits:
     # align
     #: Longest hole in s of which the grid keeps every row: of longer ones it keeps the first and
     #: the last, since a clock jump must not make a billion rows.
-    longest_hole_s: float = 60.0
+    longest_gap_s: float = 60.0
     #: Hole in s of which a note is made: longer than a break in a shift.
-    reported_hole_s: float = 3600.0
+    reported_gap_s: float = 3600.0
     #: Rows of the longest grid: eighty hours at 100 Hz, a quarter of a gigabyte a column.
     grid_max_rows: int = 30_000_000
 

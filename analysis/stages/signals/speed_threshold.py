@@ -46,12 +46,12 @@ def find_zero_speed_thresholds_m_s(channels: Mapping[str, mounting.Series]) -> d
     found = {
         name: estimate_zero_speed_threshold_m_s(x)
         for name, (t, x) in channels.items()
-        if name in SPEEDS and median_drive_duration_s(t, x) >= LIMITS.threshold_min_drive_s
+        if name in SPEEDS and compute_median_drive_duration_s(t, x) >= LIMITS.threshold_min_drive_s
     }
     return {name: threshold_m_s for name, threshold_m_s in found.items() if threshold_m_s}
 
 
-def median_drive_duration_s(t_ns: Ints, speed: Floats) -> float:
+def compute_median_drive_duration_s(t_ns: Ints, speed: Floats) -> float:
     """Median duration of the runs of readings that are not 0, in s; 0 without any."""
     first, last = find_flagged_runs(speed != 0.0)
     return float(np.median(t_ns[last] - t_ns[first])) / NS_PER_S if first.size else 0.0
@@ -68,12 +68,12 @@ def drop_zero_readings_beside_motion(
             LIMITS.threshold_gap_s * NS_PER_S,
             LIMITS.threshold_gap_readings * filters.median_period_ns(t),
         )
-        kept = (x != 0.0) | (time_to_nearest_motion_ns(t, x) > beside_ns)
+        kept = (x != 0.0) | (compute_time_to_nearest_motion_ns(t, x) > beside_ns)
         out[name] = t[kept], x[kept]
     return out
 
 
-def time_to_nearest_motion_ns(t_ns: Ints, speed: Floats) -> Floats:
+def compute_time_to_nearest_motion_ns(t_ns: Ints, speed: Floats) -> Floats:
     """Time from each reading (n,) to the nearest that is not 0, in ns."""
     moving_ns = t_ns[speed != 0.0]
     place = np.searchsorted(moving_ns, t_ns)

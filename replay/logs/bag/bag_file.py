@@ -30,8 +30,8 @@ from replay.logs.blocks import (
     BlockFile,
     BlockStore,
     Describe,
-    LooseRecords,
     RecordFinders,
+    UnchunkedRecords,
     find_records_after_damage,
     make_incomplete_end_clause,
     make_last_log_time_clause,
@@ -75,12 +75,12 @@ class BagFile(BlockFile):
         return tuple(self._connections.values())
 
     @staticmethod
-    def _get_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         from replay.logs.bag.bag_grammar import RECORD_FINDERS
 
         return RECORD_FINDERS
 
-    def read_whole_file_and_count_valid_crcs(self) -> int:
+    def check_whole_file_and_count_valid_crcs(self) -> int:
         """Read the file from start to end; a bag has no CRCs."""
         walk = BagWalk(
             self._make_second_pass_store(), len(MAGIC + VERSION), self._process_non_message_record
@@ -110,7 +110,7 @@ class BagFile(BlockFile):
                 self._file, offset, read_bag_record(self._file, offset)
             )
             # the index stands behind all chunks, so that the end of the file tears none of them
-            if block is None or (block.is_torn and counts):
+            if block is None or (block.is_truncated and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
                 self._store.damage.note_lost_block(
                     lost, "it is not at the position that the index gives"
@@ -133,7 +133,7 @@ class BagFile(BlockFile):
         unfinished = position == bytes(8)
         why = "the recorder did not finish it" if unfinished else "the index is damaged"
         torn = make_incomplete_end_clause(
-            self._file.size - walk.end, self._store.torn_message_count
+            self._file.size - walk.end, self._store.truncated_message_count
         )
         damage.add_damage_sentence(
             f"{why}: scanned from start to end, all whole messages are read"
@@ -190,7 +190,7 @@ class BagWalk:
     def iter_chunks_of_file(self) -> Iterator[Block]:
         """Every chunk, including one cut off by the end of the file."""
         file = self.store.file
-        stretches = LooseRecords(self.store)
+        stretches = UnchunkedRecords(self.store)
         at = self.end
         while at < file.size:
             record = read_bag_record(file, at)
@@ -198,7 +198,7 @@ class BagWalk:
             end = at
             if block is not None:
                 yield block
-                if block.is_torn:
+                if block.is_truncated:
                     return
                 end = block.offset + block.stored_bytes
             elif record is not None and record.opcode == MESSAGE:

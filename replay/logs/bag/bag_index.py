@@ -87,7 +87,7 @@ def make_block_of_chunk_record(
         left if is_open else min(record.data_bytes, left),
         "" if compression == "none" else compression,
         unpacked,
-        is_torn=is_open or record.data_bytes > left,
+        is_truncated=is_open or record.data_bytes > left,
     )
 
 

@@ -26,7 +26,7 @@ class BagTail(GrowingBlockFile):
     """
 
     @staticmethod
-    def _get_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         from replay.logs.bag.bag_grammar import RECORD_FINDERS
 
         return RECORD_FINDERS
@@ -46,7 +46,7 @@ class BagTail(GrowingBlockFile):
             # nothing behind an empty chunk yet: it may be one that has just been opened
             if (
                 block is None
-                or block.is_torn
+                or block.is_truncated
                 or (record.end_offset == file.size and not block.max_unpacked_bytes)
             ):
                 return None

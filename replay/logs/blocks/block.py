@@ -42,7 +42,7 @@ class Block:
     #: of the unpacked bytes; 0 says that none was written
     crc: int = 0
     #: the file ends inside it: what can be unpacked of it counts
-    is_torn: bool = False
+    is_truncated: bool = False
     #: messages by connection
     counts: Mapping[int, int] = field(default_factory=lambda: _NO_COUNTS)
     #: log times of its messages, both inclusive
@@ -54,7 +54,7 @@ class Block:
         """Upper bound of its unpacked size in bytes."""
         if not self.compression:
             return self.stored_bytes
-        if not self.is_torn:
+        if not self.is_truncated:
             return self.unpacked_bytes
         most = _TORN_RATIO * self.stored_bytes + 2**20
         return min(self.unpacked_bytes or most, most, LARGEST_BYTES)
@@ -83,7 +83,7 @@ def unpack_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8
         raise DamagedBlockError(f"its compression '{block.compression}' is not zstd, lz4 or bz2")
     else:
         done = _decompress_block_into(block, file, out_bytes)
-    if block.is_torn:
+    if block.is_truncated:
         return done
     if done != block.max_unpacked_bytes:
         raise DamagedBlockError(f"{done:,} of the {block.unpacked_bytes:,} bytes it declares")
@@ -97,7 +97,7 @@ def _read_zstd_block_with_end_frame(block: Block, file: FileBytes) -> memoryview
     room = max(0, min(block.stored_bytes, file.size - block.offset))
     stored = np.empty(room + len(_NOTHING), np.uint8)
     done = file.read_into(block.offset, stored[:room])
-    if block.is_torn:
+    if block.is_truncated:
         return stored[:done].data
     stored[done : done + len(_NOTHING)] = np.frombuffer(_NOTHING, np.uint8)
     return stored[: done + len(_NOTHING)].data
@@ -109,7 +109,7 @@ def _decompress_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.
 
     view, done = out_bytes.data, 0
     # the decompressor says at its end that the stream broke off, not how much came before
-    step = _TORN_STEP if block.is_torn else max(len(view), 1)
+    step = _TORN_STEP if block.is_truncated else max(len(view), 1)
     if block.compression == "zstd":  # by itself: Arrow's takes a detour through a buffer
         frames = _read_zstd_block_with_end_frame(block, file)
         stream = zstandard.ZstdDecompressor().stream_reader(frames, read_across_frames=True)
@@ -122,9 +122,9 @@ def _decompress_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.
             if not count:
                 return done
             done += count
-        if not block.is_torn and stream.read(1):
+        if not block.is_truncated and stream.read(1):
             raise DamagedBlockError(f"more than the {block.unpacked_bytes:,} bytes it declares")
     except (OSError, MemoryError, pa.ArrowException, zstandard.ZstdError) as error:
-        if not block.is_torn:
+        if not block.is_truncated:
             raise DamagedBlockError(" ".join(str(error).split()) or "no memory") from error
     return done

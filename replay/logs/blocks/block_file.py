@@ -39,7 +39,7 @@ class BlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _get_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         """Functions that find its records in bytes."""
 
     @abstractmethod
@@ -47,7 +47,7 @@ class BlockFile(ABC):
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
-        return BlockStore(self._file, self._get_record_finders, self._process_non_message_record)
+        return BlockStore(self._file, self._import_record_finders, self._process_non_message_record)
 
     def _make_second_pass_store(self) -> BlockStore:
         """Store for a second pass over the file, with shared damage notes."""
@@ -88,8 +88,8 @@ class BlockFile(ABC):
         return self._store.earliest_log_time_bound_ns
 
     @abstractmethod
-    def read_whole_file_and_count_valid_crcs(self) -> int:
-        """See `Container.read_whole_file_and_count_valid_crcs`."""
+    def check_whole_file_and_count_valid_crcs(self) -> int:
+        """See `Container.check_whole_file_and_count_valid_crcs`."""
 
     def close(self) -> None:
         """Release the file."""

@@ -83,9 +83,9 @@ class BlockStore:
         return self._counts.total()
 
     @property
-    def torn_message_count(self) -> int:
+    def truncated_message_count(self) -> int:
         """Number of messages in the block cut off by the end of the file."""
-        return sum(sum(block.counts.values()) for block in self._blocks if block.is_torn)
+        return sum(sum(block.counts.values()) for block in self._blocks if block.is_truncated)
 
     @property
     def valid_crc_count(self) -> int:
@@ -283,11 +283,11 @@ class BlockStore:
 
     def _note_verified_block(self, block: Block) -> None:
         """Note a block whose CRC was compared and agrees."""
-        if block.crc and not block.is_torn:
+        if block.crc and not block.is_truncated:
             self._sealed.add(block.record_offset)
 
     def _note_unread_bytes(self, block: Block, unread_byte_count: int) -> None:
-        if unread_byte_count and not block.is_torn:
+        if unread_byte_count and not block.is_truncated:
             self.damage.add_damage_sentence(
                 f"{unread_byte_count:,} of {block.max_unpacked_bytes:,} bytes in the chunk at byte "
                 f"{block.record_offset} form no complete record and were not read"

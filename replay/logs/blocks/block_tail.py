@@ -49,11 +49,11 @@ class GrowingBlockFile(ABC):
         #: where the first record begins that is not taken yet; 0 before the head of the file
         self._at = 0
         #: whether the last poll came to something that is not whole
-        self._is_torn = False
+        self._is_truncated = False
 
     @staticmethod
     @abstractmethod
-    def _get_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         """Functions that find its records in bytes."""
 
     @abstractmethod
@@ -73,18 +73,18 @@ class GrowingBlockFile(ABC):
         """See `Tail.poll`."""
         self._file.update_size()
         batches: list[RawBatch] = []
-        self._is_torn = False
+        self._is_truncated = False
         while not self.is_finished and sum(batch.data.size for batch in batches) < _POLL_BYTES:
             found = self._read_next_record_batches()
             if found is None:
-                self._is_torn = self._at < self._file.size
+                self._is_truncated = self._at < self._file.size
                 break
             batches += found
         return batches
 
     def note_incomplete_end(self) -> None:
         """See `Tail.note_incomplete_end`."""
-        if self._is_torn:
+        if self._is_truncated:
             rest = self._file.size - self._at
             what = f"it ends inside a record or chunk: its last {rest:,} bytes are not read"
             self._losses.add_loss(self._file.path, what)
@@ -116,7 +116,7 @@ class GrowingBlockFile(ABC):
 
     def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
         """Messages in some bytes (n,), and offset of the first incomplete record."""
-        finders = self._get_record_finders()
+        finders = self._import_record_finders()
         _, whole = finders.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = MessageRowIndex(finders, data, 0)
         index.add_rows_of_span(0, whole)

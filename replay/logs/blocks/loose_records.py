@@ -13,7 +13,7 @@ from replay.logs.storage import LARGEST_BYTES, FileBytes
 _SMALLEST_WINDOW: Final = 65_536
 
 
-class LooseRecords:
+class UnchunkedRecords:
     """Adds records outside chunks to a store, as blocks of bounded size."""
 
     def __init__(self, store: BlockStore) -> None:

@@ -88,19 +88,23 @@ def make_last_log_time_clause(last_ns: int | None) -> str:
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 
-def make_incomplete_end_clause(torn_bytes: int, torn_message_count: int) -> str:
+def make_incomplete_end_clause(truncated_bytes: int, truncated_message_count: int) -> str:
     """Clause that describes the bytes after the last complete record.
 
     Args:
-        torn_bytes: number of bytes.
-        torn_message_count: number of messages read from a torn chunk there.
+        truncated_bytes: number of bytes.
+        truncated_message_count: number of messages read from a torn chunk there.
     """
-    if torn_message_count:
+    if truncated_message_count:
         return (
-            f"; the last {torn_bytes:,} bytes are an incomplete chunk, "
-            f"from which {format_count(torn_message_count, 'message')} could be read"
+            f"; the last {truncated_bytes:,} bytes are an incomplete chunk, "
+            f"from which {format_count(truncated_message_count, 'message')} could be read"
         )
-    return f"; {torn_bytes:,} bytes at the end are lost or of a torn record" if torn_bytes else ""
+    return (
+        f"; {truncated_bytes:,} bytes at the end are lost or of a torn record"
+        if truncated_bytes
+        else ""
+    )
 
 
 def describe_block_contents(blocks: list[Block], topic_of_connection: Mapping[int, str]) -> str:

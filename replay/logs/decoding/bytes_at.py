@@ -28,7 +28,7 @@ def _copy_bytes(data: Bytes, offset: int, target: Bytes, target_offset: int, siz
 
 
 def _convert_float_bits_to_double_bits(float_bits: int) -> np.int64:
-    """Bits of a float as those of the equal double."""
+    """Bits of the 64-bit float that equals a 32-bit float, given the bits of that."""
     single = np.array(int(float_bits) & 0xFFFFFFFF, np.uint32).view(np.float32)
     return np.int64(single.astype(np.float64).view(np.int64))
 

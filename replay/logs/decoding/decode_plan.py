@@ -19,7 +19,7 @@ from replay.logs.decoding.decoder import (
     run_work_immediately,
 )
 from replay.logs.decoding.direct_fields import DirectFields, select_fields_at_fixed_offsets
-from replay.logs.decoding.field_columns import Columns
+from replay.logs.decoding.field_columns import ColumnBuilder
 from replay.logs.decoding.one_pass import allocate_gathered_rows, locate_and_gather_fields
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.walk_program import (
@@ -45,7 +45,7 @@ _ELEMENTS: Final = 4
 class WalkedBatch:
     """Columns of the complete messages, and the indices of these messages."""
 
-    columns: Columns
+    columns: ColumnBuilder
     #: (n,)
     is_complete: NDArray[np.bool_]
     first_fault: str
@@ -74,7 +74,7 @@ class BatchPass:
             program: program for the messages' type and encoding.
             direct: fields gathered during the pass.
             data: (bytes,) bytes that contain the messages.
-            begins: (n,) begin of each message after its encapsulation.
+            begins: (n,) start of each message after its encapsulation.
             sizes: (n,) bytes of each message from there on.
             swap: whether numbers are big-endian.
         """
@@ -109,7 +109,7 @@ class BatchPass:
         table, marks, filled, *_ = self._notes
         mark_values = tuple(marks[base : base + filled[node]] for node, base, _ in table)
         root, rows = self._program.root, int(filled[0])
-        columns = Columns(
+        columns = ColumnBuilder(
             self._messages.data, self._swap, root, mark_values, rows, self._direct, self._gathered
         )
         whole = self._outcome.faults == 0

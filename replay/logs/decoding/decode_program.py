@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.logs.decoding.field_places import (
+    FieldPlace,
     InSpan,
-    Located,
     NestedMessage,
     StridedList,
     TextField,
@@ -124,7 +124,7 @@ class _Compiler:
         self, record: RecordType, wanted_fields: Wanted | None
     ) -> NestedMessage:
         """Compile the fields of a message."""
-        fields: dict[str, Located] = {}
+        fields: dict[str, FieldPlace] = {}
         for name, kind in list_members_as_encoded(record, self.wire):
             located = self._compile_field_of_type(
                 kind, None if wanted_fields is None else wanted_fields.get(name)
@@ -135,7 +135,7 @@ class _Compiler:
 
     def _compile_field_of_type(
         self, field_type: FieldType, wanted_subfields: Wanted | None
-    ) -> Located | None:
+    ) -> FieldPlace | None:
         if isinstance(field_type, RecordType):
             return self.compile_message_fields(field_type, wanted_subfields)
         if field_type == Scalar("string"):
@@ -150,7 +150,7 @@ class _Compiler:
         assert isinstance(field_type, ListOf), (
             "a value that is neither list nor string has a fixed size"
         )
-        return self._compile_list_of_type(field_type, wanted_subfields)
+        return self._compile_list_and_locate_it(field_type, wanted_subfields)
 
     def _append_to_span(
         self, field_type: FieldType, wanted_subfields: Wanted | None
@@ -181,9 +181,9 @@ class _Compiler:
             else InSpan(self._allocate_first_mark_of_last_step(1), value)
         )
 
-    def _compile_list_of_type(
+    def _compile_list_and_locate_it(
         self, list_type: ListOf, wanted_subfields: Wanted | None
-    ) -> Located | None:
+    ) -> FieldPlace | None:
         if list_type.length == 0:
             # rosbags pads before it; and lists of what takes no bytes would be walked without bound
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")

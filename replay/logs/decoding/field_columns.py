@@ -22,12 +22,12 @@ from replay.logs.decoding.arrow_arrays import (
 )
 from replay.logs.decoding.direct_fields import DirectFields
 from replay.logs.decoding.field_places import (
+    FieldPlace,
     InlineArray,
     InlineField,
     InlineRecord,
     InlineValue,
     InSpan,
-    Located,
     NestedMessage,
     StridedList,
     TextField,
@@ -52,7 +52,7 @@ _NO_TEXT: Final = np.empty(0, np.uint8)
 class _Elements:
     """Values at elements of a node: their indices, or None for all elements."""
 
-    located: Located
+    located: FieldPlace
     chosen: Ints | None
 
 
@@ -69,7 +69,7 @@ _Place: TypeAlias = _Elements | _Positions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Columns:
+class ColumnBuilder:
     """Builds columns from a walked batch."""
 
     data: NDArray[np.uint8]

@@ -64,15 +64,15 @@ class WalkedList:
 
     mark: int
     node: int
-    element: "Located"
+    element: "FieldPlace"
 
 
 @dataclass(frozen=True, slots=True)
 class NestedMessage:
     """A message whose fields have marks of their own."""
 
-    fields: "dict[str, Located]"
+    fields: "dict[str, FieldPlace]"
 
 
 InlineValue: TypeAlias = InlineField | InlineRecord | InlineArray
-Located: TypeAlias = InSpan | TextField | StridedList | WalkedList | NestedMessage
+FieldPlace: TypeAlias = InSpan | TextField | StridedList | WalkedList | NestedMessage

@@ -173,7 +173,7 @@ def locate_fields_in_messages(
             )
             if fault != 0:
                 break
-            check_count = _add_bytes_to_compare(checks, check_count, told, stop)
+            check_count = _append_range_to_compare(checks, check_count, told, stop)
             mark = steps[step, _MARK]
             if mark >= 0:
                 node = steps[step, _NODE]
@@ -424,15 +424,15 @@ def _locate_strided_elements(
 
 
 @compiled_inline
-def _add_bytes_to_compare(checks: Ints, count: int, begin: int, end: int) -> int:
-    """Add bytes of a length or string to compare; returns their number, -1 if full."""
-    if count < 0 or end == begin:
-        return count
-    if count == _MOST_CHECKS:
+def _append_range_to_compare(ranges: Ints, range_count: int, begin: int, end: int) -> int:
+    """Append the range of a length or string to compare; returns their number, -1 if full."""
+    if range_count < 0 or end == begin:
+        return range_count
+    if range_count == _MOST_CHECKS:
         return -1
-    checks[count, 0] = begin
-    checks[count, 1] = end - begin
-    return count + 1
+    ranges[range_count, 0] = begin
+    ranges[range_count, 1] = end - begin
+    return range_count + 1
 
 
 def read_encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:

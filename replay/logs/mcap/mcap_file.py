@@ -18,8 +18,8 @@ from replay.logs.blocks import (
     BlockFile,
     BlockStore,
     Describe,
-    LooseRecords,
     RecordFinders,
+    UnchunkedRecords,
     find_records_after_damage,
     make_incomplete_end_clause,
     make_last_log_time_clause,
@@ -75,7 +75,7 @@ class McapWalk:
     def iter_chunks_of_file(self) -> Iterator[Block]:
         """Every chunk, including one cut off by the end of the file."""
         file = self.store.file
-        stretches = LooseRecords(self.store)
+        stretches = UnchunkedRecords(self.store)
         at = len(MAGIC)
         while not self.has_footer and len(head := file.read_bytes(at, RECORD_HEAD.size)) == _HEAD:
             opcode, length = RECORD_HEAD.unpack(head)
@@ -148,12 +148,12 @@ class McapFile(BlockFile):
         )
 
     @staticmethod
-    def _get_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         from replay.logs.mcap.mcap_grammar import RECORD_FINDERS
 
         return RECORD_FINDERS
 
-    def read_whole_file_and_count_valid_crcs(self) -> int:
+    def check_whole_file_and_count_valid_crcs(self) -> int:
         """Read the file from start to end, and compare the CRCs of data and summary."""
         walk = McapWalk(self._make_second_pass_store(), self._process_non_message_record)
         self._note_blocks_missed_by_first_pass(walk.iter_chunks_of_file(), walk.store)
@@ -193,7 +193,7 @@ class McapFile(BlockFile):
             read_times = partial(read_indexed_times_of_chunk, self._file, chunk)
             is_described = described and self._channels.keys() >= counts.keys()
             # the index stands behind all chunks, so that the end of the file tears none of them
-            if block is None or block.is_torn:
+            if block is None or block.is_truncated:
                 lost = make_block_of_misplaced_chunk(chunk)
                 self._store.note_lost_block(
                     lost, read_times() or {}, "it is not at the position that the index gives"
@@ -224,7 +224,7 @@ class McapFile(BlockFile):
                 )
             return
         size = self._file.size
-        torn = make_incomplete_end_clause(size - file_walk.end, self._store.torn_message_count)
+        torn = make_incomplete_end_clause(size - file_walk.end, self._store.truncated_message_count)
         self._store.damage.add_damage_sentence(
             f"breaks off after byte {file_walk.end} of {size}, without a footer: all whole "
             f"messages are read{make_last_log_time_clause(self._store.last_ns)}{torn}"

@@ -91,7 +91,7 @@ def read_chunk_header_as_block(
         name,
         unpacked,
         crc,
-        is_torn=stored > left,
+        is_truncated=stored > left,
         counts=message_counts or {},
         first_ns=first if fits else 0,
         last_ns=last if fits else -1,

@@ -260,10 +260,10 @@ class Rosbag2Directory:
         """Earliest log time of all files."""
         return min((part.earliest_log_time_bound_ns() for part in self._parts), default=END_NS)
 
-    def read_whole_file_and_count_valid_crcs(self) -> int:
+    def check_whole_file_and_count_valid_crcs(self) -> int:
         """Check every file."""
         self._note_wrong_message_counts()
-        return sum(part.read_whole_file_and_count_valid_crcs() for part in self._parts)
+        return sum(part.check_whole_file_and_count_valid_crcs() for part in self._parts)
 
     def close(self) -> None:
         """Release the files."""

@@ -151,10 +151,10 @@ class PageWalk:
             self._chains.join_spilled_messages(
                 data, ranges, page_memory.rows, self._spills, spilled
             )
-            rows = self._drop_torn_rows(rows, self._spills[:, :spilled])
+            rows = self._drop_rows_with_damaged_pages(rows, self._spills[:, :spilled])
         return _LeafRows(TableRows(data, rows), is_usual)
 
-    def _drop_torn_rows(
+    def _drop_rows_with_damaged_pages(
         self, rows: NDArray[np.int64], spills: NDArray[np.int64]
     ) -> NDArray[np.int64]:
         """Drop and count rows whose overflow pages are damaged."""

@@ -106,7 +106,7 @@ def iter_row_batches(
         if rows:
             yield rows
             after_row_id = rows[-1][0]
-        following = find_row_id_after_damage(database, query, after_row_id)
+        following = find_last_lost_row_id(database, query, after_row_id)
         until = "on" if following is None else f"to {following}"
         note_damage(
             f"the database is damaged ({fault}): rows from {after_row_id + 1} {until} are lost"
@@ -189,12 +189,12 @@ def _iter_rows_while_ids_increase(after_row_id: int, rows: list[Row]) -> Iterato
         yield row
 
 
-def find_row_id_after_damage(
+def find_last_lost_row_id(
     database: sqlite3.Connection, query: str, after_row_id: int
 ) -> int | None:
-    """Id after which a row can be read again; None if there is none."""
+    """Id before the first row that can be read again after damage; None if no more can."""
 
-    def first_id_after_gap(gap: int) -> int | None:
+    def find_first_id_after_gap(gap: int) -> int | None:
         row = find_first_row_after(database, query, min(after_row_id + gap, MOST_ID))
         return None if row is None else row[0]
 
@@ -202,13 +202,13 @@ def find_row_id_after_damage(
     while not works and fails < 2**63:
         gap = max(1, 2 * fails)
         try:
-            found, works = first_id_after_gap(gap), gap
+            found, works = find_first_id_after_gap(gap), gap
         except BrokenBytesError:
             fails = gap
     while works - fails > 1:
         gap = (fails + works) // 2
         try:
-            found, works = first_id_after_gap(gap), gap
+            found, works = find_first_id_after_gap(gap), gap
         except BrokenBytesError:
             fails = gap
     return None if found is None else found - 1

@@ -56,7 +56,7 @@ class Db3File:
             if not head.startswith(MAGIC):
                 why = describe_file_of_other_format(head, "it is not an SQLite database")
                 raise LogError(f"{path}: not a rosbag2 .db3 file; {why}")
-            if tear := describe_torn_database(head, file.size):
+            if tear := describe_truncated_database(head, file.size):
                 self._damage.add_damage_sentence(tear)
             journal = path.with_name(f"{path.name}-wal")
             unfinished = journal.exists() and journal.stat().st_size > 0
@@ -164,7 +164,7 @@ class Db3File:
             return END_NS
         return earliest if isinstance(earliest, int) else UNKNOWN_NS
 
-    def read_whole_file_and_count_valid_crcs(self) -> int:
+    def check_whole_file_and_count_valid_crcs(self) -> int:
         """Let SQLite check its pages; it keeps no CRCs."""
         try:
             ((answer,),) = fetch_all_rows(self._database, "PRAGMA quick_check(1)")
@@ -290,7 +290,7 @@ def count_uncommitted_bytes(path: Path) -> int:
         return size - closed
 
 
-def describe_torn_database(first_page: bytes, file_bytes: int) -> str | None:
+def describe_truncated_database(first_page: bytes, file_bytes: int) -> str | None:
     """What is wrong with the end of a database, by its first page; None if complete."""
     page = int.from_bytes(first_page[16:18], "big")
     page = 2**16 if page == 1 else page

@@ -75,7 +75,7 @@ class Container(Protocol):
         """Lower bound of all log times, as far as known without reading them."""
         ...
 
-    def read_whole_file_and_count_valid_crcs(self) -> int:
+    def check_whole_file_and_count_valid_crcs(self) -> int:
         """Check the rest of the files after all messages were read.
 
         Returns:

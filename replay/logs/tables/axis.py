@@ -344,7 +344,7 @@ def convert_unitless_times_and_list_notes(cells: pl.Series) -> tuple[pl.Series, 
     steps = np.diff(x)
     steps = steps[steps > 0]
     if not steps.size:
-        raise TimeError("all its cells hold the same number; set another column")
+        raise TimeError("all its cells hold the same number")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
     if epoch := find_plausible_epoch(float(x[0]), float(x[-1]), step, LIMITS.row_steps_s):
         integers = stripped.cast(pl.Int64, strict=False)

@@ -23,7 +23,7 @@ from replay.logs.tables.text import (
     convert_file_to_utf8,
     copy_with_ascii_digits,
     copy_with_blanks_as_tabs,
-    copy_without_torn_quote,
+    copy_without_unclosed_quote,
     read_first_lines,
 )
 
@@ -51,7 +51,7 @@ class CsvColumns:
     """
 
     def __init__(self, path: Path, hints: TableHints) -> None:
-        """Examine the begin of the file.
+        """Examine the start of the file.
 
         Raises:
             BrokenBytesError: it is not a table.
@@ -63,7 +63,7 @@ class CsvColumns:
             self._dialect = sniff_dialect(read_first_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
                 self._replace_text_file(copy_with_blanks_as_tabs(self._text))
-            whole = copy_without_torn_quote(self._text, self._dialect.separator)
+            whole = copy_without_unclosed_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
             self._replace_text_file(whole)
         except BaseException:

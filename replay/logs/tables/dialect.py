@@ -338,7 +338,7 @@ def _find_header_rows(trial: _DialectTrial, lines: Sequence[str], hints: TableHi
     cells = cells[:width] if has_tail else cells
     while len(cells) > width and not cells[-1]:
         cells.pop()
-    if separator == BLANKS and len(cells) == width - 1 and _does_data_begin_with_date(data):
+    if separator == BLANKS and len(cells) == width - 1 and _does_data_start_with_date(data):
         # one name stands over the day and the time
         cells = ["Date", "Time", *cells[1:]]
     if names is not None and len(cells) < width:
@@ -370,7 +370,7 @@ def _find_header_rows(trial: _DialectTrial, lines: Sequence[str], hints: TableHi
     return replace(dialect, notes=tuple(_describe_dialect_choices(dialect, names, units)))
 
 
-def _does_data_begin_with_date(data: Sequence[Sequence[str]]) -> bool:
+def _does_data_start_with_date(data: Sequence[Sequence[str]]) -> bool:
     return bool(data) and is_date_only(data[0][0]) and has_time_of_day(data[0][1])
 
 

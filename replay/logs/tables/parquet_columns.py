@@ -182,7 +182,9 @@ class JsonLinesColumns(ParquetColumns):
             frame = self._parse_lines(text.removeprefix(codecs.BOM_UTF8))
             self._table = self._flatten_columns(frame).to_arrow()
         except pl.exceptions.DuplicateError as error:
-            raise BrokenBytesError(f"two values of a line have one name: {error}") from error
+            raise BrokenBytesError(
+                f"two fields of a line become columns of the same name: {error}; rename one of them"
+            ) from error
         except (*_POLARS_ERRORS, pa.ArrowException, OverflowError) as error:
             raise BrokenBytesError(error) from error
         return self._table.schema

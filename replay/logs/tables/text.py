@@ -151,7 +151,7 @@ def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
     )
 
 
-def copy_without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
+def copy_without_unclosed_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
     """Copy without a last row that ends after an opening quote, on which polars panics.
 
     None if there is no such row.

@@ -61,7 +61,7 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
         definition, _ = store.generate_msgdef(topic.msgtype, ros_version=2)
         channels.append(make_channel_record(number, topic.name, topic.msgtype, definition))
     with path.open("xb") as file:
-        made = ColumnMcap(file, channels)
+        made = McapColumnWriter(file, channels)
         made.write_all_messages(
             make_recorded_topics(log, store, numbers, make_mcap_message_envelope, ros1=False)
         )
@@ -129,7 +129,7 @@ def _make_empty_statistics() -> Statistics:
 
 
 @dataclass(eq=False)
-class ColumnMcap:
+class McapColumnWriter:
     """One file, as the library's own writer would make it.
 
     Attributes:

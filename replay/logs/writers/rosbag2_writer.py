@@ -14,7 +14,7 @@ from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
 from replay.logs.writers.mcap_writer import (
     ChannelRecord,
-    ColumnMcap,
+    McapColumnWriter,
     make_channel_record,
     make_mcap_message_envelope,
 )
@@ -80,7 +80,7 @@ class _Storage:
         self.path = path / f"{path.name}.mcap"
         self._file = self.path.open("xb")
         self._channels: list[ChannelRecord] = []
-        self._mcap = ColumnMcap(self._file, self._channels, packed=False)
+        self._mcap = McapColumnWriter(self._file, self._channels, packed=False)
 
     def add_msgtype(self, connection: "Connection") -> None:
         """Do nothing, since each channel has its own schema."""

@@ -62,7 +62,7 @@ def test_a_log_pairs_with_itself_row_by_row(lengths: list[tuple[float, str]]) ->
 
 def test_a_replay_of_the_same_log_is_placed_by_its_start_of_time() -> None:
     a, b = run(100, aligned=signal(0, [1.0])), run(103, aligned=signal(0, [1.0]))
-    moved = shift_run_b_to_time_of_a(a, b, one_log=True)
+    moved = shift_run_b_to_time_of_a(a, b, is_same_log=True)
     assert moved.frames["aligned"]["t_ns"].to_list() == [3 * S]
     assert moved.provenance.t0_unix_ns == a.provenance.t0_unix_ns
 
@@ -73,7 +73,7 @@ def test_each_manoeuvre_of_another_log_begins_where_its_counterpart_does() -> No
         aligned=signal(0, [float(i) for i in range(40)]),
         segments=manoeuvres((10, 13, START), (32, 35, START)),
     )
-    moved = shift_run_b_to_time_of_a(a, b, one_log=False).frames
+    moved = shift_run_b_to_time_of_a(a, b, is_same_log=False).frames
     assert moved["segments"]["start_t_ns"].to_list() == [5 * S, 20 * S]
     placed = dict(moved["aligned"].drop_nulls().select(pl.col("t_ns") // S, "force_x_N").rows())
     assert (placed[5], placed[8], placed[20], placed[23]) == (10.0, 13.0, 32.0, 35.0)
@@ -85,13 +85,15 @@ def test_each_manoeuvre_of_another_log_begins_where_its_counterpart_does() -> No
 def test_a_line_does_not_cross_from_one_stretch_to_the_next() -> None:
     a = run(segments=manoeuvres((5, 8, START), (60, 63, START)))
     b = run(aligned=signal(0, [1.0] * 40), segments=manoeuvres((10, 13, START), (32, 35, START)))
-    moved = shift_run_b_to_time_of_a(a, b, one_log=False).frames["aligned"]
+    moved = shift_run_b_to_time_of_a(a, b, is_same_log=False).frames["aligned"]
     assert moved["force_x_N"].null_count() == 2
 
 
 def test_without_manoeuvres_both_begin_together() -> None:
     a, b = run(100, aligned=signal(0, [1.0])), run(900, aligned=signal(0, [2.0]))
-    assert shift_run_b_to_time_of_a(a, b, one_log=False).frames["aligned"]["t_ns"].to_list() == [0]
+    assert shift_run_b_to_time_of_a(a, b, is_same_log=False).frames["aligned"][
+        "t_ns"
+    ].to_list() == [0]
 
 
 def test_a_difference_is_b_less_a_where_both_have_a_sample() -> None:

@@ -121,10 +121,10 @@ def test_a_start_that_creeps_while_it_dumps_has_no_part_in_the_load() -> None:
     # half of the load is out in a start from 80 to 88 s, with its boom up from 81 to 86 s
     loads = pl.col("mass_kg") > 3900.0
     is_creeping = masses.filter(loads).gather_every(2, 1)
-    begin_ns = is_creeping["start_t_ns"] // int(PERIOD_S * NS) * int(PERIOD_S * NS)
+    start_ns = is_creeping["start_t_ns"] // int(PERIOD_S * NS) * int(PERIOD_S * NS)
     is_creeping = is_creeping.with_columns(
-        start_t_ns=begin_ns + 80 * NS,
-        end_t_ns=begin_ns + 88 * NS,
+        start_t_ns=start_ns + 80 * NS,
+        end_t_ns=start_ns + 88 * NS,
         mass_kg=3600.0 + (pl.col("mass_kg") - 3600.0) / 2.0,
     )
     table = found(frames | {"manoeuvres": pl.concat([masses, is_creeping]).sort("start_t_ns")})

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDump, BoomDumps
 from analysis.cycles.cycle_parts import CycleParts, fill_in_dump_times, split_cycles_into_parts
-from analysis.cycles.load_passes import Passes
+from analysis.cycles.load_passes import LoadPasses
 
 NS = 10**9
 
@@ -17,7 +17,7 @@ def dumped_s(boom_rad: np.ndarray) -> float:
     t_ns = np.arange(stand + 20) * NS
     phase = ["cruising"] * 10 + ["standstill"] * stand + ["cruising"] * 10
     start, end = np.array([0, 10 + stand]) * NS, np.array([9, 19 + stand]) * NS
-    found = Passes(
+    found = LoadPasses(
         np.arange(2), np.ones(2), np.array([True, False]), np.ones(2), np.ones(2), start, end
     )
     part = CycleParts(loaded_pass=0, empty_pass_after=1)
@@ -71,7 +71,7 @@ def test_without_a_boom_it_is_the_middle_of_the_stand() -> None:
 )
 def test_a_bucket_that_is_full_is_not_filled(boom: BoomDumps, cycles: int) -> None:
     begins_s, ends_s = np.array([10, 60]), np.array([39, 90])
-    found = Passes(
+    found = LoadPasses(
         np.arange(2), np.ones(2), np.array([True, False]), np.ones(2), np.ones(2),
         begins_s * NS, ends_s * NS, dumps=boom,
     )  # fmt: skip

@@ -157,7 +157,7 @@ def test_a_gap_in_the_rate_burns_the_mean():
     )
     fuel = FuelOnBoard.integrate_fuel_rate(body, hours)
     assert fuel is not None
-    mass_kg, u_kg = fuel.fuel_mass_since_ticket_and_u_kg(
+    mass_kg, u_kg = fuel.estimate_fuel_mass_beyond_ticket_and_u_kg(
         hours["t_ns"].to_numpy()[[0, 2]], np.array([0.5, 0.5])
     )
     assert mass_kg == pytest.approx(0.8325 * (20.0 - 10.0))
@@ -183,7 +183,7 @@ def test_a_ticket_with_another_attachment_is_refused():
 )
 def test_a_ticket_of_another_day_says_how_far_apart_they_are(day: str, said: str | None):
     # Friday evening of Greenwich is still Friday in Santiago
-    begin_ns = 1_700_265_600 * 10**9
+    start_ns = 1_700_265_600 * 10**9
     body = Body.model_validate(
         {
             "name": "sledge",
@@ -193,7 +193,7 @@ def test_a_ticket_of_another_day_says_how_far_apart_they_are(day: str, said: str
             "timezone": "America/Santiago",
         }
     )
-    notes = list_notes_on_outdated_tickets(body, begin_ns)
+    notes = list_notes_on_outdated_tickets(body, start_ns)
     assert [said in note for note in notes] == [True] if said else not notes
 
 

@@ -11,7 +11,7 @@ from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.haul_spillage import compute_arriving_fraction_and_u, subtract_spillage
-from analysis.cycles.load_passes import Passes
+from analysis.cycles.load_passes import LoadPasses
 from analysis.cycles.shift_totals import make_shift_totals_frame
 from analysis.model.machine import Machine
 from analysis.model.machine_body import Body
@@ -109,7 +109,7 @@ def test_a_haul_of_two_starts_is_weighed_between_them() -> None:
     share = 0.2
 
     def arriving(weights: list[float]) -> float:
-        weighed = Passes(
+        weighed = LoadPasses(
             membership=np.zeros(2, np.int64),
             share=np.array(weights),
             loaded=np.array([True]),

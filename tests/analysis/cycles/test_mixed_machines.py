@@ -34,7 +34,7 @@ def test_a_machine_half_as_heavy_again_is_another_one() -> None:
     found = find_machine_change_by_empty_mass(shift(3600.0, 5000.0), BEGINS_NS)
     assert found is not None
     assert found.log == 1
-    said = found.warning_text("truck2.bag")
+    said = found.make_warning_text("truck2.bag")
     assert "3,600 kg before truck2.bag and 5,000 kg from then on (+39%)" in said
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.load_passes import Passes, find_load_passes
+from analysis.cycles.load_passes import LoadPasses, find_load_passes
 
 EMPTY_KG, LOAD_KG, U_KG = 4500.0, 1100.0, 60.0
 HAUL_S, BACK_OUT_S = 30.0, 6.0
@@ -17,7 +17,7 @@ def passes_of_shift(
     dug_before: tuple[int, ...] = (),
     back_out_s: float = BACK_OUT_S,
     weighed_in_part: tuple[int, ...] = (),
-) -> Passes:
+) -> LoadPasses:
     """A shift that hauls, backs out of the dump and goes back empty, some back-outs too heavy.
 
     Args:

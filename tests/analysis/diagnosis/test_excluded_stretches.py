@@ -42,7 +42,7 @@ class TestWheelsAgainstTheAccelerometer:
         deaf = np.where(np.sin(2.0 * np.pi * car.t / 13.0) > 0.0, 1.0, 0.3)
         found = car.but(acc=car.acc * deaf).replayed(tmp_path)
         # minutes that disagree make the answer poor, beside which the wheels may be near
-        assert {check.check for check in found.verdict.withholding_checks("mass")} & {
+        assert {check.check for check in found.verdict.list_withholding_checks("mass")} & {
             "wheel_imu_residual",
             "relative_u",
         }
@@ -104,7 +104,9 @@ class TestFrozen:
 
     def test_over_the_only_starts_it_withholds(self, tmp_path: Path) -> None:
         found = driven().frozen(*starts(driven())).replayed(tmp_path)
-        assert "frozen_s" in {check.check for check in found.verdict.withholding_checks("mass")}
+        assert "frozen_s" in {
+            check.check for check in found.verdict.list_withholding_checks("mass")
+        }
         findings = found.run.frames["findings"]
         assert findings.filter(findings["cause"] == "frozen")["severity"].to_list() == ["withhold"]
 
@@ -135,7 +137,7 @@ class TestLimits:
         car = driven()
         found = car.but(force=np.minimum(car.force, 2500.0)).replayed(tmp_path)
         assert "clipped_share" in {
-            check.check for check in found.verdict.withholding_checks("mass")
+            check.check for check in found.verdict.list_withholding_checks("mass")
         }
 
 

@@ -221,7 +221,7 @@ class TestConsequences:
     def test_withhold_takes_the_answer_and_every_method(self):
         log = situation("force late 150 ms")
         assert not log.verdict.can_weigh
-        assert [check.check for check in log.verdict.withholding_checks("mass")] == [
+        assert [check.check for check in log.verdict.list_withholding_checks("mass")] == [
             "force_delay_s"
         ]
         assert log.load["mass_kg"] is None

@@ -55,7 +55,7 @@ def test_a_speed_that_freezes_on_its_way_up_is_found(
     begin = int(np.argmax(x[held:-held] - x[: -2 * held])) or 1
     x[begin : begin + held] = x[begin]
     runs, _ = find_unexplained_repeats(t, x)
-    assert any(run.begin_ns <= t[begin] and t[begin + held - 1] <= run.end_ns for run in runs)
+    assert any(run.start_ns <= t[begin] and t[begin + held - 1] <= run.end_ns for run in runs)
 
 
 @pytest.mark.parametrize("noise_steps", [3.0, 10.0])
@@ -68,7 +68,7 @@ def test_a_noisy_channel_that_freezes_is_found_even_where_it_misses_nothing(
     x = np.round(100.0 + noise_steps * generator.normal(size=t.size))
     x[1000:1100] = x[1000]
     runs, _ = find_unexplained_repeats(t, x)
-    assert any(run.begin_ns <= t[1000] and t[1099] <= run.end_ns for run in runs)
+    assert any(run.start_ns <= t[1000] and t[1099] <= run.end_ns for run in runs)
 
 
 def _ramps() -> tuple[Ints, Floats]:
@@ -91,4 +91,4 @@ def test_a_freeze_that_comes_back_through_a_filter_is_found(low_pass_s: float) -
     missed = x[end] - x[begin]
     x[end:] -= missed * np.exp(-np.arange(x.size - end) / 50.0 / low_pass_s)
     runs, _ = find_unexplained_repeats(t, x)
-    assert any(run.begin_ns <= t[begin] and t[end - 1] <= run.end_ns for run in runs)
+    assert any(run.start_ns <= t[begin] and t[end - 1] <= run.end_ns for run in runs)

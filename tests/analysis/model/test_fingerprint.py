@@ -147,7 +147,7 @@ def test_each_part_of_a_fingerprint_says_what_it_is_of():
     assert mine is not None
     changed = {
         "inputs": run(inputs=renamed[:1]),
-        "settings": run(settings=Settings().with_changes({"align.rate_hz": 50.0})),
+        "settings": run(settings=Settings().copy_with_changes({"align.rate_hz": 50.0})),
         "results": Run({"aligned": FRAME}, run().provenance).with_fingerprint(),
     }
     for part, other in changed.items():

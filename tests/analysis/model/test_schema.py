@@ -12,9 +12,9 @@ from analysis.model.schema import (
     QUALITIES,
     REASONS,
     build_frame,
-    column_values,
     conform_frame_to_schema,
     find_frame_declaration,
+    get_column_values,
 )
 
 COLUMNS = [(frame.name, column) for frame in FRAMES.values() for column in frame.columns]
@@ -151,9 +151,9 @@ def test_nan_becomes_null_whatever_it_came_in(make):
 
 def test_values_are_floats_with_nan_for_null_and_for_a_column_that_is_not_there():
     frame = pl.DataFrame({"samples": [1, None], "passed": [True, None]})
-    np.testing.assert_array_equal(column_values(frame, "samples"), [1.0, np.nan])
-    np.testing.assert_array_equal(column_values(frame, "passed"), [1.0, np.nan])
-    np.testing.assert_array_equal(column_values(frame, "absent"), [np.nan, np.nan])
+    np.testing.assert_array_equal(get_column_values(frame, "samples"), [1.0, np.nan])
+    np.testing.assert_array_equal(get_column_values(frame, "passed"), [1.0, np.nan])
+    np.testing.assert_array_equal(get_column_values(frame, "absent"), [np.nan, np.nan])
 
 
 def test_phases_and_reasons_are_those_of_the_design():

@@ -32,13 +32,13 @@ def test_no_two_stages_have_a_setting_of_one_name():
 
 
 def test_settings_are_changed_by_their_dotted_names():
-    changed = Settings().with_changes({"gate.window_samples": 400, "trace.methods": ("ls",)})
+    changed = Settings().copy_with_changes({"gate.window_samples": 400, "trace.methods": ("ls",)})
     assert changed.gate.window_samples == 400
     assert changed.trace.methods == ("ls",)
     assert changed.align == Settings().align
     for name in ("gate.window_sample", "windows.samples"):
         with pytest.raises(ValidationError):
-            Settings().with_changes({name: 400})
+            Settings().copy_with_changes({name: 400})
 
 
 @pytest.mark.parametrize(

@@ -82,9 +82,11 @@ def test_in_a_shift_the_machine_still_stops_about_where_it_is_to_stop():
     assert made.shift is not None
     simulation = ShiftSimulation(made, made.shift)
     (whole,) = simulation.simulate_logs()
-    hints = whole.timeline.hints
-    assert hints is not None
+    sample_position_boom_and_bucket = whole.timeline.sample_position_boom_and_bucket
+    assert sample_position_boom_and_bucket is not None
     for cycle in simulation.collect_truth().cycles.iter_rows(named=True):
-        dig_m, dump_m = hints(np.array([cycle["dig_ns"], cycle["dump_ns"]])).position_m
+        dig_m, dump_m = sample_position_boom_and_bucket(
+            np.array([cycle["dig_ns"], cycle["dump_ns"]])
+        ).position_m
         assert dig_m == pytest.approx(39.0, abs=6.0)
         assert dump_m == pytest.approx(1.0, abs=6.0)

@@ -52,8 +52,8 @@ def test_in_a_shift_all_that_left_the_bucket_is_named_with_its_place():
     simulation = ShiftSimulation(made, made.shift)
     (whole,) = simulation.simulate_logs()
     truth = simulation.collect_truth()
-    hints = whole.timeline.hints
-    assert hints is not None
+    sample_position_boom_and_bucket = whole.timeline.sample_position_boom_and_bucket
+    assert sample_position_boom_and_bucket is not None
     poured = truth.cycles["poured_kg"] > 0.0
     assert 0 < poured.sum() < truth.cycles.height
     for cycle in truth.cycles.iter_rows(named=True):
@@ -68,7 +68,9 @@ def test_in_a_shift_all_that_left_the_bucket_is_named_with_its_place():
         for row in lost.filter(kind="pour").iter_rows(named=True):
             assert 3.0 < row["from_m"] == row["to_m"] < 45.0
         for row in lost.iter_rows(named=True):
-            at = hints(np.array([row["start_ns"], row["end_ns"]])).position_m
+            at = sample_position_boom_and_bucket(
+                np.array([row["start_ns"], row["end_ns"]])
+            ).position_m
             np.testing.assert_allclose(at, [row["from_m"], row["to_m"]], atol=1e-5)
         dumped = lost.filter(kind="dump").row(0, named=True)
         assert dumped["start_ns"] == dumped["end_ns"] == cycle["dump_ns"]

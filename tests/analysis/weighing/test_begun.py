@@ -12,7 +12,7 @@ from tests.analysis.weighing.weighed import RICH, weighed
 
 REACH_S = 0.4
 #: A force and a speed that are moved in time as far as a fit may move them.
-FOUND = PreviousEstimates(lag_s=-0.29, slip_1_N=1e-5, speed_late_s=0.15)
+FOUND = PreviousEstimates(lag_s=-0.29, slip_1_N=1e-5, speed_delay_s=0.15)
 
 
 @pytest.fixture(scope="module")

@@ -39,7 +39,7 @@ def test_where_nothing_fills_the_machine_a_growth_is_in_the_uncertainty() -> Non
     assert shift.filling.load_growth_over_std == 0.0
     (effect_kg,) = np.abs(np.atleast_1d(shift.filling.significant_mass_changes_kg))
     assert effect_kg > 0.0
-    widened = list_uncertainty_by_failed_checks_kg(shift, one, shift.fit.u_by_cause_kg(one))
+    widened = list_uncertainty_by_failed_checks_kg(shift, one, shift.fit.compute_u_by_cause_kg(one))
     assert widened["growth"] >= effect_kg * (1.0 - 1e-9)
     assert not np.any(digs.filling.significant_mass_changes_kg)
 

@@ -201,7 +201,7 @@ class _TwoLoads:
     def masses_kg(self) -> Floats:
         return np.array([12_000.0, 15_000.0])
 
-    def mass_coefficients_of_state(self, state: int) -> Floats:
+    def make_mass_coefficients_of_state(self, state: int) -> Floats:
         return np.eye(2)[state]
 
     def mass_sum_u_kg(self, weights: Floats) -> float:

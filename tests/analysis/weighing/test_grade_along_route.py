@@ -5,8 +5,8 @@ import pytest
 
 from analysis.model.settings import Settings
 from analysis.weighing.body_squat import LoadSquat, estimate_load_squat
-from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.haul_route import Route
+from analysis.weighing.fit_columns import RelativeMassDeviations
+from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise
@@ -27,7 +27,9 @@ def gravity_m_s2(from_pile_m: Floats, facing: float, hills: float) -> Floats:
     return facing * (GRADE_M_S2 + hills * wave)
 
 
-def hauls(squat_1: float, hills: float, seed: int, cycles: int = 30) -> tuple[MotionSamples, Route]:
+def hauls(
+    squat_1: float, hills: float, seed: int, cycles: int = 30
+) -> tuple[MotionSamples, HaulRoute]:
     """A machine that turns at both ends and drives forwards; a load's squat is `squat_1` more."""
     dice = np.random.default_rng(seed)
     parts: list[tuple[Floats, Floats, Floats]] = []
@@ -54,14 +56,14 @@ def hauls(squat_1: float, hills: float, seed: int, cycles: int = 30) -> tuple[Mo
         4000.0 * 9.81,
     )  # fmt: skip
     numbers = np.arange(2 * cycles)
-    route = Route.from_motion(motion, numbers, numbers % 2 == 0)
+    route = HaulRoute.from_motion(motion, numbers, numbers % 2 == 0)
     assert route is not None
     return motion, route
 
 
-def squat_of(motion: MotionSamples, route: Route | None) -> LoadSquat:
+def squat_of(motion: MotionSamples, route: HaulRoute | None) -> LoadSquat:
     unit = np.unique(motion.unit)
-    loads = RelativeLoads.from_masses(
+    loads = RelativeMassDeviations.from_masses(
         unit, np.where(unit % 2 == 0, LOADED_KG, EMPTY_KG), (0.5, 0.5)
     )
     wheels = compare_wheels_with_accelerometer(motion, WhiteNoise(0.004), PRIORS)

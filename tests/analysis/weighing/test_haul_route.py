@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing.haul_route import Route
+from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.motion_samples import MotionSamples
 
 HAUL_M = 40.0
@@ -27,7 +27,7 @@ def shuttle(cycles: int, first_loaded: bool = True) -> tuple[MotionSamples, np.n
 
 def test_the_same_place_is_at_the_same_position_on_the_way_and_back():
     motion, unit, loaded = shuttle(4)
-    route = Route.from_motion(motion, unit, loaded)
+    route = HaulRoute.from_motion(motion, unit, loaded)
     assert route is not None
     assert route.length_m == pytest.approx(1.2 * HAUL_M)
     position = route.compute_relative_distances_to_dump(motion)
@@ -37,7 +37,7 @@ def test_the_same_place_is_at_the_same_position_on_the_way_and_back():
 
 def test_pieces_of_a_log_have_the_positions_of_the_whole():
     motion, unit, loaded = shuttle(6)
-    route = Route.from_motion(motion, unit, loaded)
+    route = HaulRoute.from_motion(motion, unit, loaded)
     assert route is not None
     whole = route.compute_relative_distances_to_dump(motion)
     part = motion.cut_to_first_stretches(5)
@@ -48,7 +48,7 @@ def test_pieces_of_a_log_have_the_positions_of_the_whole():
 
 def test_farther_from_any_dump_than_a_haul_the_machine_is_at_the_end_of_the_route():
     motion, unit, loaded = shuttle(3, first_loaded=False)
-    route = Route.from_motion(motion, unit, loaded)
+    route = HaulRoute.from_motion(motion, unit, loaded)
     assert route is not None
     position = route.compute_relative_distances_to_dump(motion)
     # two hauls before the first dump; the last haul has no dump behind it
@@ -59,7 +59,10 @@ def test_farther_from_any_dump_than_a_haul_the_machine_is_at_the_end_of_the_rout
 def test_a_load_that_is_taken_for_none_is_where_the_others_are():
     motion, unit, loaded = shuttle(6)
     missed = loaded & (unit != 4)
-    route, whole = Route.from_motion(motion, unit, missed), Route.from_motion(motion, unit, loaded)
+    route, whole = (
+        HaulRoute.from_motion(motion, unit, missed),
+        HaulRoute.from_motion(motion, unit, loaded),
+    )
     assert route is not None
     assert whole is not None
     np.testing.assert_array_equal(route.dumps_m, whole.dumps_m)
@@ -69,11 +72,11 @@ def test_a_long_way_that_is_no_number_of_cycles_has_no_dump():
     motion, unit, loaded = shuttle(6)
     longer = motion.driven_m + 0.5 * HAUL_M * (motion.unit > 5)
     motion = replace(motion, driven_m=longer)
-    route = Route.from_motion(motion, unit, loaded & (unit != 4))
+    route = HaulRoute.from_motion(motion, unit, loaded & (unit != 4))
     assert route is not None
     assert route.dumps_m.size == 5
 
 
 def test_loads_that_are_never_dumped_have_no_route():
     motion, unit, _ = shuttle(3)
-    assert Route.from_motion(motion, unit, np.zeros(unit.size, np.bool_)) is None
+    assert HaulRoute.from_motion(motion, unit, np.zeros(unit.size, np.bool_)) is None

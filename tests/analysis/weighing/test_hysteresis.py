@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.model.run_record import Run
-from analysis.weighing.force_hysteresis import Play, compute_sign_of_force_change
+from analysis.weighing.force_hysteresis import PlayHysteresis, compute_sign_of_force_change
 from benchmarks.own_rate import LARGE_N, MASS_KG, Cell, logged, machine_of
 from estimators.numerics.play import apply_play_hysteresis
 from replay import open_log, run
@@ -86,7 +86,9 @@ def test_play_is_never_farther_away_than_half_its_width(x, half_width) -> None:
 
 def test_a_force_that_goes_on_rising_has_one_direction_until_it_turns_by_twice_the_play() -> None:
     ramp = np.concatenate([np.linspace(0.0, 1000.0, 101), np.linspace(1000.0, 0.0, 101)])
-    rises = compute_sign_of_force_change(ramp, Play(half_N=50.0, mean=1, by_force_1_N=0.0))
+    rises = compute_sign_of_force_change(
+        ramp, PlayHysteresis(half_N=50.0, mean=1, by_force_1_N=0.0)
+    )
     assert rises[5:101] == pytest.approx(1.0)
     assert rises[-91:] == pytest.approx(-1.0)
     assert rises[106] == pytest.approx(0.0)

@@ -90,7 +90,7 @@ def test_where_the_pitch_takes_gravity_off_only_the_height_is_left() -> None:
     found = swing_of(motion.acceleration - SQUAT_1 * pitch, motion)
     assert found is not None
     assert abs(found.lever_s2 - 0.5 * SQUAT_S2_M) < 2.0 * found.u_s2
-    assert found.copy_adding_swing_of_squat(SQUAT_1).lever_s2 == pytest.approx(
+    assert found.copy_with_swing_of_squat(SQUAT_1).lever_s2 == pytest.approx(
         found.lever_s2 - BY_GRAVITY_S2, abs=0.2 * BY_GRAVITY_S2
     )
 

@@ -13,10 +13,10 @@ from tests.analysis.weighing.weighed import RICH, weighed
 FOUND = PreviousEstimates(
     lag_s=0.13,
     slip_1_N=1e-5,
-    transfer_s2_m=0.02,
+    load_transfer_s2_m=0.02,
     offset_N=40.0,
     slip_s_m=-0.03,
-    speed_late_s=0.07,
+    speed_delay_s=0.07,
     motion_gain=0.01,
 )
 
@@ -30,7 +30,7 @@ def test_columns_of_pieces_are_those_of_the_whole(found, samples, monkeypatch):
     of_whole = average_and_weight_fit_columns(fit.motion, noise, fit.terms, samples, found)
     monkeypatch.setattr(motion_samples, "_PIECE", 200)
     motion = replace(fit.motion)  # which has not been cut yet
-    assert len(motion.pieces_of_whole_stretches) > 5
+    assert len(motion.pieces_split_between_stretches) > 5
     of_pieces = average_and_weight_fit_columns(motion, noise, fit.terms, samples, found)
     np.testing.assert_array_equal(of_pieces.group, of_whole.group)
     for mine, whole in (

@@ -94,4 +94,4 @@ def test_a_direction_below_the_fraction_of_another_is_seen(least: float) -> None
     more = bordered(dice, least)
     parts = zip(more, other, strict=True)
     matrix = BorderedMatrix(*(extra + 0.1 * part for extra, part in parts))
-    assert matrix.is_at_least_fraction_of(other, 0.1, 1e-12) == (least > 0.0)
+    assert matrix.dominates_fraction_of(other, 0.1, 1e-12) == (least > 0.0)

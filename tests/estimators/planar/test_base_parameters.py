@@ -89,7 +89,7 @@ def test_an_uncertainty_that_no_residual_shows_is_added_to_what_follows_the_para
     A, f = noisy_arc()
     prior = known(1, friction_x_N_s_m=(2891.0, 50.0))
     before = fit(A[:, :1], f[:, :1], planar_rows.PARAMETERS, prior=prior)
-    found = before.with_parameter_uncertainty("friction_x_N_s_m", 100.0)
+    found = before.copy_with_parameter_uncertainty("friction_x_N_s_m", 100.0)
     i, j = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
     assert found.parameter_stds[j] == pytest.approx(np.hypot(before.parameter_stds[j], 100.0))
     assert found.parameter_stds[i] == pytest.approx(

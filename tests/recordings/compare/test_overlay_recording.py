@@ -97,15 +97,15 @@ def test_it_keeps_no_frames_and_says_so(drives, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("one_log", [True, False], ids=["one log", "two logs"])
+@pytest.mark.parametrize("is_same_log", [True, False], ids=["one log", "two logs"])
 @pytest.mark.usefixtures("small_viewer")
 class TestViewer:
     pytestmark = VIEWER
 
-    def test_no_view_of_any_tab_complains(self, drives, tmp_path: Path, one_log: bool) -> None:
+    def test_no_view_of_any_tab_complains(self, drives, tmp_path: Path, is_same_log: bool) -> None:
         a = drives(60.0)
         path = write_overlay_recording(
-            a, heavier(drives(48.0)), tmp_path / "ab.rrd", "# A and B", is_same_log=one_log
+            a, heavier(drives(48.0)), tmp_path / "ab.rrd", "# A and B", is_same_log=is_same_log
         )
         drawn = take_screenshots_of_recording(path, tmp_path)
         assert drawn[0].tab == "Compared"

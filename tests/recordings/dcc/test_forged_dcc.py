@@ -269,11 +269,11 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     ),
     "no names, a value too many": (
         lambda data: put(LIST, LIST + " 20.1")(put(NAMES, "M1 M1")(data)),
-        "3 values for a result whose number of items is 2",
+        "a result has 2 weights but a list has 3 values without names",
     ),
     "no names, of one item": (
         lambda data: put("<dcc:result>", '<dcc:result refId="weight-1">')(put(NAMES, "M1")(data)),
-        "2 values for a result whose number of items is 1",
+        "a result has 1 weight but a list has 2 values without names",
     ),
     "no names, referred to backwards": (
         lambda data: put("<dcc:result>", '<dcc:result refId="weight-2 weight-1">')(

@@ -4,18 +4,18 @@ from typing import Any
 
 import polars as pl
 import pytest
+from recordings.review.truncated_logs import TruncatedLog
 
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_facts import (
     describe_long_gaps,
-    describe_torn_logs,
+    describe_truncated_logs,
     explain_why_no_cycle_counts,
     list_mean_phase_durations,
     list_shift_names_and_values,
     summarise_shift_in_line,
 )
 from recordings.review.shift_ledger import add_motion_columns, make_ledger_frame
-from recordings.review.torn_logs import TornLog
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
 
@@ -45,8 +45,8 @@ def rows(of: ReviewState) -> pl.DataFrame:
     return add_motion_columns(make_ledger_frame(found(FRAMES), of.t0_unix_ns, {}), of)
 
 
-def torn(next_s: float | None) -> TornLog:
-    return TornLog(
+def torn(next_s: float | None) -> TruncatedLog:
+    return TruncatedLog(
         name="b.mcap", number=2, logs=3, ends_s=3600.0, next_s=next_s, losses=("in bytes",)
     )
 
@@ -63,7 +63,7 @@ def test_cycles_that_differ_in_a_number_alone_have_one_reason() -> None:
 
 
 def test_a_torn_log_in_the_middle_says_how_many_minutes_are_missing() -> None:
-    [sentence] = describe_torn_logs(state(torn=(torn(3840.0),)))
+    [sentence] = describe_truncated_logs(state(torn=(torn(3840.0),)))
     assert sentence.startswith("Log 2 of 3 (b.mcap) breaks off at 2023-11-15 00:13:20 +01:00")
     assert "at most 4 min are missing" in sentence
     assert "byte" not in sentence

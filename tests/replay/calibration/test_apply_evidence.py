@@ -173,7 +173,9 @@ def test_what_is_no_calibration_calibrates_nothing(
         load_and_verify_calibration(CalibrationRequest(tmp_path / "one-load"))
     paper = campaign_folder(tmp_path / "paper", extra='\n[method]\nestimator = "pooled"\n')
     calibrate_from_campaign(paper, tmp_path / "pooled")
-    with pytest.raises(EvidenceError, match="calibrates 'pooled', which is not a mass of a load"):
+    with pytest.raises(
+        EvidenceError, match="calibrates the estimator 'pooled', which does not give the mass"
+    ):
         load_and_verify_calibration(CalibrationRequest(tmp_path / "pooled"))
 
 

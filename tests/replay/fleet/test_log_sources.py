@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import FleetError
-from replay.commands.progress_bar import TimeLeft, format_time_left
+from replay.commands.progress_bar import RemainingTimeEstimator, format_time_left
 from replay.fleet.log_sources import list_logs_of_sources
 from replay.fleet.object_store import ObjectStore
 from replay.logs import group_objects_by_log
@@ -55,7 +55,7 @@ def test_what_is_being_written_to_a_folder_is_not_among_its_objects(tmp_path: Pa
 
 
 def test_nothing_is_said_of_the_time_left_before_some_are_done() -> None:
-    left = TimeLeft([1000] * 10)
+    left = RemainingTimeEstimator([1000] * 10)
     for _ in range(4):
         left.add_finished_recording(1000, 1.0)
     assert left.estimate_time_left_interval_s(1) is None
@@ -70,7 +70,7 @@ def test_nothing_is_said_of_the_time_left_before_some_are_done() -> None:
 def test_where_seconds_go_with_size_the_time_left_is_exact(
     slots: int, sizes: list[int], rate: float
 ) -> None:
-    left = TimeLeft(sizes)
+    left = RemainingTimeEstimator(sizes)
     for size in sizes[:6]:
         left.add_finished_recording(size, rate * (size + 2_000_000) / 1e6)
     rest = sum(rate * (size + 2_000_000) / 1e6 for size in sizes[6:]) / slots
@@ -80,7 +80,7 @@ def test_where_seconds_go_with_size_the_time_left_is_exact(
 
 
 def test_what_scatters_has_an_interval_in_a_unit_that_suits_it() -> None:
-    left = TimeLeft([1000] * 1000)
+    left = RemainingTimeEstimator([1000] * 1000)
     for n in range(10):
         left.add_finished_recording(1000, 5.0 + 5.0 * (n % 2))
     low, high = left.estimate_time_left_interval_s(2) or (0.0, 0.0)

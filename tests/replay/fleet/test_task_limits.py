@@ -61,7 +61,7 @@ def test_within_the_limits_nothing_happens_and_the_signal_is_given_back() -> Non
 
 def test_memory_is_declared_by_the_size_of_the_log() -> None:
     limits = TaskLimits(memory_GiB=1.0, memory_per_byte=2.0)
-    assert limits.memory_bytes_for_log(10**9) == 2**30 + 2 * 10**9
+    assert limits.compute_memory_bytes_for_log(10**9) == 2**30 + 2 * 10**9
 
 
 def test_a_log_that_hangs_is_listed_with_its_limit_and_costs_nobody_else(

@@ -207,7 +207,7 @@ def test_a_replay_is_told_with_its_age_and_loads_with_their_validity() -> None:
     )
     report = ReplayReport("replay", 10 * 10**9, 10.0, 0.0, False, "valid", (), (known, unknown))
     assert ReplayReport.from_dict(json.loads(json.dumps(report.to_dict()))) == report
-    assert format_replay_markdown(report.with_age_at(25 * 10**9)).splitlines() == [
+    assert format_replay_markdown(report.copy_with_age_at(25 * 10**9)).splitlines() == [
         "## replayed up to 00:00:10.0, 15 s ago: 2 loads",
         "",
         "- load 1, 00:00:02.0 to 00:00:09.0, 4 manoeuvres: 3763 ± 21 kg, payload 156.2 ± 4.7 kg",

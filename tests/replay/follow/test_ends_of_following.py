@@ -11,7 +11,7 @@ from analysis.online.follower import FollowedRow
 from recordings import read_provenance
 from replay import load_machine
 from replay.follow.agreement import Agreement, iter_agreement_lines
-from replay.follow.follow_logs import Following, MachineFileChange, follow_logs
+from replay.follow.follow_logs import FollowedLogState, MachineFileChange, follow_logs
 from tests.replay.sledge import MACHINE, Payscope, sledge
 from tests.twins import mark_slow_after
 
@@ -47,7 +47,7 @@ def interrupt() -> None:
     os.kill(os.getpid(), signal.SIGINT)
 
 
-def followed() -> tuple[Following, list[FollowedRow]]:
+def followed() -> tuple[FollowedLogState, list[FollowedRow]]:
     rows: list[FollowedRow] = []
     log = [Path("drive.csv")]
     following = follow_logs(log, load_machine("sledge.toml"), lambda _, n: rows.extend(n), idle_s=9)
@@ -72,7 +72,7 @@ def test_ctrl_c_again_ends_a_poll_and_each_row_that_was_stepped_is_told(
 
     after_rows(monkeypatch, 1000, interrupt_twice)
     following, rows = followed()
-    assert following.ended == "interrupted"
+    assert following.end_reason == "interrupted"
     assert len(rows) == following.follower.rows_stepped == 1000
 
 
@@ -131,9 +131,9 @@ def test_a_log_that_does_not_grow_because_it_shrank_or_is_gone_says_so(
         idle_s=IDLE_S,
     )
     if becomes == "gone":
-        assert following.ended == "drive.csv is no longer there"
+        assert following.end_reason == "drive.csv is no longer there"
     else:
-        assert following.ended == f"drive.csv has shrunk from {size:,} to 100 bytes"
+        assert following.end_reason == f"drive.csv has shrunk from {size:,} to 100 bytes"
 
 
 def spoil(path: Path, becomes: str) -> None:

@@ -16,7 +16,7 @@ from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
-from replay.follow.follow_logs import Following, follow_logs
+from replay.follow.follow_logs import FollowedLogState, follow_logs
 from replay.inputs.channel_inputs import list_channel_fields
 from replay.logs import open_growing_log
 from replay.machines.machine_file import find_time_axis_of_machine
@@ -98,12 +98,12 @@ def machine_of(log: Path) -> Machine:
 
 def followed(
     path: Path, machine: Machine, recording: Recording
-) -> tuple[Following, list[FollowedRow]]:
+) -> tuple[FollowedLogState, list[FollowedRow]]:
     """Follow until the log says that it ends or, where it cannot, nothing comes any more."""
     rows: list[FollowedRow] = []
     looks_after_the_end = 0
 
-    def take(_: Following, new: list[FollowedRow]) -> None:
+    def take(_: FollowedLogState, new: list[FollowedRow]) -> None:
         nonlocal looks_after_the_end
         rows.extend(new)
         looks_after_the_end = 0 if new else looks_after_the_end + recording.is_over
@@ -167,7 +167,7 @@ def test_an_active_bag_is_followed_over_its_renaming(logs: dict[str, Path], tmp_
 
     with Recording(record(), active) as recording:
         following, rows = followed(active, machine_of(target), recording)
-    assert following.ended == "the recorder has closed the log"
+    assert following.end_reason == "the recorder has closed the log"
     assert_as_replayed(rows, replayed(target, machine_of(target)))
 
 
@@ -203,7 +203,7 @@ def test_a_log_whose_recorder_was_killed_is_given_up_to_its_last_whole_chunk(
     target.write_bytes(logs[".mcap"].read_bytes()[:-200_000])
     rows: list[FollowedRow] = []
     following = follow_logs([target], machine, lambda _, new: rows.extend(new), idle_s=IDLE_S)
-    assert following.ended == f"the log has not grown for {IDLE_S:g} s"
+    assert following.end_reason == f"the log has not grown for {IDLE_S:g} s"
     whole = replayed(logs[".mcap"], machine).frames["gate"]["reason_x"].to_list()
     reasons = [row.gate.reason for row in rows if row.gate is not None]
     assert 500 < len(reasons) < len(whole)
@@ -290,7 +290,7 @@ def test_memory_does_not_grow_with_the_log(logs: dict[str, Path], tmp_path: Path
     target = tmp_path / "growing.mcap"
     heights: list[int] = []
 
-    def on_rows(following: Following, _: list[FollowedRow]) -> None:
+    def on_rows(following: FollowedLogState, _: list[FollowedRow]) -> None:
         heights.append(following.follower.log.kept_sample_count)
 
     recorder = mcap_recorder(logs[".mcap"], target, CompressionType.NONE)

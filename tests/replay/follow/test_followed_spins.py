@@ -10,7 +10,7 @@ from analysis.online.online_report import OnlineReport
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
-from replay.follow.follow_logs import Following, follow_logs
+from replay.follow.follow_logs import FollowedLogState, follow_logs
 from replay.follow.report_file import describe_finished_manoeuvre
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
@@ -60,7 +60,7 @@ def test_spins_agree_with_the_causal_replay_and_are_reported(
 ) -> None:
     digests, reports = FollowedDigests(), list[OnlineReport]()
 
-    def take(_: Following, rows: list[FollowedRow]) -> None:
+    def take(_: FollowedLogState, rows: list[FollowedRow]) -> None:
         digests.add_followed_rows(rows)
         reports.extend(report for row in rows for report in row.reports)
 

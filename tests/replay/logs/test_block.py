@@ -22,12 +22,12 @@ def packed(content: bytes, *, checksum: bool = False, sized: bool = True) -> byt
     return stream.compress(content) + stream.flush()
 
 
-def unpacked(folder: Path, stored: bytes, declared: int, *, is_torn: bool = False) -> bytes:
+def unpacked(folder: Path, stored: bytes, declared: int, *, is_truncated: bool = False) -> bytes:
     """What comes out of a zstd block that is a file of its own."""
     path = folder / "block"
     path.write_bytes(stored)
     file = FileBytes(path)
-    block = Block(0, 0, len(stored), "zstd", declared, is_torn=is_torn)
+    block = Block(0, 0, len(stored), "zstd", declared, is_truncated=is_truncated)
     target = np.zeros(block.max_unpacked_bytes, np.uint8)
     try:
         return target[: unpack_block_into(block, file, target)].tobytes()
@@ -84,7 +84,7 @@ def test_an_empty_chunk_is_empty_whether_it_was_packed_or_not(folder: Path) -> N
 def test_what_the_end_of_the_file_left_of_a_torn_block_counts(folder: Path) -> None:
     content = np.random.default_rng(2).bytes(400_000)  # of several blocks of zstd's
     for cut in (1, 100_000, 399_990):
-        part = unpacked(folder, packed(content)[:-cut], len(content), is_torn=True)
+        part = unpacked(folder, packed(content)[:-cut], len(content), is_truncated=True)
         assert content.startswith(part)
         assert len(part) > len(content) - cut - 2**17
 

@@ -82,11 +82,11 @@ def test_cut_anywhere_every_whole_row_is_read_and_a_torn_one_is_a_loss(
     log = opened(tmp_path, text)
     frame = log.read("table", ["a"])
     *lines, last = text.split("\n")[1:]
-    is_torn = last.count(",") < 2
-    assert frame.height == len(lines) + (not is_torn)
+    is_truncated = last.count(",") < 2
+    assert frame.height == len(lines) + (not is_truncated)
     assert told(log) == (
         [f"its last row (line {len(lines) + 2}) is cut off and was not read"]
-        if is_torn and last
+        if is_truncated and last
         else []
     )
 

@@ -85,7 +85,10 @@ def test_a_time_may_be_text(tmp_path: Path) -> None:
     ("text", "said"),
     [
         ("[1, 2]\nhello\n", "no line is a JSON object"),
-        ('{"t": 1, "a": {"b": 1}, "a.b": 2}\n', "two values of a line have one name"),
+        (
+            '{"t": 1, "a": {"b": 1}, "a.b": 2}\n',
+            "two fields of a line become columns of the same name",
+        ),
         ('{"t": 1, "größe": 2\n', "no line is a JSON object"),
         ('{"t": 1, "a": ' + "[" * 100_000 + "]" * 100_000 + "}\n", "no line is a JSON object"),
     ],

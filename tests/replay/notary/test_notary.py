@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from estimators.errors import EvidenceError, OutputError
-from recordings.notary.notary_check import CheckedList, check_untrusted_notary_list
+from recordings.notary.notary_check import CheckedNotaryList, check_untrusted_notary_list
 from recordings.notary.notary_list import (
     NotaryEntry,
     NotaryHead,
@@ -126,7 +126,7 @@ def test_a_log_that_is_changed_after_it_was_listed_is_listed_again(
     assert "'log-2.csv' was changed after it had been listed as number 3" in words(found)
 
 
-def words(found: CheckedList) -> str:
+def words(found: CheckedNotaryList) -> str:
     return "\n".join(fault.what for fault in found.faults)
 
 
@@ -227,7 +227,7 @@ def test_what_is_done_to_a_list_without_its_key_is_found(
 
 def resigned(
     listed: NotarisedFolder, key: SigningKey, change: Callable[[int, dict[str, Any]], None]
-) -> CheckedList:
+) -> CheckedNotaryList:
     """The list with other contents, chained and signed anew: what its keeper's clock, or a thief
     of the key, can make."""
     head, *rest = lines_of(listed.path)

@@ -116,7 +116,7 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
     )
     assert 3.0 < compute_cramer_rao_bound_of_trial_kg(replayed) < 10.0
     refused = rerun_gate_and_estimates(
-        replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0})
+        replayed, replayed.settings.copy_with_changes({"gate.threshold_nat": 50.0})
     )
     assert compute_cramer_rao_bound_of_trial_kg(refused) != compute_cramer_rao_bound_of_trial_kg(
         refused

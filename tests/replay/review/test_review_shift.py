@@ -22,7 +22,7 @@ from estimators.errors import PayscopeError, ReviewError
 from recordings import read_frame
 from recordings.review.review_state import RECORDING, STATE
 from replay import load_machine, open_log, run
-from replay.review.review_shift import ReviewOptions, find_torn_logs, review_shift
+from replay.review.review_shift import ReviewOptions, find_truncated_logs, review_shift
 from replay.review.write_review import ShiftReview
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.kept_replays import replays_anew
@@ -195,7 +195,7 @@ def test_a_bag_that_is_cut_off_is_told_as_a_log_that_breaks_off(
     bag.write_bytes(data[: int(share * len(data))])
     with open_log(bag) as log:
         replayed = run(log, load_machine("cat262c.toml"))
-        (torn,) = find_torn_logs([log], {"/imu/data": []}, replayed.provenance)
+        (torn,) = find_truncated_logs([log], {"/imu/data": []}, replayed.provenance)
         ends_ns = log.topics().filter(pl.col("topic") == "/imu/data")["end_ns"][0]
     assert torn.ends_s == pytest.approx((ends_ns - replayed.provenance.t0_unix_ns) / 1e9)
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from replay.review.give_verdicts import GivenVerdicts, recount_review_with_verdicts
+from replay.review.give_verdicts import RequestedVerdicts, recount_review_with_verdicts
 from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder
 from tests.twins import mark_slow_after
@@ -58,9 +58,9 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     logs, machine, _ = shift_folder(folder)
     made = review_shift(logs, machine, folder / "review", ReviewOptions())
     labels = {"product": "gravel", "operator": "A. Kim"}
-    said = GivenVerdicts(reject=["1"], note="bucket caught the wall", author="R. Meier")
+    said = RequestedVerdicts(reject=["1"], note="bucket caught the wall", author="R. Meier")
     recount_review_with_verdicts(made.folder, said)
-    recount_review_with_verdicts(made.folder, GivenVerdicts(labels=labels))
+    recount_review_with_verdicts(made.folder, RequestedVerdicts(labels=labels))
     return made.folder / "review.html"
 
 

@@ -15,7 +15,7 @@ from estimators.errors import PayscopeError
 from recordings import read_provenance
 from recordings.rrd.viewer import run_headless_viewer
 from recordings.rrd.writer import LiveView
-from replay.runs.run_logs import RecordTo, replay_and_record_logs, watch_machine_file
+from replay.runs.run_logs import RecordingOutput, replay_and_record_logs, watch_machine_file
 from tests.replay.sledge import MACHINE, Payscope, join_to_one_line
 from tests.viewer_needed import VIEWER
 
@@ -131,13 +131,13 @@ class TestViewer:
             def on_error(error: PayscopeError) -> None:
                 raise error
 
-            def replay(to: RecordTo) -> Answer:
+            def replay(to: RecordingOutput) -> Answer:
                 nonlocal first
                 answer = replay_and_record_logs([log], machine_file, to)
                 first = first or client.get_state().recordings[0].store_id
                 return answer
 
             first = None
-            to = RecordTo(tmp_path / "out.rrd", viewer=LiveView(address))
+            to = RecordingOutput(tmp_path / "out.rrd", viewer=LiveView(address))
             with pytest.raises(KeyboardInterrupt):
                 watch_machine_file(machine_file, to, [], replay, on_answer, on_error)

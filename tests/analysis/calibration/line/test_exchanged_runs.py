@@ -9,8 +9,8 @@ import pytest
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.line_fit import fit_calibration_line
-from analysis.calibration.line.outliers import find_runs_with_exchanged_loads
-from recordings.calibration.calibration_text import describe_exchanged_runs
+from analysis.calibration.line.outliers import find_runs_with_swapped_loads
+from recordings.calibration.calibration_text import describe_runs_with_swapped_loads
 from tests.analysis.calibration.line.test_line_fit import OPTIONS
 from tests.twins import mark_slow_after
 
@@ -47,7 +47,7 @@ def with_exchange(first: int, second: int) -> list[int]:
 @pytest.mark.parametrize(("first", "second"), [(1, 3), (0, 7), (8, 9)])
 def test_two_exchanged_runs_are_named_and_stay_in_the_fit(first: int, second: int) -> None:
     calibration = campaign(3, with_exchange(first, second))
-    found = find_runs_with_exchanged_loads(calibration)
+    found = find_runs_with_swapped_loads(calibration)
     assert found is not None
     assert found.runs == (f"r{first}", f"r{second}")
     assert found.p_1 < 0.01
@@ -61,30 +61,30 @@ def test_two_exchanged_runs_are_named_and_stay_in_the_fit(first: int, second: in
 def test_a_clean_campaign_names_no_exchange(seeds: range) -> None:
     loads = [*range(LOADS_KG.size)] * DAYS
     named = [
-        seed for seed in seeds if find_runs_with_exchanged_loads(campaign(seed, loads)) is not None
+        seed for seed in seeds if find_runs_with_swapped_loads(campaign(seed, loads)) is not None
     ]
     assert len(named) <= 0.01 * len(seeds)
 
 
 def test_a_campaign_of_hundreds_of_runs_is_searched_without_a_fit_of_every_pair() -> None:
     loads = [*range(LOADS_KG.size)] * 40
-    assert find_runs_with_exchanged_loads(campaign(3, loads, days=40)) is None
+    assert find_runs_with_swapped_loads(campaign(3, loads, days=40)) is None
 
 
 def test_one_wrong_load_is_no_exchange() -> None:
     loads = [*range(LOADS_KG.size)] * DAYS
     loads[2] = 4
-    assert find_runs_with_exchanged_loads(campaign(3, loads)) is None
+    assert find_runs_with_swapped_loads(campaign(3, loads)) is None
 
 
 def test_a_calibration_names_exchanged_runs_and_a_check_by_it_does_not() -> None:
     exchanged = campaign(3, with_exchange(1, 3))
     said = [
-        describe_exchanged_runs(SimpleNamespace(kind=kind, calibration=line))  # pyright: ignore
+        describe_runs_with_swapped_loads(SimpleNamespace(kind=kind, calibration=line))  # pyright: ignore
         for kind, line in (("calibration", exchanged), ("check", exchanged), ("calibration", None))
     ]
     assert [len(each) for each in said] == [1, 0, 0]
 
 
 def test_three_runs_do_not_show_an_exchange() -> None:
-    assert find_runs_with_exchanged_loads(campaign(3, [1, 0, 2], days=1)) is None
+    assert find_runs_with_swapped_loads(campaign(3, [1, 0, 2], days=1)) is None

@@ -55,7 +55,7 @@ def test_the_interval_of_the_slope_is_the_textbook_s():
     slope, level = np.polyfit(X - 125.0, y, 1)
     left = y - level - slope * (X - 125.0)
     half = student_t.ppf(0.975, 4) * np.sqrt(left @ left / 4 / ((X - 125.0) ** 2).sum())
-    found = inverse(y).slope_interval(0.95)
+    found = inverse(y).compute_slope_interval(0.95)
     assert found == pytest.approx((slope - half, slope + half), rel=1e-6)
 
 
@@ -65,11 +65,13 @@ def test_tails_are_those_of_the_distribution_behind_the_interval():
     u = found.later_mass_u_kg(100.0, 1.0)
     for distance in (0.0, 5.0, 20.0):
         exact = student_t.sf(distance / u, 4)
-        assert found.exceedance_probability(distance, 100.0, 1.0) == pytest.approx(exact, abs=1e-4)
-        assert found.exceedance_probability(-distance, 100.0, 1.0) == pytest.approx(
+        assert found.compute_exceedance_probability(distance, 100.0, 1.0) == pytest.approx(
+            exact, abs=1e-4
+        )
+        assert found.compute_exceedance_probability(-distance, 100.0, 1.0) == pytest.approx(
             1.0 - exact, abs=1e-4
         )
-    assert found.exceedance_probability(1e9, 100.0, 1.0) <= 1e-6
+    assert found.compute_exceedance_probability(1e9, 100.0, 1.0) <= 1e-6
 
 
 def test_student_s_factor_is_the_normal_one_where_all_is_known():

@@ -46,7 +46,7 @@ def points_of(y):
 def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     y = balanced(np.random.default_rng(seed))
     points, names = points_of(y), (REPEATABILITY, RUN, DAY)
-    effects = np.array([points.effect_covariance(name) for name in names])
+    effects = np.array([points.make_effect_covariance(name) for name in names])
     squares = make_mean_square_to_variance_matrix(points, names)
     found = estimate_variances_by_reml(
         points.y_kg,
@@ -65,7 +65,7 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     run_variance = 2 * of_runs**2 / 20 + 2 * within**2 / 96 / 25
     assert found.covariance[1, 1] == pytest.approx(run_variance, rel=1e-4)
     # a mean square of 20 degrees of freedom has these, made of the two that it is the sum of
-    assert found.satterthwaite_dof(np.array([0.2, 1.0, 0.0]), of_runs) == pytest.approx(
+    assert found.compute_satterthwaite_dof(np.array([0.2, 1.0, 0.0]), of_runs) == pytest.approx(
         20.0, rel=1e-4
     )
 

@@ -10,7 +10,7 @@ from analysis.calibration.line.line_fit import fit_calibration_line
 from analysis.calibration.use.error_limits import (
     CLASSES,
     DecisionRule,
-    error_limit_of_load_kg,
+    compute_error_limit_of_load_kg,
     judge_loads_by_error_limits,
 )
 from estimators.errors import DataError
@@ -39,16 +39,16 @@ def fitted(deviations=(6.0, 2.0, 3.0), days=6, seed=2):
 def test_limits_of_r_51_go_by_steps_of_e(name, load_e, initial_e, in_service_e):
     for in_service, expected in ((False, initial_e), (True, in_service_e)):
         rule = DecisionRule(name, scale_interval_kg=5.0, in_service=in_service)
-        assert error_limit_of_load_kg(rule, 5.0 * load_e) == pytest.approx(5.0 * expected)
+        assert compute_error_limit_of_load_kg(rule, 5.0 * load_e) == pytest.approx(5.0 * expected)
 
 
 def test_limits_of_r_134_are_shares_of_the_mass():
     printed = {"0.2": 0.1, "0.5": 0.25, "1": 0.5, "2": 1.0, "5": 2.5, "10": 5.0}
     for name, percent in printed.items():
         rule = DecisionRule(f"OIML R 134 {name}")
-        assert error_limit_of_load_kg(rule, 4000.0) == pytest.approx(40.0 * percent)
+        assert compute_error_limit_of_load_kg(rule, 4000.0) == pytest.approx(40.0 * percent)
         twice = DecisionRule(f"OIML R 134 {name}", in_service=True)
-        assert error_limit_of_load_kg(twice, 4000.0) == pytest.approx(80.0 * percent)
+        assert compute_error_limit_of_load_kg(twice, 4000.0) == pytest.approx(80.0 * percent)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_limits_of_r_134_are_shares_of_the_mass():
 )
 def test_a_class_that_is_none_is_refused(rule, said):
     with pytest.raises(DataError, match=said):
-        error_limit_of_load_kg(rule, 100.0)
+        compute_error_limit_of_load_kg(rule, 100.0)
 
 
 def test_a_wide_class_is_kept_and_a_narrow_one_is_not():
@@ -90,7 +90,7 @@ def test_the_guard_band_leaves_the_risk_that_was_asked_for():
     rule = DecisionRule("OIML R 134 0.5", risk_1=0.05)
     for row in judge_loads_by_error_limits(calibration, rule).rows:
         # an error at the edge of what is accepted is beyond the limit with that risk
-        edge = calibration.inversion.exceedance_probability(
+        edge = calibration.inversion.compute_exceedance_probability(
             row.guard_kg, row.load_kg, calibration.budget_at[1]
         )
         assert edge == pytest.approx(0.05, abs=1e-4)
@@ -111,9 +111,9 @@ def test_what_is_said_to_be_within_is_within(name):
             noise = dice.normal(0.0, np.sqrt(6.0**2 / 4 + 2.0**2 + 3.0**2))
             found = calibration.calibrate_estimate(100.0 + 1.02 * true + noise, None, 4)
             accepted += within
-            wrong += within and abs((found.mass_kg or true) - true) > error_limit_of_load_kg(
-                rule, true
-            )
+            wrong += within and abs(
+                (found.mass_kg or true) - true
+            ) > compute_error_limit_of_load_kg(rule, true)
     assert accepted >= 20
     assert wrong / 800 < rule.risk_1
     assert name == "OIML R 134 0.5" or wrong / accepted < rule.risk_1
@@ -121,4 +121,6 @@ def test_what_is_said_to_be_within_is_within(name):
 
 def test_every_class_has_its_limit():
     for name in CLASSES:
-        assert error_limit_of_load_kg(DecisionRule(name, scale_interval_kg=10.0), 1000.0) > 0.0
+        assert (
+            compute_error_limit_of_load_kg(DecisionRule(name, scale_interval_kg=10.0), 1000.0) > 0.0
+        )

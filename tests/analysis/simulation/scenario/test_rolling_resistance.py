@@ -169,8 +169,8 @@ def test_in_a_shift_it_is_felt_in_both_directions_by_load_and_ground():
     for begin, end in fills.select("start_ns", "end_ns").iter_rows():
         digging |= motion["time_ns"].is_between(begin, end).to_numpy()
     speed, mass = motion["speed_x_m_s"].to_numpy(), motion["mass_kg"].to_numpy()
-    assert whole.timeline.hints is not None
-    place = whole.timeline.hints(motion["time_ns"].to_numpy()).position_m
+    assert whole.timeline.sample_position_boom_and_bucket is not None
+    place = whole.timeline.sample_position_boom_and_bucket(motion["time_ns"].to_numpy()).position_m
     felt = motion["force_x_N"] - motion["mass_kg"] * motion["specific_force_x_m_s2"]
     coefficient = (felt.to_numpy() - FRICTION_N_S_M * speed) / (mass * G)
     for sign in (1.0, -1.0):

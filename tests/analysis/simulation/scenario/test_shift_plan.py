@@ -97,9 +97,9 @@ def test_the_machine_digs_at_the_pile_and_dumps_at_the_dump() -> None:
     log, truth = plain()
     assert truth.cycles["reverse"].n_unique() == 2
     for cycle in truth.cycles.iter_rows(named=True):
-        assert log.timeline.hints is not None
+        assert log.timeline.sample_position_boom_and_bucket is not None
         times = np.array([cycle[name] for name in ("dig_ns", "haul_ns", "dump_ns")])
-        place, boom, bucket = log.timeline.hints(times)
+        place, boom, bucket = log.timeline.sample_position_boom_and_bucket(times)
         # hills change the speed at which the operator cruises
         assert place[0] == pytest.approx(39.0, abs=5.0)
         assert place[1] > place[0] + 1.0
@@ -147,7 +147,7 @@ def test_the_same_seed_gives_the_same_shift_and_another_gives_another() -> None:
     (again,), same = simulated(scenario)
     assert truth.cycles.equals(same.cycles)
     assert all(frame.equals(again.topics[name]) for name, frame in first.topics.items())
-    _, other = simulated(scenario.with_seed(2))
+    _, other = simulated(scenario.copy_with_seed(2))
     assert other.cycles["load_kg"].to_list() != truth.cycles["load_kg"].to_list()
 
 
@@ -212,16 +212,20 @@ def test_what_is_recorded_besides_says_where_the_machine_and_its_boom_are() -> N
         }
     )
     (log,), _ = simulated(scenario)
-    assert log.timeline.hints is not None
+    assert log.timeline.sample_position_boom_and_bucket is not None
     boom, odometry, gnss = (log.topics[name] for name in ("boom", "odometry", "gnss"))
     assert gnss.height * 10 == pytest.approx(odometry.height, abs=10)
-    true = log.timeline.hints(boom["header_stamp_ns"].to_numpy())
+    true = log.timeline.sample_position_boom_and_bucket(boom["header_stamp_ns"].to_numpy())
     np.testing.assert_array_equal(boom["boom_rad"], true.boom_rad)
-    along = log.timeline.hints(gnss["header_stamp_ns"].to_numpy()).position_m
+    along = log.timeline.sample_position_boom_and_bucket(
+        gnss["header_stamp_ns"].to_numpy()
+    ).position_m
     north_m = np.radians(gnss["latitude_deg"] - 49.0) * 6_371_008.8
     np.testing.assert_allclose(north_m, along, atol=1e-6)
     assert gnss["longitude_deg"].n_unique() == 1
-    place = log.timeline.hints(odometry["header_stamp_ns"].to_numpy()).position_m
+    place = log.timeline.sample_position_boom_and_bucket(
+        odometry["header_stamp_ns"].to_numpy()
+    ).position_m
     np.testing.assert_array_equal(odometry["position_x_m"], place)
 
 

@@ -118,7 +118,7 @@ def test_a_recursion_begins_anew_with_each_load(two_starts):
     gated = gate_windows(two_starts, settings)
     begin = two_starts.height // 2
     whole = trace_estimates(two_starts, gated, settings)
-    parted = trace_estimates(two_starts, gated, settings, load_begin_rows=[begin])
+    parted = trace_estimates(two_starts, gated, settings, load_start_rows=[begin])
     window = settings.gate.window_samples
     second = gated[begin:].with_columns(
         (pl.col("accepted_x") & (pl.int_range(pl.len()) >= window - 1)).alias("accepted_x")

@@ -10,10 +10,10 @@ from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.motion.phases import (
     classify_motion_phases,
+    compute_sign_of_yaw_rate_change,
     compute_trailing_speed_rate,
     mark_speed_falls_beyond_noise,
     mark_stopping_samples,
-    sign_of_yaw_rate_change,
 )
 
 
@@ -98,7 +98,7 @@ def test_a_derived_yaw_acceleration_as_noisy_as_a_gyroscope_makes_it_leaves_an_a
 def test_a_turn_speeds_up_keeps_its_rate_and_slows_down(direction):
     settings = Settings()
     yaw_rate = direction * np.interp(np.arange(600), [100, 300, 400, 600], [0.0, 1.0, 1.0, 0.0])
-    changes = sign_of_yaw_rate_change(yaw_rate, settings)
+    changes = compute_sign_of_yaw_rate_change(yaw_rate, settings)
     assert set(changes[20:100]) == {0.0}
     assert set(changes[120:300]) == {1.0}
     assert set(changes[320:400]) == {0.0}

@@ -63,7 +63,7 @@ def test_each_column_says_what_its_noise_is_from():
 
 def test_a_setting_overrides_the_log_with_white_noise():
     log = noisy_log("white", 1)
-    settings = log.machine.settings.with_changes({"noise.force_N": 7.0})
+    settings = log.machine.settings.copy_with_changes({"noise.force_N": 7.0})
     machine = log.machine.model_copy(update={"settings": settings})
     frame = estimate_channel_noise(log.aligned, log.excitation, machine)
     assert sources(frame)["force_x_N"] == "setting"

@@ -38,7 +38,7 @@ def noise_of(read, **settings):
     """`noise` of a car at these settings."""
     given = {name.replace("__", "."): value for name, value in settings.items()}
     machine = make_machine(settings={"acceleration": "kinematic"}, **KINEMATIC)
-    machine = machine.model_copy(update={"settings": machine.settings.with_changes(given)})
+    machine = machine.model_copy(update={"settings": machine.settings.copy_with_changes(given)})
     aligned, _ = align_channels_on_grid(derive_channels_in_si(read, machine)[0], machine)
     excitation = compute_excitation(
         smooth_by_trailing_mean(aligned, machine.settings.smooth), machine

@@ -30,7 +30,7 @@ def chosen(read, settings=None):
     """The settings that come out, and the notes."""
     machine = make_machine()
     if settings:
-        changed = machine.settings.with_changes(settings)
+        changed = machine.settings.copy_with_changes(settings)
         machine = machine.model_copy(update={"settings": changed})
     found, notes = choose_grid_rate_by_log(read, machine)
     kept = found.settings
@@ -101,7 +101,7 @@ def test_a_log_too_short_for_a_window_says_how_long_that_is():
 
 
 def test_what_is_unset_stays_so_when_other_settings_change():
-    changed = make_machine().settings.with_changes({"gate.threshold_nat": 0.5})
+    changed = make_machine().settings.copy_with_changes({"gate.threshold_nat": 0.5})
     assert changed.gate.threshold_nat == 0.5
     machine = make_machine().model_copy(update={"settings": changed})
     found, _ = choose_grid_rate_by_log(all_at(10.0), machine)

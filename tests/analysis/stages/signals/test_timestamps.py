@@ -165,8 +165,8 @@ def test_headers_that_scatter_beside_an_even_log_are_placed_by_it(raw_topic, per
 @given(st.floats(0.0, 0.5), st.integers(0, 1000))
 def test_headers_that_are_even_stay_whatever_the_log_does(raw_topic, periods, seed):
     dice = np.random.default_rng(seed)
-    late_ns = dice.exponential(3.0, LOG.size) * float(LOG[1] - LOG[0])
-    log = np.maximum.accumulate(LOG + late_ns.astype(np.int64))
+    latency_ns = dice.exponential(3.0, LOG.size) * float(LOG[1] - LOG[0])
+    log = np.maximum.accumulate(LOG + latency_ns.astype(np.int64))
     off_ns = dice.uniform(-0.5, 0.5, LOG.size) * periods * float(LOG[1] - LOG[0])
     _, label, _ = placed_one(raw_topic, log, header=LOG + off_ns.astype(np.int64))
     assert label == "header"

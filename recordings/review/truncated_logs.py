@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict
 from recordings.report.clock_text import ShiftClock, format_duration
 
 
-class TornLog(BaseModel):
+class TruncatedLog(BaseModel):
     """Log that ends abruptly.
 
     Attributes:
@@ -16,7 +16,7 @@ class TornLog(BaseModel):
         logs: number of logs of the shift.
         ends_s: time of its last message, in s since the first sample.
         next_s: start of the next log; None for the last log, since the missing time is unknown.
-        losses: texts of the losses that report the torn end in bytes.
+        losses: texts of the losses that report the truncated end in bytes.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -44,7 +44,7 @@ class TornLog(BaseModel):
         )
 
     @property
-    def loss_entry_text(self) -> str:
+    def lost_time_text(self) -> str:
         """Entry for the list of losses, with a duration instead of bytes."""
         if self.next_s is None:
             return f"an unknown part of the end of log {self.number} ({self.name})"
@@ -52,6 +52,6 @@ class TornLog(BaseModel):
         return f"at most the last {last} of log {self.number} ({self.name})"
 
 
-def find_torn_last_log(torn_logs: Iterable[TornLog]) -> TornLog | None:
-    """Last log of the shift if it is torn, so that the end of the shift is unknown; else None."""
-    return next((each for each in torn_logs if each.next_s is None), None)
+def find_truncated_last_log(truncated_logs: Iterable[TruncatedLog]) -> TruncatedLog | None:
+    """Last log of the shift if it is truncated, so that the shift's end is unknown; else None."""
+    return next((each for each in truncated_logs if each.next_s is None), None)
