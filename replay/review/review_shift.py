@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
-from recordings.review.truncated_logs import TruncatedLog
 
 from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.apply_calibration import LATER_LOG_FRAMES
@@ -36,6 +35,7 @@ from recordings.review.review_state import (
     read_review_state,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
+from recordings.review.truncated_logs import TruncatedLog
 from replay.calibration.apply_evidence import (
     CalibrationRequest,
     MachineCalibration,

@@ -4,7 +4,6 @@ from typing import Any
 
 import polars as pl
 import pytest
-from recordings.review.truncated_logs import TruncatedLog
 
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_facts import (
@@ -16,6 +15,7 @@ from recordings.review.shift_facts import (
     summarise_shift_in_line,
 )
 from recordings.review.shift_ledger import add_motion_columns, make_ledger_frame
+from recordings.review.truncated_logs import TruncatedLog
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
 
