@@ -319,7 +319,7 @@ class LostCycles(NamedTuple):
 def find_spans_of_missing_channels_ns(
     excitation: pl.DataFrame, aligned: pl.DataFrame
 ) -> list[tuple[int, int]]:
-    """Spans of a second or more with a missing channel, in ns, between its samples.
+    """Spans of a second or more with a missing channel, in ns, between its samples or to an end.
 
     Args:
         excitation: frame with the times.
@@ -329,6 +329,7 @@ def find_spans_of_missing_channels_ns(
     here = t_ns[~aligned["gap"].to_numpy()]
     if here.size < 2:
         return []
+    here = np.concatenate([t_ns[:1], here, t_ns[-1:]])
     wide = np.flatnonzero(np.diff(here) > LIMITS.cycle_gap_s * NS_PER_S)
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 

@@ -102,7 +102,7 @@ def describe_long_gaps(shift: Mapping[str, Any], state: ReviewState) -> str:
             f"{_format_cycle_count(shift['lost_cycles'], shift['lost_cycles_u'])} loads, "
             f"{format_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
         )
-    return f"Nothing was recorded {spans}; {price}."
+    return f"Readings are missing {spans}; {price}."
 
 
 def format_spans_of_recording_gaps(state: ReviewState) -> str:

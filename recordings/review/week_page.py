@@ -89,7 +89,7 @@ def _describe_uncounted_work_of_shift(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
         yield make_warning_of_mixed_machines(state)
     if gaps := format_spans_of_recording_gaps(state):
-        yield f"Nothing was recorded {gaps}."
+        yield f"Readings are missing {gaps}."
     yield from describe_truncated_logs(state)
     yield from list_losses_besides_truncated_ends(state)
 

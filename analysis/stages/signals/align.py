@@ -30,7 +30,8 @@ def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machin
     Neighbours are no further apart than `gap_periods` of their channel's own median period (or of
     the grid's, if that is longer); a row between others is a gap. A topic faster than the grid is
     averaged over a grid step instead, and a regressor with a slow channel is taken at that one's
-    stamps first. The grid runs from the latest first sample to the earliest last one; of a hole
+    stamps first. The grid runs from the latest first sample to the earliest last one; where a
+    channel lacks more than a minute at an end that another has, it is a gap to that end. Of a gap
     longer than 60 s only the ends are kept. Hints (boom, bucket, latitude, longitude) have no say
     in this; they are missing where they have no neighbours.
 
@@ -50,7 +51,7 @@ def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machin
         DataError: the channels do not overlap in time, or the grid would not fit into memory.
     """
     raw, series = _make_channel_and_regressor_series(channels, machine)
-    start, end = find_common_span_ns(select_required_series(series))
+    start, end = find_grid_span_ns(select_required_series(series))
     origin = GridOrigin(
         start, choose_grid_latency_ns(series, machine) if machine.settings.filter.causal else 0
     )
@@ -83,7 +84,7 @@ def find_origin_of_causal_grid(
     """
     _, series = _make_channel_and_regressor_series(channels, machine)
     return GridOrigin(
-        find_common_span_ns(select_required_series(series))[0],
+        find_grid_span_ns(select_required_series(series))[0],
         choose_grid_latency_ns(series, machine),
     )
 
@@ -112,7 +113,7 @@ def align_known_rows_on_causal_grid(
     raw, series = _make_channel_and_regressor_series(channels, machine)
     needed = select_required_series(series)
     if is_log_complete:
-        end = min(int(each.t_ns[-1]) for each in needed.values())
+        end = extend_to_end_of_log_ns(needed)
     else:
         end = min(int(raw[name].known_ns[-1]) for name in needed) - origin.latency_ns
     step_ns = 1e9 / machine.settings.align.rate_hz
@@ -208,6 +209,29 @@ def find_common_span_ns(required_channels: Mapping[str, ChannelSeries]) -> tuple
     return start, end
 
 
+def find_grid_span_ns(required_channels: Mapping[str, ChannelSeries]) -> tuple[int, int]:
+    """Common span of the channels, or to an end of the log of which some lack over a minute.
+
+    Raises:
+        DataError: the channels do not overlap in time.
+    """
+    start, _ = find_common_span_ns(required_channels)
+    earliest = min(int(each.t_ns[0]) for each in required_channels.values())
+    is_missing = is_missing_end_of_log(start - earliest)
+    return earliest if is_missing else start, extend_to_end_of_log_ns(required_channels)
+
+
+def extend_to_end_of_log_ns(required_channels: Mapping[str, ChannelSeries]) -> int:
+    """Earliest last stamp, or the latest if more than a minute of some channel lacks until then."""
+    last = [int(each.t_ns[-1]) for each in required_channels.values()]
+    return max(last) if is_missing_end_of_log(max(last) - min(last)) else min(last)
+
+
+def is_missing_end_of_log(missing_ns: int) -> bool:
+    """Whether readings that other channels have at an end of the log count as missing."""
+    return LIMITS.longest_gap_s * 1e9 < missing_ns <= LIMITS.missing_end_max_s * 1e9
+
+
 def choose_grid_latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
     """Latency of the settings, or the period of the regressor's slowest channel."""
     given = machine.settings.align.latency_s
@@ -251,39 +275,63 @@ class KnownInstants:
 
 
 def find_long_gaps_ns(
-    required_channels: Mapping[str, ChannelSeries], longest_s: float
+    required_channels: Mapping[str, ChannelSeries], longest_s: float, start_ns: int, end_ns: int
 ) -> list[tuple[int, int]]:
-    """Begin and end in ns of the holes of each channel that are longer than these seconds."""
+    """Begin and end in ns of the gaps of each channel that are longer than these seconds.
+
+    `start_ns` and `end_ns` are those of the grid.
+    """
     return sorted(
         # in integers: a float holds unix time to a quarter of a microsecond only
-        (int(each.t_ns[i]) + round(each.longest_ns), int(each.t_ns[i + 1]))
+        (int(t_ns[i]) + round(each.longest_ns), int(t_ns[i + 1]))
         for each in required_channels.values()
-        for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + longest_s * 1e9)
+        for t_ns in [pad_stamps_to_span(each.t_ns, start_ns, end_ns)]
+        for i in np.flatnonzero(np.diff(t_ns) > each.longest_ns + longest_s * 1e9)
     )
 
 
+def pad_stamps_to_span(t_ns: Ints, start_ns: int, end_ns: int) -> Ints:
+    """Stamps with the ends of the span around them, where these lie outside."""
+    before = [start_ns] if start_ns < t_ns[0] else []
+    after = [end_ns] if end_ns > t_ns[-1] else []
+    if not before and not after:
+        return t_ns
+    return np.concatenate([np.array(before, np.int64), t_ns, np.array(after, np.int64)])
+
+
 def _list_long_gap_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
-    """A note on the longest hole, with the channels that have it, if it is no mere pause."""
+    """Notes on what some channels lack at the ends of the log, and on the longest gap within.
+
+    Of gaps within, those that are no mere pause.
+    """
     required = select_required_series(series)
-    holes = find_long_gaps_ns(required, LIMITS.reported_gap_s)
-    if not holes:
-        return []
-    opened, closed = max(holes, key=lambda hole: hole[1] - hole[0])
+    (begin, end), span = find_common_span_ns(required), find_grid_span_ns(required)
+    within = find_long_gaps_ns(required, LIMITS.reported_gap_s, begin, end)
+    longest = [max(within, key=lambda gap: gap[1] - gap[0])] if within else []
+    told = [(span[0], begin), *longest, (end, span[1])]
+    return [_describe_long_gap(required, *gap, span) for gap in told if gap[0] < gap[1]]
+
+
+def _describe_long_gap(
+    required: Mapping[str, ChannelSeries], opened_ns: int, closed_ns: int, span_ns: tuple[int, int]
+) -> str:
+    """Say which channels have no readings in a gap, for how long, and from when on."""
     names = [
         name
         for name, each in required.items()
         if any(
-            first < closed and opened < last
-            for first, last in find_long_gaps_ns({name: each}, LIMITS.reported_gap_s)
+            first < closed_ns and opened_ns < last
+            for first, last in find_long_gaps_ns({name: each}, LIMITS.longest_gap_s, *span_ns)
         )
     ]
     are_all = len(names) == len(required)
-    from_s = (opened - max(int(each.t_ns[0]) for each in required.values())) / 1e9
-    return [
+    minutes = (closed_ns - opened_ns) / 6e10
+    return (
         f"no readings{'' if are_all else ' of ' + ', '.join(names)} for "
-        f"{(closed - opened) / 3.6e12:.3g} h from {from_s:,.0f} s on"
+        f"{f'{minutes / 60.0:.3g} h' if minutes > 60.0 else f'{minutes:.3g} min'} from "
+        f"{(opened_ns - span_ns[0]) / 1e9:,.0f} s on"
         + (": the load, the ground and the sensors may have changed there" if are_all else "")
-    ]
+    )
 
 
 def make_grid_without_long_gaps(
@@ -298,7 +346,8 @@ def make_grid_without_long_gaps(
     `first_point_number` is the number of the first point.
     """
     pieces: list[tuple[int, int]] = []
-    for opened, closed in find_long_gaps_ns(required_channels, LIMITS.longest_gap_s):
+    gaps = find_long_gaps_ns(required_channels, LIMITS.longest_gap_s, start_ns, end_ns)
+    for opened, closed in gaps:
         # a row behind the last sample, and the last one before the next
         left = int((opened - start_ns) // step_ns) + 1
         right = int((closed - start_ns) // step_ns) - 1

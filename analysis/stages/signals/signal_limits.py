@@ -17,6 +17,9 @@ class SignalLimits:
     longest_gap_s: float = 60.0
     #: Hole in s of which a note is made: longer than a break in a shift.
     reported_gap_s: float = 3600.0
+    #: Longest time in s that a channel may lack at an end of the log for that to be a gap: a shift
+    #: and its night. What lies further off is a stamp of another clock.
+    missing_end_max_s: float = 86400.0
     #: Rows of the longest grid: eighty hours at 100 Hz, a quarter of a gigabyte a column.
     grid_max_rows: int = 30_000_000
 

@@ -168,6 +168,18 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
         assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)
 
 
+@pytest.mark.parametrize("at_end", [False, True])
+def test_readings_that_are_missing_at_an_end_of_the_log_are_a_span(at_end: bool) -> None:
+    frames = drawn_shift([700.0] * 5)
+    t_ns = frames["aligned"]["t_ns"].to_numpy()
+    half_ns = int(t_ns[t_ns.size // 2])
+    gap = pl.Series("gap", t_ns > half_ns if at_end else t_ns < half_ns)
+    spans = find_spans_of_missing_channels_ns(
+        frames["excitation"], frames["aligned"].with_columns(gap)
+    )
+    assert spans == [(half_ns, int(t_ns[-1])) if at_end else (int(t_ns[0]), half_ns)]
+
+
 @pytest.mark.parametrize(("length_s", "stood"), [(427.0, True), (1200.0, False)])
 def test_a_hole_that_may_be_a_break_hides_any_number_of_cycles(
     length_s: float, stood: bool

@@ -101,7 +101,7 @@ def test_a_hole_of_half_an_hour_is_said_on_top_with_what_it_costs() -> None:
         "lost_cycles": 14.5, "lost_cycles_u": 0.7, "lost_kg": 9700.0, "lost_u_kg": 700.0,
     }  # fmt: skip
     said = describe_long_gaps(shift, state(gaps_s=((600.0, 2400.0), (3000.0, 3020.0))))
-    assert said.startswith("Nothing was recorded from 2023-11-14 23:23:20 +01:00")
+    assert said.startswith("Readings are missing from 2023-11-14 23:23:20 +01:00")
     assert "(30 min)" in said
     assert "14.5 ± 1.4 loads, 9.70 ± 1.40 t" in said
     assert "20 s" not in said

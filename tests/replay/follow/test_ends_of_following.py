@@ -4,10 +4,11 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from analysis.online.follower import FollowedRow
+from analysis.online.follower import FollowedRow, Follower
 from recordings import read_provenance
 from replay import load_machine
 from replay.follow.agreement import Agreement, iter_agreement_lines
@@ -30,17 +31,15 @@ def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def after_rows(monkeypatch: pytest.MonkeyPatch, number: int, do: Callable[[], None]) -> None:
     """Do something in the middle of a poll."""
-    from analysis.online import follower
+    note, noted = Follower._note_step, [0]
 
-    step, stepped = follower.step, [0]
-
-    def step_and_do(*args: object) -> object:
-        stepped[0] += 1
-        if stepped[0] == number:
+    def note_and_do(follower: Follower, *args: Any) -> FollowedRow:
+        noted[0] += 1
+        if noted[0] == number:
             do()
-        return step(*args)  # type: ignore[arg-type]
+        return note(follower, *args)
 
-    monkeypatch.setattr(follower, "step", step_and_do)
+    monkeypatch.setattr(Follower, "_note_step", note_and_do)
 
 
 def interrupt() -> None:

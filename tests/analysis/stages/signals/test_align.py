@@ -349,6 +349,41 @@ def test_only_the_time_in_common_is_kept(channels_of, machine):
     assert t0 + aligned["t_ns"][-1] == T0 + 100 * MS + 590 * MS
 
 
+@pytest.mark.parametrize("settings", [{}, {"causal": True}])
+def test_a_channel_that_lacks_minutes_at_an_end_is_a_gap_to_that_end(
+    channels_of, machine, settings
+):
+    t = ticks(100, 3000)
+    channels = three(channels_of, t[700:], t, t[:2300])
+    aligned, t0 = align_channels_on_grid(channels, machine({"rate_hz": 10.0, **settings}))
+    latency_ns = t0 - T0
+    assert latency_ns == (0 if not settings else 100 * MS)
+    assert aligned["t_ns"][-1] == 299_900 * MS
+    kept = aligned.filter(~pl.col("gap"))
+    assert kept["t_ns"][0] == 70_000 * MS
+    # a causal row holds the newest value for as long as a gap begins
+    assert kept["t_ns"][-1] == (229_900 if not settings else 230_200) * MS
+    assert aligned.height < 1600 + 20
+    force, imu = (
+        f"no readings of {name} for 1.17 min from {at} s on"
+        for name, at in ((FORCE, 0), (IMU, 230))
+    )
+    assert [n for n in list_alignment_notes(channels, machine(settings)) if "readings" in n] == [
+        force,
+        imu,
+    ]
+
+
+def test_a_stamp_of_another_clock_is_no_end_of_the_log(channels_of, machine):
+    t = ticks(100, 3000)
+    stray = np.concatenate([t[:1] - 200_000_000 * MS, t])
+    aligned, t0 = align_channels_on_grid(
+        three(channels_of, stray, t, t), machine({"rate_hz": 10.0})
+    )
+    assert t0 == T0
+    assert aligned.height == 3000
+
+
 def test_a_hint_that_comes_late_and_drops_out_costs_nothing_but_itself(channels_of, machine):
     """A GPS that finds its satellites late must not shorten what is weighed."""
     without = three(channels_of, ticks(10, 1000))
