@@ -271,10 +271,12 @@ def _iter_finding_lines(answer: "Answer", verbosity: int) -> "Iterator[str]":
     )
 
     found = make_findings_of_rows(answer.findings)
+    # the likeliest cause of a mass that is withheld comes before what it leaves
+    first = [] if answer.verdict.can_weigh else found[:1]
     shown = (
         found
         if verbosity
-        else [each for each in found if can_fixing_change_mass(each)][: LIMITS.answer_lines]
+        else [e for e in found if e in first or can_fixing_change_mass(e)][: LIMITS.answer_lines]
     )
     yield from (f"finding: {format_finding(each)}" for each in shown)
     left = len(found) - len(shown)

@@ -54,10 +54,17 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
             _propose_torque_and_speed_of_side(
                 log, topic, start_ns, side, joints, recognition, is_rotating=turns
             )
-    elif len(names) == 1:
+    elif len(names) == 1 and not interpret_column_name(names[0]).is_linkage:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
             for field in select_array_fields_with_values(log, topic, array, names, start_ns):
                 _fill_channel_with_joint_field(recognition, column, topic, field)
+    for part in ("boom", "bucket"):
+        joints = [name for name in names if interpret_column_name(name).quantity == part]
+        # several are the links of an arm
+        if len(joints) == 1:
+            angles = select_array_fields_with_values(log, topic, "position", joints, start_ns)
+            for field in angles:
+                _fill_channel_with_joint_field(recognition, f"{part}_rad", topic, field)
 
 
 def list_joint_fields_with_values(log: Log, topic: str, start_ns: int) -> list[str]:

@@ -61,7 +61,8 @@ def test_a_topic_that_is_missing_at_an_end_is_followed_as_in_the_replay(
     assert topic is not None
     with whole.open("rb") as file:
         summary = make_reader(file).get_summary()
-    assert summary is not None and summary.statistics is not None
+    assert summary is not None
+    assert summary.statistics is not None
     length_ns = summary.statistics.message_end_time - summary.statistics.message_start_time
     length_s = length_ns / 1e9
     assert length_s > MISSING_S + 20.0

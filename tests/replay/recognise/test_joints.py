@@ -86,3 +86,18 @@ def test_limbs_are_no_wheels(tmp_path: Path) -> None:
     channels, questions = _drafted(_written(tmp_path, limbs))
     assert set(channels) == set()
     assert any("a force" in question for question in questions)
+
+
+@pytest.mark.parametrize(
+    ("names", "channels"),
+    [
+        (["boom"], {"boom_rad"}),
+        (["left_wheel", "right_wheel", "boom_joint", "bucket_joint"], {"boom_rad", "bucket_rad"}),
+        (["arm_1", "arm_2", "wheel_left", "wheel_right"], set()),
+    ],
+)
+def test_the_joint_of_a_boom_or_bucket_is_its_angle_and_no_position(
+    names: list[str], channels: set[str], tmp_path: Path
+) -> None:
+    drafted, _ = _drafted(_written(tmp_path, names))
+    assert {"boom_rad", "bucket_rad", "position_x_m"} & set(drafted) == channels
