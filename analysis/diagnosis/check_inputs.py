@@ -33,9 +33,13 @@ from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.arrays import Bools, Floats
 
-#: Factors that forces and torques are wrong by, and what they are.
+#: Factors that forces, speeds or the stated mass are wrong by, and what they are.
 _CANDIDATES: Final = {
+    1.1023: "short tons instead of tonnes, or the reverse, in machine.empty_mass_kg",
+    1.6093: "mile/h instead of km/h, or the reverse",
     2.0: "one side instead of both, or both instead of one",
+    2.2046: "lb instead of kg, or the reverse, in machine.empty_mass_kg",
+    2.2369: "mile/h instead of m/s",
     3.6: "km/h instead of m/s",
     4.4482: "lbf for N",
     1.3558: "lbf·ft instead of N·m",
