@@ -121,8 +121,13 @@ class EmptyMassDifference:
         if radius_m is not None and radius_m != 1.0:
             stated = f"machine.wheel_radius_m ({radius_m:g}) applied twice, or not at all"
             known[max(radius_m, 1.0 / radius_m)] = stated
-        near = [(abs(np.log(times / each)), f"{each:.4g}, {what}") for each, what in known.items()]
-        named = [what for off, what in sorted(near) if off < LIMITS.factor_tolerance]
+        near = [
+            (off, f"{each:.4g}, {what}")
+            for each, what in known.items()
+            # a small factor is nearer than none
+            if (off := abs(np.log(times / each))) < min(LIMITS.factor_tolerance, np.log(each) / 2.0)
+        ]
+        named = [what for _, what in sorted(near)]
         gear = f"a gear or gain of {times:.3g}"
         return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 

@@ -70,11 +70,18 @@ def test_a_mass_far_below_the_empty_machine_is_withheld_as_a_negative_payload(ti
         (0.44704, "mile/h instead of m/s"),
     ],
 )
-@given(bent=st.floats(0.93, 1.07), reversed_=st.booleans())
+@given(bent=st.floats(0.96, 1.04), reversed_=st.booleans())
 def test_units_of_tickets_and_speeds_are_candidates(ratio, cause, bent, reversed_):
     mass_kg = 5000.0 * (1.0 / ratio if reversed_ else ratio) * bent
-    difference = EmptyMassDifference(mass_kg, 5000.0, 50.0, True, True, load_machine("cat262c.toml"))
+    difference = EmptyMassDifference(
+        mass_kg, 5000.0, 50.0, True, True, load_machine("cat262c.toml")
+    )
     assert any(cause in each for each in difference.possible_causes)
+
+
+def test_a_small_difference_is_of_no_unit():
+    machine = load_machine("cat262c.toml")
+    assert len(EmptyMassDifference(5200.0, 5000.0, 50.0, True, True, machine).possible_causes) == 1
 
 
 @pytest.mark.parametrize("times", [1.5, 2.7, 3.6])
