@@ -207,13 +207,10 @@ def split_cycles_into_parts(passes: LoadPasses, digging: pl.DataFrame) -> list[C
 
 def _set_nearest_empty_passes(cycles: list[CycleParts], passes: LoadPasses) -> list[CycleParts]:
     """Set the nearest empty passes before and after the loaded pass of each cycle with one."""
-    empties = np.flatnonzero(~passes.loaded)
     for cycle in cycles:
-        if cycle.loaded_pass is None:
-            continue
-        place = int(np.searchsorted(empties, cycle.loaded_pass))
-        cycle.empty_pass_before = int(empties[place - 1]) if place > 0 else None
-        cycle.empty_pass_after = int(empties[place]) if place < empties.size else None
+        if cycle.loaded_pass is not None:
+            beside = passes.find_empty_passes_beside(cycle.loaded_pass)
+            cycle.empty_pass_before, cycle.empty_pass_after = beside
     return cycles
 
 

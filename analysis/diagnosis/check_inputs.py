@@ -33,9 +33,13 @@ from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.arrays import Bools, Floats
 
-#: Factors that forces and torques are wrong by, and what they are.
+#: Factors that forces, speeds or the stated mass are wrong by, and what they are.
 _CANDIDATES: Final = {
+    1.1023: "short tons instead of tonnes, or the reverse, in machine.empty_mass_kg",
+    1.6093: "mile/h instead of km/h, or the reverse",
     2.0: "one side instead of both, or both instead of one",
+    2.2046: "lb instead of kg, or the reverse, in machine.empty_mass_kg",
+    2.2369: "mile/h instead of m/s",
     3.6: "km/h instead of m/s",
     4.4482: "lbf for N",
     1.3558: "lbf·ft instead of N·m",
@@ -117,8 +121,13 @@ class EmptyMassDifference:
         if radius_m is not None and radius_m != 1.0:
             stated = f"machine.wheel_radius_m ({radius_m:g}) applied twice, or not at all"
             known[max(radius_m, 1.0 / radius_m)] = stated
-        near = [(abs(np.log(times / each)), f"{each:.4g}, {what}") for each, what in known.items()]
-        named = [what for off, what in sorted(near) if off < LIMITS.factor_tolerance]
+        near = [
+            (off, f"{each:.4g}, {what}")
+            for each, what in known.items()
+            # a small factor is nearer than none
+            if (off := abs(np.log(times / each))) < min(LIMITS.factor_tolerance, np.log(each) / 2.0)
+        ]
+        named = [what for _, what in sorted(near)]
         gear = f"a gear or gain of {times:.3g}"
         return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 

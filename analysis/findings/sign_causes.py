@@ -20,6 +20,8 @@ from estimators.arrays import Floats
 _SPEED_UNITS: Final = {
     3.6: "km/h as m/s",
     1.0 / 0.44704: "mile/h as m/s",
+    1.609344: "km/h as mile/h",
+    1.0 / 1.609344: "mile/h as km/h",
     1.0 / 0.3048: "ft/s as m/s",
     1000.0: "mm/s as m/s",
     9.5493: "rpm as rad/s",

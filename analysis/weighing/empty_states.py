@@ -4,10 +4,12 @@ import numpy as np
 
 from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
+from analysis.weighing.empty_mass_drift import mark_local_mass_minima
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_changes import find_manoeuvre_of_fitted_samples
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.mass_budget import make_mass_budget
-from analysis.weighing.motion_samples import Floats
+from analysis.weighing.motion_samples import Floats, Ints
 from analysis.weighing.weigh import Weighing
 
 
@@ -19,7 +21,8 @@ def find_empty_states(
     If `settings.loads` names empty times, these are the states that lie mostly in them, or the one
     with most of them. Otherwise they are the lightest of several states and those equally light, if
     the lightest equals the stated empty mass within its uncertainty and the heaviest clearly does
-    not. The lightest of many alone would be the one with the largest error.
+    not. The lightest of many alone would be the one with the largest error. Where it does not equal
+    the stated mass, they are those to which the machine returns after each load, if it does.
     """
     fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
     if fit.mass_count < 2:
@@ -43,12 +46,50 @@ def find_empty_states(
     )
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
-    if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
+    if carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
+    if difference_kg > LIMITS.empty_state_u * u_kg:
+        return _find_returns_of_any_direction(fit)
     drift = weighing.significant_empty_mass_drift
     if drift is not None:
         return list(drift.empty_states)
     return _find_equally_light_states(weighing, lightest, machine)
+
+
+def find_returns(masses_kg: Floats, state_of_manoeuvre: Ints) -> list[int]:
+    """States to which a machine returns after each load, whatever its mass is; none if it does not.
+
+    They are lighter than those before and after, several, and differ by less than half of what the
+    lightest of the others weighs more. A log that begins loaded and stays so has no such states.
+
+    Args:
+        masses_kg: (states,).
+        state_of_manoeuvre: (manoeuvres,) load state of each, in the order of time.
+    """
+    begins = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
+    visited = state_of_manoeuvre[begins]
+    light = mark_local_mass_minima(masses_kg[visited])
+    returns_kg, others_kg = masses_kg[visited[light]], masses_kg[visited[~light]]
+    if returns_kg.size < LIMITS.returns_min or not others_kg.size:
+        return []
+    heaviest_kg = float(returns_kg.max())
+    if float(others_kg.min()) - heaviest_kg <= 2.0 * (heaviest_kg - float(returns_kg.min())):
+        return []
+    return np.unique(visited[light]).tolist()
+
+
+def _find_returns_of_any_direction(fit: JointFit) -> list[int]:
+    """Such states of a fit; none where masses may go by the direction of driving instead."""
+    if fit.states is None:
+        return []
+    membership, motion = fit.states.membership, fit.motion
+    found = find_returns(fit.masses_kg, membership)
+    manoeuvre = find_manoeuvre_of_fitted_samples(motion)
+    forward = motion.direction[motion.is_fittable] > 0.0
+    light = np.isin(membership, found)[np.searchsorted(fit.states.unit, manoeuvre)]
+    if not found or abs(forward[light].mean() - forward[~light].mean()) > LIMITS.returns_one_way:
+        return []
+    return found
 
 
 def _find_equally_light_states(

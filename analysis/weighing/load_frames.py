@@ -14,6 +14,7 @@ from analysis.model.uncertainty_sources import (
 )
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
+from analysis.weighing.empty_mass_step import find_empty_mass_step_of_manoeuvres
 from analysis.weighing.empty_states import (
     compute_weights_of_mean_mass_over_states,
     estimate_std_of_empty_masses_kg,
@@ -73,6 +74,7 @@ def make_load_frame(
                 _describe_load_states(fit, machine),
                 against,
                 _describe_empty_mass_drift(weighing, empty),
+                _describe_empty_mass_step(weighing, excitation, machine),
                 _describe_manoeuvres_with_changing_load(weighing, excitation),
             ),
         )
@@ -283,6 +285,16 @@ def _describe_empty_mass_drift(weighing: Weighing, empty: list[int]) -> str:
         f"the empty mass changes by {drift.change_1:+.1%} over the log: payloads are differences "
         "to the empty states before and after each"
     )
+
+
+def _describe_empty_mass_step(
+    weighing: Weighing, excitation: pl.DataFrame, machine: Machine
+) -> str:
+    """Note on a step of the empty machine's mass; "" without one."""
+    if weighing.significant_empty_mass_drift is not None:
+        return ""
+    step = find_empty_mass_step_of_manoeuvres(make_manoeuvre_frame(weighing, excitation, machine))
+    return "" if step is None else f"{step.text}, but payloads of single loads after it include it"
 
 
 def _describe_manoeuvres_with_changing_load(weighing: Weighing, excitation: pl.DataFrame) -> str:

@@ -61,6 +61,10 @@ class LoadLimits:
     empty_state_u: float = 2.0
     #: and the heaviest is heavier by so many.
     heaviest_state_u: float = 3.0
+    #: A machine that contradicts its stated mass is empty where it returns so often to its least.
+    returns_min: int = 4
+    #: Share of forward driving by which light and heavy states differ if it tells them apart.
+    returns_one_way: float = 0.5
     #: States are equally light within so many standard deviations of their difference.
     equally_light_std: float = 3.0
     #: Manoeuvres that are named; the others are counted.

@@ -157,6 +157,12 @@ class WeighingLimits:
     #: Standard uncertainty of the gain over its drift: it may be as stated at either end.
     empty_drift_u_1: float = 0.75
 
+    # empty_mass_step
+    #: Empty states on either side of a step, its least scatters, and its least share.
+    empty_step_side_min_states: int = 3
+    empty_step_min_std: float = 6.0
+    empty_step_min_1: float = 0.03
+
     # force_hysteresis
     #: Prior standard deviation of half the loop over the largest force: sensors have 1 to 5 %.
     hysteresis_prior_share: float = 0.03

@@ -20,6 +20,7 @@ from analysis.cycles.empty_machine import find_machine_change_by_empty_mass
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Provenance, Run
+from analysis.weighing.empty_mass_step import find_empty_mass_step_of_manoeuvres
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
@@ -216,17 +217,20 @@ def _replay_opened_shift(
         made.provenance.t0_unix_ns,
         decimate_position_track(frames["aligned"]),
         made,
-        make_mixed_machines_warning(made, opened_logs, machine),
+        make_empty_mass_warning(made, opened_logs, machine),
     )
 
 
-def make_mixed_machines_warning(run: Run, opened_logs: list[Log], machine: Machine) -> str:
-    """Warning that the logs may be of two machines; empty if nothing indicates it."""
+def make_empty_mass_warning(run: Run, opened_logs: list[Log], machine: Machine) -> str:
+    """Warning that the logs may be of two machines, or that the empty mass steps; else empty."""
     begins = compute_log_starts_ns(
         opened_logs, list_channel_fields(machine), run.provenance.t0_unix_ns
     )
     found = find_machine_change_by_empty_mass(run.frames["manoeuvres"], list(begins.values()))
-    return "" if found is None else found.make_warning_text(list(begins)[found.log].path.name)
+    if found is not None:
+        return found.make_warning_text(list(begins)[found.log].path.name)
+    step = find_empty_mass_step_of_manoeuvres(run.frames["manoeuvres"])
+    return "" if step is None else step.text
 
 
 def _compute_shift_energy_of_run(run: Run, machine: Machine) -> ShiftEnergy:

@@ -22,6 +22,7 @@ def drawn_shift(
     boom: bool = False,
     pace: float = 1.0,
     idle_s: float = 0.0,
+    gained: tuple[int, float] = (0, 0.0),
 ) -> dict[str, pl.DataFrame]:
     """Frames of a shift: two empty starts, digging, two loaded starts, a dump, again and again.
 
@@ -37,6 +38,7 @@ def drawn_shift(
         boom: whether there is one, which is out from 81 to 86 s of each cycle.
         pace: how much faster everything is.
         idle_s: stand after the last cycle.
+        gained: cycle from which on the machine is heavier, without a load, and by how many kg.
     """
     random = np.random.default_rng(seed)
     carried = carried_kg or [0.0] * len(payloads_kg)
@@ -45,16 +47,18 @@ def drawn_shift(
     before = 0.0
     for number, (payload, after) in enumerate(zip(payloads_kg, carried, strict=True)):
         begin = number * PERIOD_S
+        empty_kg = 3600.0 + (gained[1] if number >= gained[0] else 0.0)
         if number not in unseen_empty:
-            rows += [(begin + 5.0, 3600.0 + before), (begin + 20.0, 3600.0 + before)]
+            rows += [(begin + 5.0, empty_kg + before), (begin + 20.0, empty_kg + before)]
         dug.append((begin + 40.0, begin + 44.0))
         if number not in unseen:
             rows += [
-                (begin + 50.0, 3600.0 + payload + after),
-                (begin + 65.0, 3600.0 + payload + after),
+                (begin + 50.0, empty_kg + payload + after),
+                (begin + 65.0, empty_kg + payload + after),
             ]
         before = after
-    rows.append((len(payloads_kg) * PERIOD_S + 5.0, 3600.0 + before))
+    empty_kg = 3600.0 + (gained[1] if len(payloads_kg) >= gained[0] else 0.0)
+    rows.append((len(payloads_kg) * PERIOD_S + 5.0, empty_kg + before))
     start = np.array([s for s, _ in rows]) / pace
     mass = np.array([m for _, m in rows])
     state = np.cumsum(np.append(0, np.abs(np.diff(mass)) > 50.0))

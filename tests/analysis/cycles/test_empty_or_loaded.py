@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.load_passes import classify_loaded_states
+from analysis.cycles.loaded_states import classify_loaded_states
 
 STATES = 40
 STATE_U_KG = 24.0

@@ -4,8 +4,11 @@ from functools import cache
 
 import polars as pl
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from analysis.diagnosis import add_check_of_invalidating_findings
+from analysis.diagnosis.check_inputs import EmptyMassDifference
 from analysis.model.machine import Machine
 from analysis.simulation import Scenario, simulate_campaign
 from replay import load_machine
@@ -56,6 +59,29 @@ def test_a_mass_far_below_the_empty_machine_is_withheld_as_a_negative_payload(ti
     assert log.load["mass_kg"] is None
     assert log.check("negative_payload").value > 3.0
     assert first(log)["cause"] in ("wrong_scale", "wrong_unit")
+
+
+@pytest.mark.parametrize(
+    ("ratio", "cause"),
+    [
+        (0.45359237, "lb instead of kg"),
+        (0.90718474, "short tons instead of tonnes"),
+        (1.609344, "mile/h instead of km/h"),
+        (0.44704, "mile/h instead of m/s"),
+    ],
+)
+@given(bent=st.floats(0.96, 1.04), reversed_=st.booleans())
+def test_units_of_tickets_and_speeds_are_candidates(ratio, cause, bent, reversed_):
+    mass_kg = 5000.0 * (1.0 / ratio if reversed_ else ratio) * bent
+    difference = EmptyMassDifference(
+        mass_kg, 5000.0, 50.0, True, True, load_machine("cat262c.toml")
+    )
+    assert any(cause in each for each in difference.possible_causes)
+
+
+def test_a_small_difference_is_of_no_unit():
+    machine = load_machine("cat262c.toml")
+    assert len(EmptyMassDifference(5200.0, 5000.0, 50.0, True, True, machine).possible_causes) == 1
 
 
 @pytest.mark.parametrize("times", [1.5, 2.7, 3.6])

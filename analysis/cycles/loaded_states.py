@@ -1,0 +1,134 @@
+"""Whether load states are loaded or empty, by their masses and by digging between them."""
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.cycle_limits import LIMITS
+from analysis.model.uncertainty_sources import STD_OF_MAD
+from analysis.weighing.fit_columns import mark_plausible_masses
+from estimators.arrays import Bools, Floats, Ints
+
+
+def classify_loaded_states(
+    mass_kg: Floats, u_kg: Floats, state: Ints, times_ns: tuple[Ints, Ints], digging: pl.DataFrame
+) -> Bools | None:
+    """Whether each state is loaded, (states,); None if undecidable.
+
+    Args:
+        mass_kg: (states,).
+        u_kg: (states,) random uncertainty.
+        state: (manoeuvres,) load state of each.
+        times_ns: (manoeuvres,) starts, and ends.
+        digging: the frame `digging`; one separates empty before from loaded after.
+    """
+    label = label_state_loaded_by_digging(mass_kg, u_kg, state, *times_ns, digging)
+    possible = mark_plausible_masses(mass_kg)
+    found = classify_loaded_by_threshold(mass_kg[possible], u_kg[possible], label[possible])
+    # a mass that no machine has tells of no change of the load
+    return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]
+
+
+def label_state_loaded_by_digging(
+    mass_kg: Floats, u_kg: Floats, state: Ints, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
+) -> Ints:
+    """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
+    label = np.full(mass_kg.size, -1)
+    for start, stop in digging.select("start_t_ns", "end_t_ns").iter_rows():
+        before = int(np.searchsorted(end_ns, start, "right")) - 1
+        after = int(np.searchsorted(start_ns, stop, "left"))
+        if before < 0 or after >= state.size:
+            continue
+        empty, full = state[before], state[after]
+        apart = float(np.hypot(u_kg[full], u_kg[empty]))
+        # a bucket is no lighter for what it digs
+        if empty != full and mass_kg[full] > mass_kg[empty] - LIMITS.not_dug_std * apart:
+            label[empty], label[full] = 0, 1
+    return label
+
+
+def classify_loaded_by_threshold(mass_kg: Floats, u_kg: Floats, loaded_label: Ints) -> Bools | None:
+    """Classify each state as loaded or not, (states,), by a mass border between two classes.
+
+    If loads are smaller than the states' standard deviations, digging decides, or whether nearly
+    every state is heavier or lighter than both neighbours.
+    """
+    if mass_kg.size < 2:
+        return None
+    told = (loaded_label == 0).any() and (loaded_label == 1).any()
+    border = find_threshold_between_medians(mass_kg)
+    light, heavy = mass_kg <= border, mass_kg > border
+    if told:
+        light, heavy = loaded_label == 0, loaded_label == 1
+    a, b = float(np.median(mass_kg[light])), float(np.median(mass_kg[heavy]))
+    least_kg = float(np.median(u_kg))
+    spread_kg = robust_std(mass_kg[light], least_kg)
+    parted = b - a > LIMITS.class_distance_std * max(
+        least_kg, spread_kg if light.sum() >= LIMITS.own_spread_min_states else 0.0
+    )
+    if not parted:
+        # a load that changes without digging is dumped
+        loaded_label = loaded_label if told else label_state_loaded_by_alternation(mass_kg)
+        light, heavy = loaded_label == 0, loaded_label == 1
+        if not do_class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
+            return None
+        # a load between others that is not seen to be dug is told by its mass
+        undug = (loaded_label < 0) & (mass_kg > (a + b) / 2.0)
+        undug[[0, -1]] = False
+        return heavy | undug
+    low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
+    high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
+    border = (a * high + b * low) / (low + high)
+    return mass_kg > (fit_loaded_threshold_kg(mass_kg, loaded_label, border) if told else border)
+
+
+def label_state_loaded_by_alternation(mass_kg: Floats) -> Ints:
+    """1 if heavier than the state before, 0 if lighter, (states,); -1 if they do not alternate."""
+    rises = np.diff(mass_kg) > 0.0
+    turns = rises[1:] != rises[:-1]
+    by_chance = 2.0 * turns.size / 3.0
+    std = np.sqrt((16.0 * mass_kg.size - 29.0) / 90.0)
+    least = min(
+        LIMITS.alternating_min_fraction * turns.size, by_chance + LIMITS.alternating_std * std
+    )
+    if not turns.size or np.count_nonzero(turns) < least:
+        return np.full(mass_kg.size, -1)
+    return np.append(not rises[0], rises).astype(np.int64)
+
+
+def do_class_means_differ(light_kg: Floats, heavy_kg: Floats, min_spread_kg: float) -> bool:
+    """Whether the means of two classes differ, with enough states in each."""
+    if min(light_kg.size, heavy_kg.size) < LIMITS.own_spread_min_states:
+        return False
+    variances = (robust_std(each, min_spread_kg) ** 2 / each.size for each in (light_kg, heavy_kg))
+    return float(np.mean(heavy_kg) - np.mean(light_kg)) > LIMITS.digging_class_distance_std * float(
+        np.sqrt(sum(variances))
+    )
+
+
+def fit_loaded_threshold_kg(mass_kg: Floats, loaded_label: Ints, initial_kg: float) -> float:
+    """Mass in kg between empty and loaded that contradicts the fewest labels, (states,)."""
+    order = np.sort(mass_kg)
+    choices = np.append((order[1:] + order[:-1]) / 2.0, initial_kg)
+    wrong = [int(np.sum(loaded_label == np.where(mass_kg > choice, 0, 1))) for choice in choices]
+    best = choices[np.array(wrong) == min(wrong)]
+    return float(best[np.argmin(np.abs(best - initial_kg))])
+
+
+def robust_std(values: Floats, min_std: float) -> float:
+    """Standard deviation from the median absolute deviation."""
+    return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), min_std)
+
+
+def find_threshold_between_medians(values: Floats) -> float:
+    """Border with the least sum of distances to the medians on both sides.
+
+    With squared distances (Otsu 1979), two masses far above the others would be a class of their
+    own.
+    """
+    order = np.sort(values)
+    middles = (order[1:] + order[:-1]) / 2.0
+    sums = [
+        float(sum(np.abs(part - np.median(part)).sum() for part in (order[:k], order[k:])))
+        for k in range(1, order.size)
+    ]
+    return float(middles[int(np.argmin(sums))])
