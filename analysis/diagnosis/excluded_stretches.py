@@ -18,7 +18,8 @@ from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.gating.gate import reject_windows_with_excluded_rows
 from analysis.stages.motion.phases import count_rows_of_speed_rate_span
-from analysis.weighing.weigh import Weighing, compute_mean_mass_a_minus_b_kg
+from analysis.weighing.braking_comparison import compute_mean_mass_a_minus_b_kg
+from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools
 
 

@@ -59,7 +59,7 @@ class EmptyMassDrift:
 
 
 def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
-    """Estimate the drift; None unless enough manoeuvres without a load have masses of their own.
+    """Estimate the drift; None unless enough manoeuvres without a load have masses above 0.
 
     A gain that drifts changes all masses alike. Loads that return are weighed by the difference to
     their neighbours, which takes the drift out of the tare, but not out of the payload.
@@ -76,6 +76,8 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     masses_kg, third = fit.masses_kg[states.membership[np.sort(first)]], first.size // 3
     begin, end = masses_kg[:third], masses_kg[-third:]
     mean_kg = float(np.mean(masses_kg))
+    if not mean_kg > 0.0:  # of a fit that fails, which no drift explains
+        return None
     # neighbours differ by noise and by what is carried back, and hardly by the drift
     scatter_kg = float(np.std(np.diff(masses_kg))) / np.sqrt(2.0)
     change_1 = float(np.mean(end) - np.mean(begin)) / mean_kg

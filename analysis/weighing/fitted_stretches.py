@@ -10,10 +10,15 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import get_column_values
+from analysis.model.settings import Settings
 from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_pooling
 from analysis.stages.gating.segments import assign_manoeuvre_numbers_to_samples
-from analysis.stages.motion.phases import mark_speed_falls_beyond_noise, mark_stopping_samples
+from analysis.stages.motion.phases import (
+    count_rows_of_speed_rate_span,
+    mark_speed_falls_beyond_noise,
+    mark_stopping_samples,
+)
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
@@ -242,6 +247,32 @@ def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
     return aligned["left_out"].to_numpy()
+
+
+def mark_rows_from_dig_to_stand(
+    aligned: pl.DataFrame, excitation: pl.DataFrame, speed: Floats, settings: Settings
+) -> Bools:
+    """Mark the rows from a digging start until the machine stands or turns back, (n,).
+
+    The pile takes a part of the force, and brakes what leaves it no other way. Where braking counts
+    as driving, a manoeuvre is as long as the log, so the gate alone does not keep them out.
+
+    Args:
+        aligned: grid, with `digs` if known.
+        excitation: frame with the phases of motion.
+        speed: (n,) in m/s.
+        settings: settings with the speed of a stand, and the delay of the phase.
+    """
+    if "digs" not in aligned.columns or not aligned["digs"].any():
+        return np.zeros(aligned.height, np.bool_)
+    row = np.arange(speed.size)
+    digs, margin = aligned["digs"].to_numpy(), count_rows_of_speed_rate_span(settings)
+    moves = np.abs(speed) > settings.phases.standstill_speed_m_s
+    way = np.sign(speed)[np.maximum.accumulate(np.where(moves, row, 0))]
+    stands = count_standstills_so_far(excitation)
+    ends = np.append(True, (way[1:] != way[:-1]) | (stands[1:] != stands[:-1]))
+    last_dig, last_end = (np.maximum.accumulate(np.where(rows, row, -1)) for rows in (digs, ends))
+    return flag_rows_near_flagged_rows(last_dig >= last_end, margin + 1)
 
 
 def make_centred_ramp(sample_count: int) -> Floats:

@@ -32,6 +32,7 @@ from analysis.weighing.fitted_stretches import (
     integrate_path_positions_and_length_m,
     make_centred_ramp,
     mark_gear_changes,
+    mark_rows_from_dig_to_stand,
     mark_rows_without_data,
     number_manoeuvres_and_split_long_drives,
     read_gear_ratio,
@@ -296,6 +297,8 @@ def collect_motion_samples(
     acceleration = compute_regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
+    speed = np.where(known, speed, 0.0)
+    digs = mark_rows_from_dig_to_stand(aligned, excitation, speed, settings)
     noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.noise_covariance_of_means(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
     smoothed_m_s = float(np.sqrt(noise.noise_covariance_of_means(settings.smooth.samples)[1, 1]))
@@ -306,8 +309,8 @@ def collect_motion_samples(
     mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
     settled = max(mixed, round(LIMITS.mixed_friction_s * settings.align.rate_hz))
     group = extend_manoeuvres_to_break_away(
-        group,
-        np.where(known, speed, 0.0),
+        np.where(digs, -1, group),
+        speed,
         moves_m_s,
         round(LIMITS.break_away_look_back_s * settings.align.rate_hz),
         settled,
@@ -317,11 +320,9 @@ def collect_motion_samples(
     ratio = read_gear_ratio(aligned)
     silent = ~known | mark_rows_without_data(aligned)
     silent |= mark_gear_changes(aligned, ratio, settings.align.rate_hz)
-    near_gap = flag_rows_near_flagged_rows(silent, clear)
-    group = assign_one_way_run_numbers(
-        np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed
-    )
-    group = clear_stretch_numbers_at_noise_speed(group, np.where(known, speed, 0.0), noise_m_s)
+    left_out = digs | flag_rows_near_flagged_rows(silent, clear)
+    group = assign_one_way_run_numbers(np.where(left_out, -1, group), speed, mixed)
+    group = clear_stretch_numbers_at_noise_speed(group, speed, noise_m_s)
     measured = _read_known_grid_column(aligned, "specific_force_x_m_s2", known)
     pitch = _read_known_grid_column(aligned, "pitch_rad", known)
     level = None
@@ -336,10 +337,10 @@ def collect_motion_samples(
     group = split_stretches_at_manoeuvres(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
-        np.where(known, speed, 0.0),
+        speed,
         np.where(known, force, 0.0),
         group,
-        find_manoeuvre_direction_of_samples(group, np.where(known, speed, 0.0)),
+        find_manoeuvre_direction_of_samples(group, speed),
         unit,
         settings.align.rate_hz,
         measured,
@@ -348,9 +349,9 @@ def collect_motion_samples(
         if machine.differentiates_wheels
         else None,
         make_centred_ramp(speed.size),
-        np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
+        np.cumsum(np.abs(speed)) / settings.align.rate_hz,
         *integrate_path_positions_and_length_m(
-            np.where(known, speed, 0.0), group >= 0, long_gap_count, settings.align.rate_hz
+            speed, group >= 0, long_gap_count, settings.align.rate_hz
         ),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,

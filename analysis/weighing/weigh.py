@@ -14,6 +14,7 @@ from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
+from analysis.weighing.braking_comparison import compare_mass_with_braking_to_driving
 from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
 from analysis.weighing.gain_by_direction import (
     DirectionGain,
@@ -72,7 +73,8 @@ class Weighing:
         fit: joint fit of the answer.
         halved_kg: (masses,) masses with prior standard deviations halved.
         doubled_kg: (masses,) masses with prior standard deviations doubled.
-        braking_kg: change of the mass by braking; NaN if it does not count as driving.
+        braking_kg: change of the mass by braking, or of one load that contradicts driving; NaN if
+            it does not count as driving.
         braking_left_out: whether braking contradicts driving and is left out.
         braking_doubted: whether braking moves the mass by more than its uncertainty, but driving
             alone cannot contradict it.
@@ -268,11 +270,7 @@ def _weigh_with_priors(
             _, widths = find_term_farthest_from_prior(alone, priors)
             beyond = widths > settings.verdict.beyond_prior_max
             if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
-                braking_kg = compute_mean_mass_a_minus_b_kg(fit, alone)
-                allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
-                left_out = abs(braking_kg) > max(
-                    allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
-                )
+                braking_kg, left_out = compare_mass_with_braking_to_driving(fit, alone)
                 if left_out:
                     fit = fit_with_searched_load_states(
                         alone, fitted, machine.machine.repeatability_kg
@@ -363,19 +361,6 @@ def widen_learnt_priors_by_mean_u(priors: PriorSettings) -> PriorSettings:
         for name, term in priors.learnt.items()
     }
     return priors.model_copy(update={"learnt": learnt})
-
-
-def compute_mean_mass_a_minus_b_kg(fit_a: JointFit, fit_b: JointFit) -> float:
-    """Mean difference of two fits' masses over the same manoeuvres, in kg."""
-    mine, theirs = fit_a.states, fit_b.states
-    if mine is None or theirs is None:
-        return fit_a.mass_kg - fit_b.mass_kg
-    _, a, b = np.intersect1d(mine.unit, theirs.unit, return_indices=True)
-    if not a.size:
-        return fit_a.mass_kg - fit_b.mass_kg
-    return float(
-        np.mean(fit_a.masses_kg[mine.membership[a]] - fit_b.masses_kg[theirs.membership[b]])
-    )
 
 
 def _multiply_prior_stds(priors: PriorSettings, factor: float) -> PriorSettings:

@@ -1,5 +1,6 @@
 """A gain that falls over a shift shows in the empty machine's mass, which falls with it."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -103,6 +104,15 @@ def test_a_gain_that_stays_is_no_finding() -> None:
 
 def test_one_load_has_no_empty_machine_to_compare() -> None:
     assert estimate_empty_mass_drift(weighed(RICH).weighing.fit) is None
+
+
+def test_masses_below_0_are_a_failed_fit_and_no_drift() -> None:
+    fit = shift(0.0).weighing.fit
+    theta = fit.theta.copy()
+    theta[: fit.mass_count] -= 2.0 * fit.masses_kg.max()
+    failed = replace(fit, theta=theta)
+    assert failed.masses_kg.max() < 0.0
+    assert estimate_empty_mass_drift(failed) is None
 
 
 def test_a_small_load_is_not_empty_where_those_beside_it_are_lighter() -> None:

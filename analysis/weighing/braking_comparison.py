@@ -1,0 +1,62 @@
+"""Masses with and without braking, compared: does the force see what brakes?"""
+
+import numpy as np
+
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.weighing_limits import LIMITS
+from estimators.arrays import Floats, Ints
+
+
+def compare_mass_with_braking_to_driving(whole: JointFit, driving: JointFit) -> tuple[float, bool]:
+    """Change of the mass by braking, in kg, and whether it contradicts driving.
+
+    It is that of all loads together. If they do not contradict driving, but one load does, it is
+    that of the load: brakes that the force sees in part may raise one as much as they lower others.
+
+    Args:
+        whole: fit of driving and braking.
+        driving: fit of the same load states without braking.
+    """
+    mean_kg = compute_mean_mass_a_minus_b_kg(whole, driving)
+    if _is_contradicted(mean_kg, float(np.hypot(whole.u_kg, driving.u_kg)), driving.mass_kg):
+        return mean_kg, True
+    changes_kg, u_kg = compute_mass_and_u_of_each_load_a_minus_b_kg(whole, driving)
+    if not changes_kg.size:
+        return mean_kg, False
+    k = int(np.argmax(np.abs(changes_kg) / u_kg))
+    if _is_contradicted(float(changes_kg[k]), float(u_kg[k]), driving.mass_kg):
+        return float(changes_kg[k]), True
+    return mean_kg, False
+
+
+def _is_contradicted(change_kg: float, u_kg: float, mass_kg: float) -> bool:
+    allowed_kg = LIMITS.braking_left_out_u * u_kg
+    return abs(change_kg) > max(allowed_kg, LIMITS.braking_min_fraction * abs(mass_kg))
+
+
+def compute_mean_mass_a_minus_b_kg(fit_a: JointFit, fit_b: JointFit) -> float:
+    """Mean difference of two fits' masses over the same manoeuvres, in kg."""
+    if not (loads := _pair_loads_of_same_manoeuvres(fit_a, fit_b)).size:
+        return fit_a.mass_kg - fit_b.mass_kg
+    return float(np.mean(fit_a.masses_kg[loads[0]] - fit_b.masses_kg[loads[1]]))
+
+
+def compute_mass_and_u_of_each_load_a_minus_b_kg(
+    fit_a: JointFit, fit_b: JointFit
+) -> tuple[Floats, Floats]:
+    """Difference of two fits' masses and its uncertainty, (loads,) each, in kg, load by load."""
+    loads = np.unique(_pair_loads_of_same_manoeuvres(fit_a, fit_b), axis=1)
+    u_kg = [
+        [fit.mass_sum_u_kg(fit.make_mass_coefficients_of_state(k)) for k in own.tolist()]
+        for fit, own in zip((fit_a, fit_b), loads, strict=True)
+    ]
+    return fit_a.masses_kg[loads[0]] - fit_b.masses_kg[loads[1]], np.hypot(u_kg[0], u_kg[1])
+
+
+def _pair_loads_of_same_manoeuvres(fit_a: JointFit, fit_b: JointFit) -> Ints:
+    """(2, manoeuvres) load of each manoeuvre that both fits have; none without load states."""
+    a, b = fit_a.states, fit_b.states
+    if a is None or b is None:
+        return np.empty((2, 0), np.int64)
+    _, in_a, in_b = np.intersect1d(a.unit, b.unit, return_indices=True)
+    return np.stack([a.membership[in_a], b.membership[in_b]])
