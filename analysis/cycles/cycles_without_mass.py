@@ -337,7 +337,10 @@ def find_spans_of_missing_channels_ns(
 def mark_gaps_that_may_be_breaks(
     gaps: list[tuple[int, int]], excitation: pl.DataFrame
 ) -> list[bool]:
-    """Whether the machine stands on both sides of each gap, on one of them for long."""
+    """Whether the machine stands on both sides of each gap, on one of them for long.
+
+    A gap at an end of the log has one side.
+    """
     known = excitation.drop_nulls("phase")
     t_ns, moves = known["t_ns"].to_numpy(), ~mark_standing_samples(known)
     moving_ns = t_ns[moves]
@@ -345,12 +348,15 @@ def mark_gaps_that_may_be_breaks(
     def may_be_break(start_ns: int, end_ns: int) -> bool:
         # samples beside a gap may be of no phase
         before, after = np.searchsorted(t_ns, start_ns, "right") - 1, np.searchsorted(t_ns, end_ns)
-        if before < 0 or after >= t_ns.size or moves[before] or moves[after]:
+        sides = [int(side) for side in (before, after) if 0 <= side < t_ns.size]
+        if moves[sides].any():
             return False
-        at = np.searchsorted(moving_ns, start_ns)
-        stood_ns = t_ns[before] - (moving_ns[at - 1] if at else t_ns[0])
-        stands_ns = (moving_ns[at] if at < moving_ns.size else t_ns[-1]) - t_ns[after]
-        return bool(max(stood_ns, stands_ns) > LIMITS.idle_s * NS_PER_S)
+        at, stood_ns = np.searchsorted(moving_ns, start_ns), [0]
+        if before >= 0:
+            stood_ns.append(t_ns[before] - (moving_ns[at - 1] if at else t_ns[0]))
+        if after < t_ns.size:
+            stood_ns.append((moving_ns[at] if at < moving_ns.size else t_ns[-1]) - t_ns[after])
+        return bool(max(stood_ns) > LIMITS.idle_s * NS_PER_S)
 
     return [may_be_break(*gap) for gap in gaps]
 

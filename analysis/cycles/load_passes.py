@@ -129,8 +129,8 @@ def find_load_passes(
     begin, end = (manoeuvres[name].to_numpy() for name in ("start_t_ns", "end_t_ns"))
     scatter_kg = float(loads["scatter_kg"].fill_null(0.0).max() or 0.0)  # pyright: ignore[reportArgumentType]
     weight = 1.0 / (std**2 + scatter_kg**2)
-    # a drift has taken a step up
-    step = None if np.any(drift_1) else find_empty_mass_step(level, std, state, begin, end)
+    # a line through a step is a drift as well, and the step is the nearer of the two
+    step = find_empty_mass_step(level, std, state, begin, end)
     drift_1 = drift_1 if step is None else 0.0
     state, step_kg = split_states_at_step(state, step)
     total = np.bincount(state, weight)
@@ -162,7 +162,7 @@ def find_load_passes(
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
     dumping = mark_manoeuvres_while_dumping(begin, end, dumps)
-    spilled = mark_spilled_loads(of_state & ~dumping, of, state, mass_kg, u_kg)
+    spilled = mark_spilled_loads(of_state & ~dumping, of, state, mass_kg - step_kg, u_kg)
     no_mass = dumping | spilled | hauls_nothing | ~mark_plausible_masses(mass_kg)[state]
     no_mass |= step_kg[state] != step_kg[state[first]][of]
     left = np.where(no_mass, 0.0, weight)

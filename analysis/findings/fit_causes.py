@@ -368,7 +368,7 @@ def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             strength,
-            f"braking moves the mass by {weighing.braking_kg:+.0f} kg: the force sensor does not "
+            f"braking moves a mass by {weighing.braking_kg:+.0f} kg: the force sensor does not "
             f"measure all of the braking{share}",
             setting="settings.gate.exclude_braking",
             value="true",

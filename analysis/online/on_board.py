@@ -10,7 +10,6 @@ motion and spins are gated and estimated alike, each by itself.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -114,7 +113,7 @@ class AxisState(NamedTuple):
     pool: incremental.Pool
     segments: tuple[int, ...]
     standstill: tuple[bool, ...]
-    pasts: Mapping[str, Any] = MappingProxyType({})
+    pasts: Mapping[str, Any]
     settling: tuple[SettlingWindow, ...] = ()
     fed_row: int = -1
     accepted_row: int = -1
@@ -240,6 +239,7 @@ def _make_initial_axis_states(state: OnlineState, row: Mapping[str, Any]) -> tup
                 incremental.make_empty_pool(parameters),
                 (-1,) * window,
                 (False,) * window,
+                {},
             )
         )
     return tuple(found)

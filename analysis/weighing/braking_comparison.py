@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.arrays import Floats, Ints
+from estimators.arrays import Bools, Floats, Ints
 
 
 def compare_mass_with_braking_to_driving(whole: JointFit, driving: JointFit) -> tuple[float, bool]:
@@ -21,17 +21,19 @@ def compare_mass_with_braking_to_driving(whole: JointFit, driving: JointFit) -> 
     if _is_contradicted(mean_kg, float(np.hypot(whole.u_kg, driving.u_kg)), driving.mass_kg):
         return mean_kg, True
     changes_kg, u_kg = compute_mass_and_u_of_each_load_a_minus_b_kg(whole, driving)
-    if not changes_kg.size:
+    is_contradicted = _is_contradicted(changes_kg, u_kg, driving.mass_kg)
+    if not is_contradicted.any():
         return mean_kg, False
-    k = int(np.argmax(np.abs(changes_kg) / u_kg))
-    if _is_contradicted(float(changes_kg[k]), float(u_kg[k]), driving.mass_kg):
-        return float(changes_kg[k]), True
-    return mean_kg, False
+    k = int(np.argmax(np.where(is_contradicted, np.abs(changes_kg) / u_kg, 0.0)))
+    return float(changes_kg[k]), True
 
 
-def _is_contradicted(change_kg: float, u_kg: float, mass_kg: float) -> bool:
-    allowed_kg = LIMITS.braking_left_out_u * u_kg
-    return abs(change_kg) > max(allowed_kg, LIMITS.braking_min_fraction * abs(mass_kg))
+def _is_contradicted(change_kg: Floats | float, u_kg: Floats | float, mass_kg: float) -> Bools:
+    """Whether a change is beyond chance and matters, element by element."""
+    least_kg = np.maximum(
+        LIMITS.braking_left_out_u * np.asarray(u_kg), LIMITS.braking_min_fraction * abs(mass_kg)
+    )
+    return np.abs(change_kg) > least_kg
 
 
 def compute_mean_mass_a_minus_b_kg(fit_a: JointFit, fit_b: JointFit) -> float:

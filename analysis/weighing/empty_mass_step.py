@@ -82,7 +82,8 @@ def find_empty_mass_step(
     )
     is_after = np.abs(empty_kg - after_kg) < np.abs(empty_kg - before_kg)
     if (
-        abs(change_kg) < LIMITS.empty_step_min_std * scatter_kg
+        min(before_kg, after_kg) <= 0.0  # of a fit that fails
+        or abs(change_kg) < LIMITS.empty_step_min_std * scatter_kg
         or abs(change_kg) < LIMITS.empty_step_min_1 * before_kg
         or is_after[:place].any()
         or not is_after[place:].all()

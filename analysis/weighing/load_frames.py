@@ -291,8 +291,6 @@ def _describe_empty_mass_step(
     weighing: Weighing, excitation: pl.DataFrame, machine: Machine
 ) -> str:
     """Note on a step of the empty machine's mass; "" without one."""
-    if weighing.significant_empty_mass_drift is not None:
-        return ""
     step = find_empty_mass_step_of_manoeuvres(make_manoeuvre_frame(weighing, excitation, machine))
     return "" if step is None else f"{step.text}, but payloads of single loads after it include it"
 

@@ -84,7 +84,8 @@ class ReviewState(BaseModel):
         idle_s: standstills of more than half a minute, since the first sample.
         torn: truncated logs.
         calibration: description of the calibration, and objections to it.
-        mixed_machines: warning that the logs may be of two machines; else empty.
+        mixed_machines: warning that the logs may be of two machines, or that the empty machine
+            changes within them; else empty.
         findings: relevant causes of a wrong mass in these logs, a line each.
     """
 

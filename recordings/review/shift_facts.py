@@ -348,7 +348,7 @@ def describe_target_check(payload_target: TargetCheck) -> str:
 
 
 def make_warning_of_mixed_machines(state: ReviewState) -> str:
-    """Sentence that warns that the logs may be of two machines; empty if there is no sign of it."""
+    """Warning that the logs may be of two machines, or of one that changes; else empty."""
     said = state.mixed_machines
     return f"{said[:1].upper()}{said[1:]}." if said else ""
 

@@ -59,7 +59,12 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
             for field in select_array_fields_with_values(log, topic, array, names, start_ns):
                 _fill_channel_with_joint_field(recognition, column, topic, field)
     for part in ("boom", "bucket"):
-        joints = [name for name in names if interpret_column_name(name).quantity == part]
+        # what a cylinder has is a length
+        joints = [
+            name
+            for name in names
+            if interpret_column_name(name).quantity == part and "cyl" not in name.lower()
+        ]
         # several are the links of an arm
         if len(joints) == 1:
             angles = select_array_fields_with_values(log, topic, "position", joints, start_ns)

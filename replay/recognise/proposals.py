@@ -53,7 +53,8 @@ def find_columns_by_side_and_axle(columns: Iterable[LogColumn]) -> dict[str, Log
     columns = [*columns]
     sides = {side: [c for c in columns if c.name_meaning.side == side] for side in SIDES}
     found = {place: each for side in SIDES for place, each in _split_by_axle(side, sides[side])}
-    has_each_one = all(len(each) == 1 for each in found.values())
+    are_alike = len(sides["left"]) == len(sides["right"])
+    has_each_one = are_alike and all(len(each) == 1 for each in found.values())
     return {place: each[0] for place, each in found.items()} if has_each_one else {}
 
 

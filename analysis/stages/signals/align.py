@@ -1,7 +1,7 @@
 """Align channels of different rates on one uniform grid, by equal interpolation without gaps."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +51,8 @@ def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machin
         DataError: the channels do not overlap in time, or the grid would not fit into memory.
     """
     raw, series = _make_channel_and_regressor_series(channels, machine)
-    start, end = find_grid_span_ns(select_required_series(series))
+    common = find_common_span_ns(select_required_series(series))
+    start, end = extend_to_ends_of_log_ns(common, select_required_series(raw))
     origin = GridOrigin(
         start, choose_grid_latency_ns(series, machine) if machine.settings.filter.causal else 0
     )
@@ -82,9 +83,10 @@ def find_origin_of_causal_grid(
     Raises:
         DataError: the channels do not overlap in time yet.
     """
-    _, series = _make_channel_and_regressor_series(channels, machine)
+    raw, series = _make_channel_and_regressor_series(channels, machine)
+    common = find_common_span_ns(select_required_series(series))
     return GridOrigin(
-        find_grid_span_ns(select_required_series(series))[0],
+        extend_to_ends_of_log_ns(common, select_required_series(raw))[0],
         choose_grid_latency_ns(series, machine),
     )
 
@@ -113,7 +115,8 @@ def align_known_rows_on_causal_grid(
     raw, series = _make_channel_and_regressor_series(channels, machine)
     needed = select_required_series(series)
     if is_log_complete:
-        end = extend_to_end_of_log_ns(needed)
+        last = min(int(each.t_ns[-1]) for each in needed.values())
+        _, end = extend_to_ends_of_log_ns((origin.start_ns, last), select_required_series(raw))
     else:
         end = min(int(raw[name].known_ns[-1]) for name in needed) - origin.latency_ns
     step_ns = 1e9 / machine.settings.align.rate_hz
@@ -209,22 +212,22 @@ def find_common_span_ns(required_channels: Mapping[str, ChannelSeries]) -> tuple
     return start, end
 
 
-def find_grid_span_ns(required_channels: Mapping[str, ChannelSeries]) -> tuple[int, int]:
-    """Common span of the channels, or to an end of the log of which some lack over a minute.
+def extend_to_ends_of_log_ns(
+    span_ns: tuple[int, int], required_channels: Mapping[str, ChannelSeries]
+) -> tuple[int, int]:
+    """Extend a span to an end of the log of which some channels lack over a minute.
 
-    Raises:
-        DataError: the channels do not overlap in time.
+    Args:
+        span_ns: start and end.
+        required_channels: channels at their own stamps.
     """
-    start, _ = find_common_span_ns(required_channels)
-    earliest = min(int(each.t_ns[0]) for each in required_channels.values())
-    is_missing = is_missing_end_of_log(start - earliest)
-    return earliest if is_missing else start, extend_to_end_of_log_ns(required_channels)
-
-
-def extend_to_end_of_log_ns(required_channels: Mapping[str, ChannelSeries]) -> int:
-    """Earliest last stamp, or the latest if more than a minute of some channel lacks until then."""
+    first = [int(each.t_ns[0]) for each in required_channels.values()]
     last = [int(each.t_ns[-1]) for each in required_channels.values()]
-    return max(last) if is_missing_end_of_log(max(last) - min(last)) else min(last)
+    start_ns, end_ns = span_ns
+    return (
+        min(first) if is_missing_end_of_log(max(first) - min(first)) else start_ns,
+        max(last) if is_missing_end_of_log(max(last) - min(last)) else end_ns,
+    )
 
 
 def is_missing_end_of_log(missing_ns: int) -> bool:
@@ -305,31 +308,49 @@ def _list_long_gap_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
     Of gaps within, those that are no mere pause.
     """
     required = select_required_series(series)
-    (begin, end), span = find_common_span_ns(required), find_grid_span_ns(required)
+    begin, end = find_common_span_ns(required)
+    span = extend_to_ends_of_log_ns((begin, end), required)
     within = find_long_gaps_ns(required, LIMITS.reported_gap_s, begin, end)
     longest = [max(within, key=lambda gap: gap[1] - gap[0])] if within else []
-    told = [(span[0], begin), *longest, (end, span[1])]
-    return [_describe_long_gap(required, *gap, span) for gap in told if gap[0] < gap[1]]
+    ends = [(int(each.t_ns[0]), int(each.t_ns[-1])) for each in required.values()]
+    least_ns = LIMITS.longest_gap_s * 1e9
+    at_start = [(span[0], t) for t in sorted({t for t, _ in ends})[::-1] if t - span[0] > least_ns]
+    at_end = [(t, span[1]) for t in sorted({t for _, t in ends}) if span[1] - t > least_ns]
+    said: dict[tuple[int, tuple[str, ...]], str] = {}
+    for side, gaps in enumerate((at_start, longest, at_end)):
+        for opened, closed in gaps:
+            names = _list_channels_without_readings(required, opened, closed, span)
+            minutes, from_s = (closed - opened) / 6e10, (opened - span[0]) / 1e9
+            if names:  # of hardly more than a minute there may be none
+                told = _describe_long_gap(names, len(required), minutes, from_s)
+                said.setdefault((side, names), told)
+    return list(said.values())
 
 
-def _describe_long_gap(
+def _list_channels_without_readings(
     required: Mapping[str, ChannelSeries], opened_ns: int, closed_ns: int, span_ns: tuple[int, int]
-) -> str:
-    """Say which channels have no readings in a gap, for how long, and from when on."""
-    names = [
+) -> tuple[str, ...]:
+    """Channels with a gap that covers all but a tenth of a time."""
+    least_ns = LIMITS.same_gap_1 * (closed_ns - opened_ns)
+    return tuple(
         name
         for name, each in required.items()
         if any(
-            first < closed_ns and opened_ns < last
+            min(last, closed_ns) - max(first, opened_ns) >= least_ns
             for first, last in find_long_gaps_ns({name: each}, LIMITS.longest_gap_s, *span_ns)
         )
-    ]
-    are_all = len(names) == len(required)
-    minutes = (closed_ns - opened_ns) / 6e10
+    )
+
+
+def _describe_long_gap(
+    names: Sequence[str], channel_count: int, minutes: float, from_s: float
+) -> str:
+    """Say which channels have no readings in a gap, for how long, and from when on."""
+    are_all = len(names) == channel_count
     return (
         f"no readings{'' if are_all else ' of ' + ', '.join(names)} for "
         f"{f'{minutes / 60.0:.3g} h' if minutes > 60.0 else f'{minutes:.3g} min'} from "
-        f"{(opened_ns - span_ns[0]) / 1e9:,.0f} s on"
+        f"{from_s:,.0f} s on"
         + (": the load, the ground and the sensors may have changed there" if are_all else "")
     )
 

@@ -20,6 +20,8 @@ class SignalLimits:
     #: Longest time in s that a channel may lack at an end of the log for that to be a gap: a shift
     #: and its night. What lies further off is a stamp of another clock.
     missing_end_max_s: float = 86400.0
+    #: Share of a gap that a channel lacks for the gap to be one of its own: topics end apart.
+    same_gap_1: float = 0.9
     #: Rows of the longest grid: eighty hours at 100 Hz, a quarter of a gigabyte a column.
     grid_max_rows: int = 30_000_000
 

@@ -180,6 +180,20 @@ def test_readings_that_are_missing_at_an_end_of_the_log_are_a_span(at_end: bool)
     assert spans == [(half_ns, int(t_ns[-1])) if at_end else (int(t_ns[0]), half_ns)]
 
 
+@pytest.mark.parametrize(("stands_s", "may_be"), [(100.0, True), (0.0, False)])
+def test_what_is_missing_to_the_end_may_be_a_break_where_the_machine_stood(
+    stands_s: float, may_be: bool
+) -> None:
+    t_s = np.arange(0.0, 1000.0)
+    phase = np.where(t_s < 400.0 - stands_s, "accelerating", "standstill")
+    excitation = pl.DataFrame(
+        {"t_ns": (t_s * NS).astype(np.int64), "phase": np.where(t_s < 400.0, phase, None)},
+        schema_overrides={"phase": pl.String},
+    )
+    span = (int(399 * NS), int(999 * NS))
+    assert mark_gaps_that_may_be_breaks([span], excitation) == [may_be]
+
+
 @pytest.mark.parametrize(("length_s", "stood"), [(427.0, True), (1200.0, False)])
 def test_a_hole_that_may_be_a_break_hides_any_number_of_cycles(
     length_s: float, stood: bool
@@ -202,7 +216,8 @@ def test_a_machine_that_stands_on_both_sides_of_a_hole_may_have_stood_all_the_wh
     assert mark_gaps_that_may_be_breaks(gaps, excitation) == [False] * 4
     long = excitation.with_columns(t_ns=pl.Series([0, 1, 2, 3, 4, 5, 6]) * 40 * NS)
     gaps = [(40 * begin, 40 * end) for begin, end in gaps]
-    assert mark_gaps_that_may_be_breaks(gaps, long) == [True, False, False, False]
+    # the last has no other side
+    assert mark_gaps_that_may_be_breaks(gaps, long) == [True, False, False, True]
 
 
 def test_many_breaks_are_all_work_or_none_alike() -> None:

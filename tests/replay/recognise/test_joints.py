@@ -94,6 +94,7 @@ def test_limbs_are_no_wheels(tmp_path: Path) -> None:
         (["boom"], {"boom_rad"}),
         (["left_wheel", "right_wheel", "boom_joint", "bucket_joint"], {"boom_rad", "bucket_rad"}),
         (["arm_1", "arm_2", "wheel_left", "wheel_right"], set()),
+        (["boom_cylinder_joint", "wheel_left", "wheel_right"], set()),
     ],
 )
 def test_the_joint_of_a_boom_or_bucket_is_its_angle_and_no_position(

@@ -506,3 +506,9 @@ def test_two_torques_of_a_side_that_are_of_no_axle_are_a_question(tmp_path: Path
     columns = {f"torque_{side}_{n}__Nm": A + n for side in ("left", "right") for n in (1, 2)}
     _, questions = proposed(tmp_path, speed__kmh=V, **columns)
     assert sum("if they act together, their sum" in question for question in questions) == 2
+
+
+def test_a_side_with_two_wheels_beside_a_side_with_one_is_a_question(tmp_path: Path) -> None:
+    columns = {"torque_left": A, "torque_front_right": A, "torque_rear_right": A}
+    channels, _ = proposed(tmp_path, speed__kmh=V, **columns)
+    assert not {"torque_left_N_m", "torque_front_left_N_m"} & set(channels)

@@ -374,6 +374,28 @@ def test_a_channel_that_lacks_minutes_at_an_end_is_a_gap_to_that_end(
     ]
 
 
+@pytest.mark.parametrize("settings", [{}, {"causal": True}])
+def test_a_slow_channel_that_dies_is_a_gap_to_the_end_as_well(channels_of, machine, settings):
+    fast, slow = ticks(20, 15_000), ticks(100, 1800)
+    channels = three(channels_of, fast, slow, fast)
+    aligned, _ = align_channels_on_grid(channels, machine({"rate_hz": 50.0, **settings}))
+    kept = aligned.filter(~pl.col("gap"))
+    assert kept["t_ns"][-1] < 181_000 * MS
+    assert aligned["t_ns"][-1] > 299_000 * MS
+    notes = list_alignment_notes(channels, machine({"rate_hz": 50.0, **settings}))
+    assert f"no readings of {SPEED} for 2 min from 180 s on" in notes
+
+
+def test_what_lacks_the_end_from_other_times_on_is_told_apart(channels_of, machine):
+    t = ticks(1000, 12_000)
+    channels = three(channels_of, t[:6000], t[:9000], t)
+    said = [n for n in list_alignment_notes(channels, machine({"rate_hz": 1.0})) if "readings" in n]
+    assert said == [
+        f"no readings of {FORCE} for 1.67 h from 5,999 s on",
+        f"no readings of {', '.join(sorted((FORCE, SPEED)))} for 50 min from 8,999 s on",
+    ]
+
+
 def test_a_stamp_of_another_clock_is_no_end_of_the_log(channels_of, machine):
     t = ticks(100, 3000)
     stray = np.concatenate([t[:1] - 200_000_000 * MS, t])
