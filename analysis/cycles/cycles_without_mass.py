@@ -24,8 +24,7 @@ from estimators.arrays import Ints
 def do_digs_contradict_loaded_passes(passes: LoadPasses, digging: pl.DataFrame) -> bool:
     """Whether masses change so often that most fillings would be hauled twice.
 
-    With loads too small for the ground, masses follow other alternating effects, such as the
-    driving direction.
+    With loads too small for the ground, masses follow what else alternates, as the direction does.
 
     Args:
         passes: the passes.
@@ -326,10 +325,9 @@ def find_spans_of_missing_channels_ns(
         aligned: frame with `gap`, in the same rows.
     """
     t_ns = excitation["t_ns"].to_numpy()
-    here = t_ns[~aligned["gap"].to_numpy()]
-    if here.size < 2:
+    here = np.concatenate([t_ns[:1], t_ns[~aligned["gap"].to_numpy()], t_ns[-1:]])
+    if here.size < 4:  # hardly a row has all channels
         return []
-    here = np.concatenate([t_ns[:1], here, t_ns[-1:]])
     wide = np.flatnonzero(np.diff(here) > LIMITS.cycle_gap_s * NS_PER_S)
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
@@ -337,10 +335,7 @@ def find_spans_of_missing_channels_ns(
 def mark_gaps_that_may_be_breaks(
     gaps: list[tuple[int, int]], excitation: pl.DataFrame
 ) -> list[bool]:
-    """Whether the machine stands on both sides of each gap, on one of them for long.
-
-    A gap at an end of the log has one side.
-    """
+    """Whether the machine stands on all sides of each gap within the log, on one for long."""
     known = excitation.drop_nulls("phase")
     t_ns, moves = known["t_ns"].to_numpy(), ~mark_standing_samples(known)
     moving_ns = t_ns[moves]
@@ -349,14 +344,12 @@ def mark_gaps_that_may_be_breaks(
         # samples beside a gap may be of no phase
         before, after = np.searchsorted(t_ns, start_ns, "right") - 1, np.searchsorted(t_ns, end_ns)
         sides = [int(side) for side in (before, after) if 0 <= side < t_ns.size]
-        if moves[sides].any():
+        if not sides or moves[sides].any():
             return False
-        at, stood_ns = np.searchsorted(moving_ns, start_ns), [0]
-        if before >= 0:
-            stood_ns.append(t_ns[before] - (moving_ns[at - 1] if at else t_ns[0]))
-        if after < t_ns.size:
-            stood_ns.append((moving_ns[at] if at < moving_ns.size else t_ns[-1]) - t_ns[after])
-        return bool(max(stood_ns) > LIMITS.idle_s * NS_PER_S)
+        at = np.searchsorted(moving_ns, start_ns)
+        stopped, starts = np.append(t_ns[0], moving_ns)[at], np.append(moving_ns, t_ns[-1])[at]
+        stands = [t_ns[side] - stopped if side == before else starts - t_ns[side] for side in sides]
+        return bool(max(stands) > LIMITS.idle_s * NS_PER_S)
 
     return [may_be_break(*gap) for gap in gaps]
 

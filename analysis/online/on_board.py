@@ -78,14 +78,8 @@ class AxisPlan:
         """Look up columns, noise and options of an axis."""
         of_axis = collect_axis_noise(axis, settings, noise)
         chosen = [METHODS[name] for name in settings.trace.methods]
-        methods = {
-            feed: [
-                (method, method.options(settings.trace, of_axis))
-                for method in chosen
-                if method.feed is feed
-            ]
-            for feed in FeedKind
-        }
+        optioned = [(method, method.options(settings.trace, of_axis)) for method in chosen]
+        methods = {feed: [e for e in optioned if e[0].feed is feed] for feed in FeedKind}
         columns = tuple(list_regressor_columns(axis, settings))
         return cls(settings, axis, of_axis, columns, methods)
 
@@ -227,22 +221,19 @@ def finish(state: OnlineState) -> Iterator[tuple[Axis, Mapping[str, TimedEstimat
 def _make_initial_axis_states(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, ...]:
     settings = state.settings
     window = settings.gate.window_samples
-    found: list[AxisState] = []
-    for axis in list_axes_allowed_by_columns(row):
-        plan = AxisPlan.from_settings(axis, settings, state.noise)
-        parameters = len(plan.columns) - 1
-        found.append(
-            AxisState(
-                plan,
-                incremental.make_empty_window(parameters, window),
-                make_initial_gate_state(axis, settings),
-                incremental.make_empty_pool(parameters),
-                (-1,) * window,
-                (False,) * window,
-                {},
-            )
+    axes = list_axes_allowed_by_columns(row)
+    return tuple(
+        AxisState(
+            plan,
+            incremental.make_empty_window(len(plan.columns) - 1, window),
+            make_initial_gate_state(plan.axis, settings),
+            incremental.make_empty_pool(len(plan.columns) - 1),
+            (-1,) * window,
+            (False,) * window,
+            {},
         )
-    return tuple(found)
+        for plan in (AxisPlan.from_settings(axis, settings, state.noise) for axis in axes)
+    )
 
 
 def _step_axis(

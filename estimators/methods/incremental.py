@@ -136,16 +136,12 @@ def advance_window(state: WindowState, sample: Floats) -> WindowState:
 def compute_window_statistics_for_gate(
     states: Sequence[WindowState], noise: Floats | None = None
 ) -> WindowStatistics:
-    """Statistics of the window of each of m states for the gate, (m,) each.
-
-    `noise` is as for `ls.window_statistics`.
-    """
+    """Statistics for the gate of the windows of m states, (m,) each; `noise` is as for `ls`."""
     window = states[0].z.shape[1]
     rho, spread = np.empty(len(states)), np.empty(len(states))
     for k, state in enumerate(states):
-        fill_correlation_and_relative_variance(
-            state.moments, state.centre, window, rho[k : k + 1], spread[k : k + 1]
-        )
+        own = rho[k : k + 1], spread[k : k + 1]
+        fill_correlation_and_relative_variance(state.moments, state.centre, window, *own)
     products = np.hstack([state.products for state in states])
     return WindowStatistics(
         rho, spread, *compute_fit_statistics_of_windows(products, window, noise)
