@@ -108,7 +108,7 @@ OUTSIDE: tuple[str, ...] = (
 
 _NO_DIGEST = "is not the digest of a file of this bundle"
 _NOT_GIVEN = "is not signed by the key"
-_NO_ENVELOPE = "is not a DSSE envelope"
+_NO_ENVELOPE = "DSSE envelope"
 _ALPHA_BY_OWN_KEY = "calibration.alpha_1: does not follow"
 
 ATTACKS: tuple[Attack, ...] = (

@@ -52,7 +52,7 @@ def manoeuvres(boom: list[float], digs: list[bool]) -> MotionSamples:
         force_share=1.0,
         weight=35_000.0,
         arms=(arm,),
-        digs=dug,
+        is_digging=dug,
     )
 
 
