@@ -197,15 +197,17 @@ def run(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
     )
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
+    manoeuvres = make_manoeuvre_frame(weighing, excitation, machine)
     answer = {
         "loads": make_load_frame(
             weighing,
             excitation,
+            manoeuvres,
             machine,
             opinion,
             FuelOnBoard.integrate_fuel_rate(machine.machine, seen.frames["aligned"]),
         ),
-        "manoeuvres": make_manoeuvre_frame(weighing, excitation, machine),
+        "manoeuvres": manoeuvres,
     }
     hauled = weigh_cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 

@@ -19,7 +19,7 @@ from analysis.cycles.boom_dumps import (
 )
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.loaded_states import classify_loaded_states
-from analysis.weighing.empty_mass_step import EmptyMassStep, find_empty_mass_step
+from analysis.weighing.empty_mass_step import EmptyMassStep, find_empty_mass_step_of_manoeuvres
 from analysis.weighing.fit_columns import mark_plausible_masses
 from estimators.arrays import Bools, Floats, Ints
 
@@ -130,7 +130,7 @@ def find_load_passes(
     scatter_kg = float(loads["scatter_kg"].fill_null(0.0).max() or 0.0)  # pyright: ignore[reportArgumentType]
     weight = 1.0 / (std**2 + scatter_kg**2)
     # a line through a step is a drift as well, and the step is the nearer of the two
-    step = find_empty_mass_step(level, std, state, begin, end)
+    step = find_empty_mass_step_of_manoeuvres(manoeuvres)
     drift_1 = drift_1 if step is None else 0.0
     state, step_kg = split_states_at_step(state, step)
     total = np.bincount(state, weight)

@@ -40,6 +40,7 @@ _NOT_EMPTY: Final = (
 def make_load_frame(
     weighing: Weighing | None,
     excitation: pl.DataFrame,
+    manoeuvres: pl.DataFrame,
     machine: Machine,
     verdict: Verdict,
     fuel: FuelOnBoard | None = None,
@@ -49,6 +50,7 @@ def make_load_frame(
     Args:
         weighing: the joint fit; None if nothing could be fitted.
         excitation: frame with the times of the rows.
+        manoeuvres: the frame, as from `make_manoeuvre_frame`.
         machine: machine file with empty mass, budget and limits.
         verdict: the verdict, which withholds quantities.
         fuel: fuel over the log, if known.
@@ -74,7 +76,7 @@ def make_load_frame(
                 _describe_load_states(fit, machine),
                 against,
                 _describe_empty_mass_drift(weighing, empty),
-                _describe_empty_mass_step(weighing, excitation, machine),
+                _describe_empty_mass_step(manoeuvres),
                 _describe_manoeuvres_with_changing_load(weighing, excitation),
             ),
         )
@@ -287,11 +289,9 @@ def _describe_empty_mass_drift(weighing: Weighing, empty: list[int]) -> str:
     )
 
 
-def _describe_empty_mass_step(
-    weighing: Weighing, excitation: pl.DataFrame, machine: Machine
-) -> str:
+def _describe_empty_mass_step(manoeuvres: pl.DataFrame) -> str:
     """Note on a step of the empty machine's mass; "" without one."""
-    step = find_empty_mass_step_of_manoeuvres(make_manoeuvre_frame(weighing, excitation, machine))
+    step = find_empty_mass_step_of_manoeuvres(manoeuvres)
     return "" if step is None else f"{step.text}, but payloads of single loads after it include it"
 
 

@@ -34,7 +34,9 @@ def u_of(log, **known):
 
 def the_load(log, verdict=WEIGHS, **known):
     machine = with_body(log, **known)
-    frame = make_load_frame(log.weighing, log.replayed.frames["excitation"], machine, verdict)
+    excitation = log.replayed.frames["excitation"]
+    manoeuvres = make_manoeuvre_frame(log.weighing, excitation, machine)
+    frame = make_load_frame(log.weighing, excitation, manoeuvres, machine, verdict)
     return frame.row(0, named=True)
 
 
@@ -163,7 +165,9 @@ class TestFrames:
         assert all(load[name] is None for name in numbers)
 
     def test_a_log_that_cannot_be_fitted_has_one_load_without_numbers(self, log):
-        frame = make_load_frame(None, log.replayed.frames["excitation"], log.machine, Verdict())
+        excitation = log.replayed.frames["excitation"]
+        manoeuvres = make_manoeuvre_frame(None, excitation, log.machine)
+        frame = make_load_frame(None, excitation, manoeuvres, log.machine, Verdict())
         assert frame.columns == log.replayed.frames["loads"].columns
         assert frame.height == 1
         assert frame["mass_kg"].null_count() == 1

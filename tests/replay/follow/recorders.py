@@ -6,7 +6,7 @@ Each is a generator: it has written a little more whenever it yields.
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -43,7 +43,12 @@ def bag_recorder(source: Path, target: Path, compression: str = "") -> Iterator[
 
 
 def mcap_recorder(
-    source: Path, target: Path, compression: CompressionType, *, chunks: bool = True
+    source: Path,
+    target: Path,
+    compression: CompressionType,
+    *,
+    chunks: bool = True,
+    is_kept: Callable[[str, int], bool] = lambda _topic, _log_time_ns: True,
 ) -> Iterator[None]:
     """The writer of the mcap library; without chunks, messages stand by themselves."""
     with source.open("rb") as read, target.open("wb") as written:
@@ -54,6 +59,8 @@ def mcap_recorder(
         channels: dict[int, int] = {}
         for number, (schema, channel, message) in enumerate(make_reader(read).iter_messages()):
             assert schema is not None
+            if not is_kept(channel.topic, message.log_time):
+                continue
             if channel.id not in channels:
                 known = writer.register_schema(schema.name, schema.encoding, schema.data)
                 channels[channel.id] = writer.register_channel(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
@@ -12,6 +12,7 @@ from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import FollowedLogState, follow_logs
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
+from tests.replay.follow.recorders import mcap_recorder
 
 CAUSAL = [
     "settings.filter.causal=true",
@@ -23,43 +24,20 @@ CAUSAL = [
 MISSING_S = 65.0
 
 
-def write_without(source: Path, target: Path, topic: str, begin_s: float, end_s: float) -> None:
-    """Copy an MCAP without the messages of a topic between two times, from its first message."""
-    with source.open("rb") as read, target.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.NONE)
-        writer.start("ros2", "test")
-        channels: dict[int, int] = {}
-        first = None
-        for schema, channel, message in make_reader(read).iter_messages():
-            first = message.log_time if first is None else first
-            if channel.topic == topic and begin_s <= (message.log_time - first) / 1e9 < end_s:
-                continue
-            if channel.id not in channels:
-                assert schema is not None
-                known = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, known
-                )
-            writer.add_message(
-                channels[channel.id], message.log_time, message.data, message.publish_time
-            )
-        writer.finish()
-
-
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def complete_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plan = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 10}})
     return simulate_scenario_to_logs(plan, tmp_path_factory.mktemp("whole") / "whole.mcap")[0]
 
 
 @pytest.mark.parametrize("is_late", [True, False])
 def test_a_topic_that_is_missing_at_an_end_is_followed_as_in_the_replay(
-    whole: Path, tmp_path: Path, is_late: bool
+    complete_log: Path, tmp_path: Path, is_late: bool
 ) -> None:
     machine = load_machine("cat262c.toml", CAUSAL)
     topic = machine.channels["torque_left_N_m"].topic
     assert topic is not None
-    with whole.open("rb") as file:
+    with complete_log.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics is not None
@@ -68,7 +46,13 @@ def test_a_topic_that_is_missing_at_an_end_is_followed_as_in_the_replay(
     assert length_s > MISSING_S + 20.0
     part = tmp_path / "part.mcap"
     span = (0.0, MISSING_S) if is_late else (length_s - MISSING_S, length_s + 1.0)
-    write_without(whole, part, topic, *span)
+    start_ns = summary.statistics.message_start_time
+
+    def is_kept(of: str, log_time_ns: int) -> bool:
+        return of != topic or not span[0] <= (log_time_ns - start_ns) / 1e9 < span[1]
+
+    for _ in mcap_recorder(complete_log, part, CompressionType.NONE, is_kept=is_kept):
+        pass
     digests, rows = FollowedDigests(), list[FollowedRow]()
 
     def take(_: FollowedLogState, new: list[FollowedRow]) -> None:
