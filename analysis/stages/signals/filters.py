@@ -1,5 +1,6 @@
 """Low-pass and derivative at a topic's own rate, within gap-free stretches."""
 
+from collections import defaultdict
 from typing import cast
 
 import numpy as np
@@ -56,27 +57,51 @@ def apply_low_pass(
         Stamps and filtered samples.
     """
     # late: it takes as long to import as all else that a run imports, and few logs need it
-    from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
+    from scipy.signal import butter
 
     period = median_period_ns(t_ns)
     sos = cast("Floats", butter(LIMITS.low_pass_order, cutoff_hz, fs=1e9 / period, output="sos"))
     settle = 3 * (2 * sos.shape[0] + 1)
-    times: list[Ints] = []
-    outputs: list[Floats] = []
-    for part in find_slices_between_gaps(t_ns, max_gap_ns):
-        t, y = _resample_uniformly(t_ns[part], signal[part], period)
-        if t.size <= settle:
-            continue
-        if causal:
-            zi = np.asarray(sosfilt_zi(sos), np.float64)
-            filtered = np.asarray(sosfilt(sos, y, zi=zi * y[0])[0], np.float64)
-        else:
-            filtered = np.asarray(sosfiltfilt(sos, y), np.float64)
-        times.append(t)
-        outputs.append(filtered)
-    if not times:
+    stretches = [
+        _resample_uniformly(t_ns[part], signal[part], period)
+        for part in find_slices_between_gaps(t_ns, max_gap_ns)
+    ]
+    stretches = [stretch for stretch in stretches if stretch[0].size > settle]
+    if not stretches:
         return t_ns[:0], signal[:0]
-    return np.concatenate(times), np.concatenate(outputs)
+    # all of one length at once: bursts have thousands of stretches, and a call costs more than 20
+    # samples
+    indices_by_length: defaultdict[int, list[int]] = defaultdict(list)
+    for index, (t, _) in enumerate(stretches):
+        indices_by_length[t.size].append(index)
+    filtered = [signal[:0]] * len(stretches)
+    for indices in indices_by_length.values():
+        rows = np.stack([stretches[index][1] for index in indices])
+        outputs = _filter_rows(sos, rows, 0 if causal else settle)
+        for index, output in zip(indices, outputs, strict=True):
+            filtered[index] = output
+    return np.concatenate([t for t, _ in stretches]), np.concatenate(filtered)
+
+
+def _filter_rows(sos: Floats, rows: Floats, padding: int) -> Floats:
+    """Filter each row of (stretches, samples) forwards, and backwards too if it is padded.
+
+    Each row is padded by its point reflection at either end, as `scipy.signal.sosfiltfilt` does,
+    which would solve for the filter's steady state again in every call.
+    """
+    from scipy.signal import sosfilt, sosfilt_zi
+
+    steady = np.asarray(sosfilt_zi(sos), np.float64)[:, None, :]
+
+    def filter_forwards(signals: Floats) -> Floats:
+        return np.asarray(sosfilt(sos, signals, zi=steady * signals[:, :1])[0], np.float64)
+
+    if not padding:
+        return filter_forwards(rows)
+    before = 2 * rows[:, :1] - rows[:, padding:0:-1]
+    after = 2 * rows[:, -1:] - rows[:, -2 : -(padding + 2) : -1]
+    forwards = filter_forwards(np.concatenate([before, rows, after], axis=1))
+    return filter_forwards(forwards[:, ::-1])[:, ::-1][:, padding:-padding]
 
 
 def compute_low_pass_power_gain(frequency_over_cutoff_1: Floats, *, causal: bool) -> Floats:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import butter, sosfiltfilt
 
 from analysis.stages.signals.filters import (
     apply_low_pass,
@@ -75,6 +76,18 @@ def test_nothing_leaks_over_a_gap(causal):
     ):
         assert set(np.round(np.unique(y[times < t[200]]), 9)) == {0.0}
         assert np.ptp(y[times >= t[200]]) < 1e-6
+
+
+@settings(deadline=None)
+@given(st.lists(st.integers(16, 60), min_size=1, max_size=8), st.integers(0, 2**32 - 1))
+def test_stretches_of_a_burst_are_filtered_as_scipy_filters_each(lengths, seed):
+    t = np.concatenate([np.arange(n) * 10 * MS + k * 10**10 for k, n in enumerate(lengths)])
+    x = np.random.default_rng(seed).normal(size=t.size)
+    sos = butter(4, 10.0, fs=100.0, output="sos")
+    parts = np.split(x, np.cumsum(lengths)[:-1])
+    times, y = apply_low_pass(t, x, 10.0, 30 * MS, causal=False)
+    np.testing.assert_array_equal(times, t)
+    np.testing.assert_array_equal(y, np.concatenate([sosfiltfilt(sos, part) for part in parts]))
 
 
 def test_a_stretch_too_short_to_settle_is_left_out():
