@@ -1,6 +1,5 @@
 """A growing log keeps what later rows need, and no more, whatever its topics do."""
 
-
 import numpy as np
 import polars as pl
 import pytest
