@@ -43,6 +43,13 @@ def test_every_command_has_help_and_a_section_with_its_help() -> None:
             assert parameter.help or parameter.name == "help", f"{name} {parameter.name}"
 
 
+def test_help_names_values_and_not_types_of_python() -> None:
+    page = (REPO / "docs/commands.md").read_text(encoding="utf-8")
+    helps = "".join(re.findall(r"```console\n\$ payscope [a-z -]+ --help\n.*?```", page, re.DOTALL))
+    assert "Usage: payscope run [OPTIONS] LOG..." in helps
+    assert not re.findall(r"<(?:bool|path|str|int|float|list)\b.*|\.{4,}|\{\w+\}", helps)
+
+
 def test_the_index_of_decisions_has_every_record() -> None:
     index = runpy.run_path(str(REPO / "docs/decision_index.py"))
     written = index["INDEX"].read_text(encoding="utf-8")

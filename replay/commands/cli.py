@@ -5,7 +5,6 @@ line that says which file, what is wrong and what to do. `verify` adds 3 tampere
 5 incomplete, 6 not within limits, 7 expired, 8 made by another version.
 """
 
-import inspect
 import os
 import signal
 import sys
@@ -47,6 +46,7 @@ from replay.commands import (
     view,
     warm_up,
 )
+from replay.commands.command_help import write_help_as_users_read_it
 
 app = typer.Typer(
     name="payscope",
@@ -77,15 +77,8 @@ app.add_typer(
 )
 
 
-def join_lines_of_help_paragraphs(commands: typer.Typer) -> None:
-    """Join the lines of each paragraph of help, which the terminal wraps at its own width."""
-    for each in commands.registered_commands:
-        paragraphs = (inspect.getdoc(each.callback) or "").split("\n\n")
-        each.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
-
-
 for _app in (app, fleet.app, keys.app):
-    join_lines_of_help_paragraphs(_app)
+    write_help_as_users_read_it(_app)
 
 
 @app.callback(invoke_without_command=True)
