@@ -132,6 +132,9 @@ def command(
         typer.Option("--decimal-comma", help="Write ledger_table.csv with 1,5 and semicolons."),
     ] = False,
     timing: Annotated[bool, typer.Option(help="Print the duration of each stage.")] = False,
+    force: Annotated[
+        bool, typer.Option(help="Replace the review of other logs in the folder.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the sums as JSON.")] = False,
 ) -> None:
     """Review a shift: ledger, recording and one page with tonnes, cycles and faults.
@@ -191,7 +194,7 @@ def command(
         if channels:
             settings = load_machine(machine, overrides or [])
             given = replace(given, spans=read_label_spans(logs, channels, settings))
-        options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)
+        options = ReviewOptions(overrides or [], asked, target, full, decimal_comma, force)
         with StageProgress(len(STAGES) + 3, timing=timing) as stages:
             made = review_shift(logs, machine, output, options, stages.begin_stage)
         if given:

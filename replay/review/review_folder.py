@@ -1,15 +1,16 @@
 """Folder of a review: locked for one review at a time, and without other files."""
 
 import shutil
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from estimators.errors import OutputError, ReviewError
-from recordings.review.review_state import RECORDING, STATE
+from recordings.review.review_state import RECORDING, STATE, ReviewState
 from recordings.review.reviewer_verdicts import VERDICTS
 from recordings.review.shift_ledger import PARQUET
+from replay.logs import Log
 
 _LOCK: Final = ".lock"
 _STAGE: Final = ".payscope-"
@@ -60,4 +61,26 @@ def refuse_unsuitable_review_folder(folder: Path) -> None:
         raise ReviewError(
             f"{folder}: holds other files ({min(foreign - {VERDICTS})}) but no review; give a new "
             "folder"
+        )
+
+
+def refuse_review_of_other_shift(
+    folder: Path, review: ReviewState, opened_logs: Sequence[Log]
+) -> None:
+    """Refuse to replace the review of another shift.
+
+    Args:
+        folder: folder of the review.
+        review: its state.
+        opened_logs: logs that are reviewed now, with their digests.
+
+    Raises:
+        ReviewError: no log of the review is among them, neither by name nor by content.
+    """
+    names = {file.name for log in opened_logs for file in log.files}
+    digests = {digest for log in opened_logs for digest in log.digests}
+    if review.inputs and not any(e.name in names or e.sha256 in digests for e in review.inputs):
+        raise ReviewError(
+            f"{folder}: holds the review of other logs ({review.inputs[0].name}, "
+            f"{review.begins}); give another folder, or --force to replace it"
         )

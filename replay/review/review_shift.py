@@ -54,7 +54,7 @@ from replay.inputs.time_line import compute_log_starts_ns
 from replay.logs import Log, expand_log_folders, open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
-from replay.review.review_folder import lock_review_folder
+from replay.review.review_folder import lock_review_folder, refuse_review_of_other_shift
 from replay.review.write_review import (
     OUTPUTS,
     ShiftCount,
@@ -88,6 +88,7 @@ class ReviewOptions:
         target_kg: target mass of a load.
         full: whether the recording keeps every sample and every intermediate.
         decimal_comma: whether ledger_table.csv is for a locale with decimal commas.
+        replaces_other_shift: whether a review of entirely other logs in the folder is replaced.
     """
 
     overrides: Sequence[str] = ()
@@ -95,6 +96,7 @@ class ReviewOptions:
     target_kg: float | None = None
     full: bool = False
     decimal_comma: bool = False
+    replaces_other_shift: bool = False
 
 
 def review_shift(
@@ -113,7 +115,7 @@ def review_shift(
     Args:
         logs: logs of the shift, in any order; a folder means all logs in it.
         machine_file: the machine file, or the name of a shipped one.
-        folder: folder to write; an earlier review in it is replaced.
+        folder: folder to write; an earlier review of these logs, or of some, is replaced.
         options: see `ReviewOptions`.
         on_stage: called with the name of each stage as it begins.
 
@@ -143,6 +145,8 @@ def review_shift(
         plain = _convert_review_inputs_to_dict(machine, options, by)
         key = digest_replay_inputs(opened, machine, is_full_recording=options.full)
         before = read_review_state(folder)
+        if before is not None and not options.replaces_other_shift:
+            refuse_review_of_other_shift(folder, before, opened)
         kept = read_replay_of_earlier_review(folder, before, key)
         made = kept or _replay_opened_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""

@@ -183,6 +183,26 @@ def test_a_folder_of_other_files_takes_no_review(
         review_shift(logs, machine, tmp_path, ReviewOptions())
 
 
+def test_the_review_of_another_shift_is_replaced_only_on_request(
+    driven: tuple[list[Path], Path, Any], folder: Path, tmp_path: Path
+) -> None:
+    logs, machine, _ = driven
+    other = tmp_path / "tuesday"
+    other.mkdir()
+    renamed = Path(shutil.copy(logs[0], other / f"tuesday{logs[0].suffix}"))
+    ledger = (folder / "ledger.csv").read_bytes()
+    # the same bytes by another name are the same log
+    review_shift([renamed], machine, folder, ReviewOptions())
+    assert (folder / "ledger.csv").read_bytes() != ledger
+    state = json.loads((folder / STATE).read_text())
+    for each in state["inputs"]:
+        each |= {"name": "monday.bag", "sha256": "0" * 64}
+    (folder / STATE).write_text(json.dumps(state))
+    with pytest.raises(ReviewError, match=r"holds the review of other logs \(monday\.bag, "):
+        review_shift([renamed], machine, folder, ReviewOptions())
+    review_shift([renamed], machine, folder, ReviewOptions(replaces_other_shift=True))
+
+
 @pytest.mark.parametrize(
     "share", [pytest.param(0.5, id="within a chunk"), pytest.param(0.97, id="within the index")]
 )
