@@ -24,18 +24,15 @@ TOP = [REPO / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
 PAGES = sorted([*TOP, *(REPO / "docs").rglob("*.md")])
 
 
-def _commands() -> list[str]:
-    return sorted(typer.main.get_command(app).commands)  # pyright: ignore
-
-
 def test_every_command_has_help_and_a_section_with_its_help() -> None:
     page = (REPO / "docs/commands.md").read_text(encoding="utf-8")
-    for name in _commands():
+    # typer puts them together anew at every call
+    commands = typer.main.get_command(app).commands  # pyright: ignore
+    for name, command in commands.items():
         assert f"## `payscope {name}`" in page, (
             f"docs/commands.md: no section '## `payscope {name}`'; write it with a block of "
             f"`$ payscope {name} --help`, whose output python -P docs/update.py --quick writes"
         )
-        command = typer.main.get_command(app).commands[name]  # pyright: ignore
         assert command.help
         # the terminal wraps it, at its own width
         assert all("\n" not in each for each in command.help.split("\n\n"))
