@@ -234,13 +234,15 @@ def _lower_in_reverse(frames: Frames, size: float, _: np.random.Generator) -> Fr
 
 
 def _lost_at_low_speed(frames: Frames, size: float, _: np.random.Generator) -> Frames:
-    """Torques before a low gear that loses 4 % below 40 % of the largest speed."""
+    """Torques before a low gear that loses 4 %; it shifts up at 44 %, down at 36 % of the speed."""
     torque, speed = frames["torque"], frames["speed"]
     mean = speed.select(pl.mean_horizontal(_SPEEDS).abs()).to_series().to_numpy()
     at, known = (frame["header_stamp_ns"].to_numpy() for frame in (torque, speed))
-    low = np.interp(at, known, mean) < 0.4 * np.quantile(mean, 0.995)
-    gain = np.where(low, 1.0 + 0.04 * size, 1.0)
-    changed = [pl.col(name) * pl.Series(gain) for name in _TORQUES]
+    drives = np.interp(at, known, mean) / np.quantile(mean, 0.995)
+    # without hysteresis noise of the speed would shift within a sample, which is a spike
+    shifts = pl.Series(np.select([drives < 0.36, drives > 0.44], [1.0, 0.0], np.nan))
+    low = shifts.fill_nan(None).forward_fill().fill_null(1.0)
+    changed = [pl.col(name) * (1.0 + 0.04 * size * low) for name in _TORQUES]
     return {**frames, "torque": torque.with_columns(changed)}
 
 
