@@ -221,13 +221,16 @@ class GrowingLog:
         newest_ns = [int(frame["unix_ns"][-1]) for frame in self._raw.values() if frame.height]
         awaited_ns, is_awaited = min(newest_ns), min(newest_ns) == self._awaited_unix_ns
         self._awaited_unix_ns = awaited_ns
+        # a topic that comes is asked first: what counts as a gap costs more than the question
+        if not is_awaited or max(newest_ns) - awaited_ns <= SIGNAL_LIMITS.longest_gap_s * 1e9:
+            return False
         align = self.basis.machine.settings.align
         longest_ns = max(
             gap_threshold_ns(frame["unix_ns"].to_numpy(), align) for frame in self._raw.values()
         )
         # rows begin again after no less, and look back over what is kept
         ends_ns = round(longest_ns + (SIGNAL_LIMITS.longest_gap_s + self._kept_s) * 1e9)
-        if not is_awaited or max(newest_ns) - awaited_ns <= ends_ns:
+        if max(newest_ns) - awaited_ns <= ends_ns:
             return False
         for topic, frame in self._raw.items():
             stamps = frame["unix_ns"].to_numpy()

@@ -67,6 +67,8 @@ class ChannelSeries:
     @property
     def typical_lag_ns(self) -> float:
         """Typical delay from an instant until its value is known."""
+        if self.known_ns is self.t_ns:
+            return self.width_ns / 2
         return float(np.median(self.known_ns - self.t_ns)) + self.width_ns / 2
 
 
