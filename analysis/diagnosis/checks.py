@@ -33,7 +33,7 @@ from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 #: The check that fails where a finding invalidates the mass.
 INVALIDATING_CAUSES: Final = "invalidating_causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
-_REMEDY: Final = "payscope explain names what mends each"
+_REMEDY: Final = "payscope explain shows each, and the setting that corrects it if there is one"
 _SCALE_REMEDY: Final = (
     "the scale and unit of the force, machine.wheel_radius_m, machine.force_share, "
     "machine.empty_mass_kg"
