@@ -171,8 +171,9 @@ class FindingLimits:
 
     # an IMU on the boom
     #: Change of the reading at standstill per rad of the boom's angle, as a fraction of gravity:
-    #: 1 of an IMU on the boom itself, 0.25 of one on a link; a frame squats by 0.01.
-    boom_gravity_fraction_per_rad: float = 0.1
+    #: 1 of an IMU on the boom itself, 0.25 of one on a link; a frame squats by 0.01, and a ramp of
+    #: 10 % to where all loads are dumped is 0.1.
+    boom_gravity_fraction_per_rad: float = 0.15
     #: Variance of the readings that the angle leaves unexplained, at most: ground is not a
     #: function of it.
     boom_unexplained_1: float = 0.2
