@@ -18,7 +18,7 @@ from analysis.cycles.shift_totals import make_shift_totals_frame
 from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import PreviousEstimates
-from analysis.weighing.growing_load import LoadFilling
+from analysis.weighing.growing_load import LoadGrowthAtEveryStart
 from analysis.weighing.joint_result import JointFit, PriorMeans
 from analysis.weighing.load_states import (
     LoadStates,
@@ -254,7 +254,7 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     masses = theta[:count]
     weighing = Weighing(
         joint, masses, masses, float("nan"), False, False, ForceCurvature(0.0, 0.0, 1.0),
-        LoadFilling(0.0, 0.0), (),
+        LoadGrowthAtEveryStart(0.0, 0.0), (),
     )  # fmt: skip
     return weighing, hat[count:]
 

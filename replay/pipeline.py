@@ -137,7 +137,7 @@ class _TopicChannels:
 
 
 @dataclass(frozen=True)
-class _Stages:
+class _StageResults:
     """Results of the stages up to the findings.
 
     Attributes:
@@ -259,7 +259,7 @@ def _run_stages(
     topic_channels: _TopicChannels,
     machine: Machine,
     on_stage: Callable[[str], None],
-) -> _Stages:
+) -> _StageResults:
     settings, read = machine.settings, topic_channels.read
     on_stage("derive")  # one filter on all of them where one is differentiated
     channels, notes = derive_channels_in_si(read, machine)
@@ -304,7 +304,7 @@ def _run_stages(
     contradicted = [
         each.method for each in compare_methods_with_joint_fit(evidence) if each.contradicted
     ]
-    return _Stages(
+    return _StageResults(
         {
             "aligned": aligned,
             "excitation": excitation,
@@ -327,7 +327,7 @@ def _run_stages(
 
 
 def _find_causes_of_log(
-    stages: _Stages, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
+    stages: _StageResults, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
 ) -> pl.DataFrame:
     """Find the causes of the log, and those behind a cause that masks the others."""
     part = cut_to_first_hour(raw_frames)

@@ -21,9 +21,9 @@ from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
+    compute_state_weights_of_passes,
     estimate_carry_back_variance_kg2,
     estimate_clean_machine_mass_and_u_kg,
-    state_shares_of_passes,
     weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
@@ -76,7 +76,9 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def common_and_shared_u_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+    def compute_common_u_and_part_shared_by_all_payloads_kg(
+        self, weights: Floats, payload_kg: float
+    ) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
@@ -136,7 +138,9 @@ def weigh_cycles(
     known_sums = (
         weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
     )
-    of_states = state_shares_of_passes(weighing.fit, found) if weighing and known_sums else None
+    of_states = (
+        compute_state_weights_of_passes(weighing.fit, found) if weighing and known_sums else None
+    )
     sums, ready_ns = dict[int, Floats](), int(motion[1]["t_ns"][0])
     counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
@@ -239,10 +243,14 @@ def make_payload_uncertainty_columns(
     own_kg, random_kg = cycle_row["payload_kg"], cycle_row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = uncertainty.own.common_and_shared_u_kg(coefficients, own_kg)
+    own_common_kg, own_shared_kg = (
+        uncertainty.own.compute_common_u_and_part_shared_by_all_payloads_kg(coefficients, own_kg)
+    )
     common_kg, shared_kg = (
         uncertainty.scale_1 * u
-        for u in uncertainty.on_empty_scale.common_and_shared_u_kg(coefficients, own_kg)
+        for u in uncertainty.on_empty_scale.compute_common_u_and_part_shared_by_all_payloads_kg(
+            coefficients, own_kg
+        )
     )
     random_kg *= uncertainty.scale_1
     return {
@@ -342,7 +350,9 @@ def compute_common_payload_u_on_own_and_empty_scale(
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _CommonUncertaintyByScale(none, none, 1.0, ShiftScale())
-    datum = empty.make_payload_datum(state_shares_of_passes(weighing.fit, passes) @ coefficients)
+    datum = empty.make_payload_datum(
+        compute_state_weights_of_passes(weighing.fit, passes) @ coefficients
+    )
     own = compute_common_payload_uncertainty(weighing, machine, passes, coefficients, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
     sources = list_payload_uncertainties(weighing, machine, datum, empty.weights)
@@ -372,7 +382,7 @@ def compute_common_payload_uncertainty(
     single payload also has nuisance errors of its own starts.
     """
     fit = weighing.fit
-    of_states = state_shares_of_passes(fit, passes)
+    of_states = compute_state_weights_of_passes(fit, passes)
     summed = of_states @ coefficients
     sources = list_payload_uncertainties(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
@@ -380,7 +390,10 @@ def compute_common_payload_uncertainty(
     kept = (combine_u(sources, "random") / by_1) ** 2 - float(coefficients**2 @ passes.u_kg**2)
     common = combine_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
-    responses_kg, drift = fit.mass_changes_per_term_std_kg, weighing.significant_empty_mass_drift
+    responses_kg, drift = (
+        fit.mass_changes_by_one_std_of_each_term_kg,
+        weighing.significant_empty_mass_drift,
+    )
     if drift is not None:  # unlike other scales, it moves early and late payloads differently
         names.add("drifted_gain")
         responses_kg = np.vstack([responses_kg, drift.mass_changes_by_gain_kg(fit.masses_kg)])

@@ -21,10 +21,10 @@ from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.arrays import Bools, Floats
 
-Mend = Callable[[MotionSamples], MotionSamples]
+MotionCorrection = Callable[[MotionSamples], MotionSamples]
 
 
-def mass_change_by_refit_without_samples(
+def compute_mass_change_by_refit_without_samples(
     inputs: FindingInputs, excluded_rows: Bools
 ) -> MassChange | None:
     """Refit without some samples; u covers that a replay may accept other starts.
@@ -33,13 +33,13 @@ def mass_change_by_refit_without_samples(
         inputs: the log.
         excluded_rows: (n,) True for grid samples to exclude.
     """
-    return mass_change_by_refit_with_answer_u(
+    return compute_mass_change_by_refit_with_answer_u(
         inputs, lambda motion: motion.exclude_samples(excluded_rows), LIMITS.cut_start_u
     )
 
 
-def mass_change_by_refit_with_answer_u(
-    inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
+def compute_mass_change_by_refit_with_answer_u(
+    inputs: FindingInputs, correct_motion: MotionCorrection, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion, with the answer's uncertainty added to that of the change.
 
@@ -48,16 +48,16 @@ def mass_change_by_refit_with_answer_u(
     Args:
         inputs: the log.
         correct_motion: returns the corrected motion.
-        relative_u: see `mass_change_by_refit`.
+        relative_u: see `compute_mass_change_by_refit`.
     """
-    change = mass_change_by_refit(inputs, correct_motion, relative_u)
+    change = compute_mass_change_by_refit(inputs, correct_motion, relative_u)
     if change is None or inputs.log_only_fit is None:
         return None
     return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.log_only_fit.u_kg)))
 
 
-def mass_change_by_refit(
-    inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
+def compute_mass_change_by_refit(
+    inputs: FindingInputs, correct_motion: MotionCorrection, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion from the joint fit on, and compare the masses.
 

@@ -29,7 +29,7 @@ from analysis.weighing.pitch_squat import (
     estimate_by_instrumental_variables_with_covariance,
     sum_products_of_pitch_gravity_and_speed,
 )
-from analysis.weighing.uneven_ground import relative_random_walk_std
+from analysis.weighing.uneven_ground import compute_relative_random_walk_std
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
@@ -287,20 +287,20 @@ def could_grades_explain_gain_change(
 
 def compute_grade_prior_stds_m_s2(route: HaulRoute) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
-    change = LIMITS.grade_change_m_s2 * relative_random_walk_std(
+    change = LIMITS.grade_change_m_s2 * compute_relative_random_walk_std(
         route.length_m / LIMITS.squat_grade_parts
     )
     return np.append(LIMITS.grade_m_s2, np.full(LIMITS.squat_grade_parts, change))
 
 
 def estimate_accelerometer_gain_change_by_load(
-    stretches: list[_Stretch], grade_std: Floats
+    stretches: list[_Stretch], grade_prior_stds_m_s2: Floats
 ) -> GainChangeByLoad | None:
     """Change of gain with the load from the wheels; None if undetermined.
 
     Args:
         stretches: the stretches.
-        grade_std: (columns,) prior standard deviations of the grade's columns, in m/s².
+        grade_prior_stds_m_s2: (columns,) prior standard deviations of the grade's columns, in m/s².
     """
     if len(stretches) < LIMITS.squat_min_stretches or len({load for *_, load in stretches}) < 2:
         return None
@@ -313,9 +313,12 @@ def estimate_accelerometer_gain_change_by_load(
     own = X[:, :_OWN_COLUMNS]
     freedom = max(y.size - _OWN_COLUMNS - 2 * len(stretches), 1)
     pilot = float(((y - own @ np.linalg.lstsq(own, y)[0]) ** 2).sum()) / freedom
-    prior = np.zeros((grade_std.size, X.shape[1]))
-    np.fill_diagonal(prior[:, _OWN_COLUMNS:], np.sqrt(pilot) / grade_std)
-    rows_X, rows_y = np.concatenate([X, prior]), np.concatenate([y, np.zeros(grade_std.size)])
+    prior = np.zeros((grade_prior_stds_m_s2.size, X.shape[1]))
+    np.fill_diagonal(prior[:, _OWN_COLUMNS:], np.sqrt(pilot) / grade_prior_stds_m_s2)
+    rows_X, rows_y = (
+        np.concatenate([X, prior]),
+        np.concatenate([y, np.zeros(grade_prior_stds_m_s2.size)]),
+    )
     beta, _, rank, _ = np.linalg.lstsq(rows_X, rows_y)
     if rank < X.shape[1]:
         return None
@@ -336,7 +339,7 @@ def estimate_accelerometer_gain_change_by_load(
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])
-    prior = np.column_stack([prior, np.zeros(grade_std.size)])
+    prior = np.column_stack([prior, np.zeros(grade_prior_stds_m_s2.size)])
     scale = np.sqrt((X**2).mean(axis=0) + (prior**2).sum(axis=0))
     if not (scale > 0.0).all():
         return None

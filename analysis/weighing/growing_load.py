@@ -47,7 +47,7 @@ _RESISTANCES: Final = ("direction", "quadratic")
 
 
 @dataclass(frozen=True, slots=True)
-class LoadGrowth:
+class LoadChangeInMotion:
     """Growth or fall of the load during one manoeuvre.
 
     Attributes:
@@ -66,7 +66,7 @@ class LoadGrowth:
 
 
 @dataclass(frozen=True, slots=True)
-class LoadFilling:
+class LoadGrowthAtEveryStart:
     """A load that grows at the same rate, in kg/s, during every start.
 
     Attributes:
@@ -108,7 +108,7 @@ class LoadFilling:
 
 def refit_with_load_growing_at_starts(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, fit_rows: FitRows | None = None
-) -> LoadFilling:
+) -> LoadGrowthAtEveryStart:
     """Refit with a load that grows equally at every start, and with positive resistances.
 
     The z-score is from the likelihood ratio of zero growth and of growth of at least zero, each
@@ -131,7 +131,7 @@ def refit_with_load_growing_at_starts(
         np.isfinite(correlation).all()
         and np.linalg.eigvalsh(correlation)[0] > LIMITS.min_own_variance_fraction
     ):
-        return LoadFilling(0.0, float("nan"))
+        return LoadGrowthAtEveryStart(0.0, float("nan"))
     whitened = np.linalg.inv(np.linalg.cholesky(correlation))
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
@@ -146,7 +146,7 @@ def refit_with_load_growing_at_starts(
         list_coefficients_of_mean_payloads(fit),
     )
     moves_u = [abs(float(each @ moved)) / max(fit.mass_sum_u_kg(each), 1e-9) for each in of_sums]
-    return LoadFilling(
+    return LoadGrowthAtEveryStart(
         float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u))), moved
     )
 
@@ -165,7 +165,7 @@ def list_coefficients_of_mean_payloads(fit: JointFit) -> list[Floats]:
 
 def find_manoeuvres_with_growing_load(
     fit: JointFit, noise: ColumnNoiseModel, motion: MotionSamples | None = None
-) -> tuple[LoadGrowth, ...]:
+) -> tuple[LoadChangeInMotion, ...]:
     """Find the manoeuvres whose load changes by more than chance explains.
 
     Args:
@@ -231,7 +231,7 @@ def find_manoeuvres_with_growing_load(
     carried &= kg > -compute_max_plausible_load_loss_kg(fit)
     used, of_sample = np.flatnonzero(motion.is_fittable), find_manoeuvre_of_fitted_samples(motion)
     return tuple(
-        LoadGrowth(
+        LoadChangeInMotion(
             int(number[k]),
             int(used[np.argmax(of_sample == number[k])]),
             float(kg[k]),

@@ -287,7 +287,7 @@ class JointFit:
         return self.kinematics.squat[1] * abs(float(coefficients @ (self.masses_kg * by_load)))
 
     @cached_property
-    def mass_changes_per_term_std_kg(self) -> Floats:
+    def mass_changes_by_one_std_of_each_term_kg(self) -> Floats:
         """(terms, masses) response to one standard deviation of each nuisance, in kg.
 
         Slip measured by the wheels narrows its prior.

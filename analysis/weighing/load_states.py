@@ -168,12 +168,12 @@ def find_load_states(
     best = (
         found.best if _is_load_state_partition_credible(found, repeatability_kg) else found.single
     )
-    other = found.several if best.level_stretch_count == 1 else found.single
+    other = found.several if best.stretch_count == 1 else found.single
     states = _make_load_states(masses, manoeuvre_ids, best)
     if repeatability_kg is not None:
         states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf, assumes_scatter=False)
     probability = (
-        found.single_probability if best.level_stretch_count > 1 else 1.0 - found.single_probability
+        found.single_probability if best.stretch_count > 1 else 1.0 - found.single_probability
     )
     return replace(
         states,
@@ -218,8 +218,8 @@ def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition
         scatter.scatter_kg,
         scatter.freedom,
         scatter.birge_ratio,
-        load_returns=np.unique(best.level).size < best.level_stretch_count
-        or _count_mass_reversals_of_states(best) >= LIMITS.load_return_reversals,
+        load_returns=np.unique(best.level).size < best.stretch_count
+        or _count_load_reversals(best) >= LIMITS.load_return_reversals,
         assumes_scatter=scatter.is_assumed,
     )
 
@@ -229,7 +229,7 @@ def compute_median_manoeuvre_mass_kg(masses: GroupEffects) -> float:
     return float(max(np.median(np.abs(masses.y)), np.median(np.sqrt(masses.variance))))
 
 
-def _count_mass_reversals_of_states(states: Partition) -> int:
+def _count_load_reversals(states: Partition) -> int:
     """Number of increases followed by a decrease of the load, or vice versa."""
     rises = np.sign(np.diff(states.levels))
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
@@ -240,7 +240,7 @@ def find_alternative_partition(
 ) -> AlternativePartition | None:
     """The alternative partition that the manoeuvres allow; None if the log determines one."""
     doubted = LIMITS.single_load_min_probability
-    if best.level_stretch_count == 1:
+    if best.stretch_count == 1:
         doubted = LIMITS.several_loads_min_probability
     if other is None or other_probability < doubted:
         return None
@@ -326,15 +326,15 @@ def estimate_scatter_and_birge_ratio(
     if freedom < 1:
         return ScatterAboutStates(0.0, 0.0, float("nan"))
 
-    def reduced_chi_square(tau: float) -> float:
+    def compute_reduced_chi_square(tau: float) -> float:
         weight = 1.0 / (variance + tau**2)
         mean = compute_weighted_mean_mass_by_state_kg(mass_kg, weight, state)
         return float(weight @ (mass_kg - mean[state]) ** 2) / freedom
 
-    if (ratio := float(np.sqrt(reduced_chi_square(0.0)))) <= 1.0:
+    if (ratio := float(np.sqrt(compute_reduced_chi_square(0.0)))) <= 1.0:
         return ScatterAboutStates(0.0, float(freedom), ratio)
     low, high = 0.0, float(np.ptp(mass_kg)) + 1e-9
     for _ in range(LIMITS.scatter_rounds):
         middle = (low + high) / 2.0
-        low, high = (middle, high) if reduced_chi_square(middle) > 1.0 else (low, middle)
+        low, high = (middle, high) if compute_reduced_chi_square(middle) > 1.0 else (low, middle)
     return ScatterAboutStates(high, float(freedom), ratio)

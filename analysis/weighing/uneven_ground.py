@@ -158,11 +158,11 @@ def make_random_walk_prior_std_function(
     length_m: float,
 ) -> Callable[[MotionSamples, PriorSettings], float]:
     """Make the function that gives the prior std of the change over a way: a random walk."""
-    share = relative_random_walk_std(length_m)
+    share = compute_relative_random_walk_std(length_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
 
 
-def relative_random_walk_std(length_m: float) -> float:
+def compute_relative_random_walk_std(length_m: float) -> float:
     """Standard deviation of a random walk over a length, relative to ten metres."""
     return float(np.sqrt(length_m / LIMITS.ground_change_m))
 
@@ -172,7 +172,7 @@ def _make_route_term(route_part: int) -> Nuisance:
     begin, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
 
     def route_column(m: ColumnInputs) -> Floats:
-        ratio = relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
+        ratio = compute_relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
         return evaluate_scaled_ramp(m.direction_times_relative_weight, m.route_1, begin, end, ratio)
 
     return Nuisance(

@@ -21,8 +21,8 @@ from analysis.weighing.gain_by_direction import (
     estimate_force_gain_by_driving_direction,
 )
 from analysis.weighing.growing_load import (
-    LoadFilling,
-    LoadGrowth,
+    LoadChangeInMotion,
+    LoadGrowthAtEveryStart,
     find_creeping_load_changes,
     find_manoeuvres_with_growing_load,
     refit_with_load_growing_at_starts,
@@ -99,8 +99,8 @@ class Weighing:
     braking_left_out: bool
     braking_doubted: bool
     curvature: ForceCurvature
-    filling: LoadFilling
-    growing: tuple[LoadGrowth, ...]
+    filling: LoadGrowthAtEveryStart
+    growing: tuple[LoadChangeInMotion, ...]
     missing_terms: tuple[MissingTerm, ...] = ()
     by_direction: DirectionGain | None = None
     other_motion: AlternativeMotion | None = None

@@ -49,7 +49,7 @@ class Partition:
     log_posterior: float
 
     @property
-    def level_stretch_count(self) -> int:
+    def stretch_count(self) -> int:
         """Number of stretches of units at one level."""
         return self.levels.size
 

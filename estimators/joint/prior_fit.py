@@ -92,7 +92,7 @@ class _SolvedSamples:
         return [i for i, part in enumerate(rows) if part.size >= self.grouping.shortest]
 
     @property
-    def residual_signs(self) -> Floats:
+    def residual_signs_by_direction(self) -> Floats:
         """(n,) signs that make the groups' residuals comparable."""
         given = self.grouping.direction
         return np.ones(self.solved.residual.size) if given is None else given
@@ -100,7 +100,9 @@ class _SolvedSamples:
     def common_residual(self) -> CommonResidual | None:
         """Residual common to the groups that are compared; None if there are fewer than three."""
         rows = [self.sums.rows[i] for i in self.compared_group_numbers]
-        return CommonResidual.average_groups(rows, self.solved.residual, self.residual_signs)
+        return CommonResidual.average_groups(
+            rows, self.solved.residual, self.residual_signs_by_direction
+        )
 
     def to_posterior_fit(self) -> PosteriorFit:
         """The estimates with all parts of their uncertainty."""
@@ -142,7 +144,7 @@ class _SolvedSamples:
             A,
             self.common_residual(),
             _InformativeGroups([sums.rows[i] for i in told], turns[told] / self.scale, shape, told),
-            self.residual_signs,
+            self.residual_signs_by_direction,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
         doubt = gain.apply_to_vector(turned.taken, compute_uncertain_fraction_of_noise(kept))

@@ -70,7 +70,7 @@ class CampaignReplay:
     refusals: Mapping[str, str]
 
     @property
-    def pool_priors_learnt_from_logs(self) -> LearntPriors | None:
+    def priors_learnt_from_logs(self) -> LearntPriors | None:
         """Priors learnt from all logs; None if there are too few."""
         terms = pool_learnt_terms_over_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None

@@ -61,7 +61,7 @@ class NamedTables:
         else:
             self.tables[name] = table
 
-    def add_single_word_aliases(self) -> None:
+    def add_unquoted_table_aliases(self) -> None:
         """Add single-word names of tables."""
         words: dict[str, list[str]] = {}
         for name in self.tables:
@@ -120,7 +120,7 @@ def open_named_tables(
             found.add_table_or_query_error_if_name_taken(
                 name, partial(add_start_time_column_in_unix_s, table), fleet
             )
-    found.add_single_word_aliases()
+    found.add_unquoted_table_aliases()
     return found
 
 

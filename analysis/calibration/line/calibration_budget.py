@@ -70,7 +70,7 @@ def make_calibration_budget(
     """
     mass_kg, readings = mass_kg_and_readings
     anew = clip_negative_variances_to_stds_kg(
-        inversion.later_mass_variances_kg2(readings), components
+        inversion.compute_later_mass_variance_by_effect_kg2(readings), components
     )
     size = abs(inversion.slope_1)
     rows = [

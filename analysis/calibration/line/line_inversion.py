@@ -118,7 +118,7 @@ class LineInversion:
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
-    def later_mass_variances_kg2(self, reading_count: float) -> Floats:
+    def compute_later_mass_variance_by_effect_kg2(self, reading_count: float) -> Floats:
         """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
         return (
             self._make_effect_factors_of_later_value(np.array([reading_count]))[0]

@@ -20,7 +20,11 @@ from analysis.expressions.values import evaluate_and_count_near_zero_divisors
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
-from analysis.model.physical_units import gain_and_offset_to_si, split_unit_from_name, unit_registry
+from analysis.model.physical_units import (
+    find_gain_and_offset_to_si,
+    get_unit_registry,
+    split_unit_from_name,
+)
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters, mounting
@@ -61,7 +65,7 @@ def derive_channels_in_si(
         channel = machine.channels[name]
         if channel.differentiated_channel:
             t, x = series[channel.differentiated_channel]
-            longest_ns = filters.gap_threshold_ns(t, settings.align)
+            longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
             t, x = filters.differentiate_signal(t, x, longest_ns, causal=settings.filter.causal)
         elif channel.averaged_channels:
             first, second = channel.averaged_channels
@@ -98,8 +102,8 @@ def parse_derivation_in_si(name: str, machine: Machine) -> Expression:
     assert tree is not None
     try:
         units = {each: find_unit_in_name(each) for each in iter_channel_names(tree)}
-        found, dimension = convert_to_si(tree, units, unit_registry())
-        _, wanted = convert_to_si(Name(name), {name: find_unit_in_name(name)}, unit_registry())
+        found, dimension = convert_to_si(tree, units, get_unit_registry())
+        _, wanted = convert_to_si(Name(name), {name: find_unit_in_name(name)}, get_unit_registry())
     except (ExpressionError, MachineError) as error:
         raise MachineError(f"channels.{name}: {error}") from None
     if dimension != wanted:
@@ -139,19 +143,19 @@ def compute_arithmetic_channel(
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
     for each in iter_differentiated_channels(tree):
         t, x = series[each]
-        longest_ns = filters.gap_threshold_ns(t, settings.align)
+        longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
         own[f"{SLOPE} {each}"] = filters.differentiate_signal(
             t, x, longest_ns, causal=settings.filter.causal
         )
     steps = {each for each in own if machine.is_piecewise_constant(each)}
     at = max(
         (t for each, (t, _) in own.items() if each not in steps or len(steps) == len(own)),
-        key=lambda t: (filters.median_period_ns(t), -t.size),
+        key=lambda t: (filters.compute_median_period_ns(t), -t.size),
     )
     values: dict[str, filters.Floats] = {}
     for each, (t, x) in own.items():
         read = interpolate_between_steps if each in steps else filters.interpolate_in_stretches
-        longest_ns = filters.gap_threshold_ns(t, settings.align)
+        longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
         values[each] = x if np.array_equal(t, at) else read(t, x, at, longest_ns)
     for each in BODY_NUMBERS:
         number = getattr(machine.machine, each)
@@ -218,7 +222,7 @@ def low_pass_fast_channels(
     settings = machine.settings
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
     rates_hz = {
-        n: 1e9 / filters.median_period_ns(t)
+        n: 1e9 / filters.compute_median_period_ns(t)
         for n, (t, _) in measured.items()
         if n not in UNFILTERED and not machine.is_piecewise_constant(n)
     }
@@ -237,7 +241,7 @@ def low_pass_fast_channels(
     out = dict(measured)
     for name in (each for each in rates_hz if each not in slow):
         t, x = measured[name]
-        longest_ns = filters.gap_threshold_ns(t, settings.align)
+        longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
         out[name] = _zero_unresolved_samples(
             name, *filters.apply_low_pass(t, x, cutoff_hz, longest_ns, causal=causal)
         )
@@ -261,7 +265,9 @@ def read_field_of_channel(
     """Stamps and values of a channel's field in SI units, (n,) each."""
     field = str(channel.field)
     gain, offset = (
-        gain_and_offset_to_si(channel.unit, find_unit_in_name(name)) if channel.unit else (1.0, 0.0)
+        find_gain_and_offset_to_si(channel.unit, find_unit_in_name(name))
+        if channel.unit
+        else (1.0, 0.0)
     )
     with np.errstate(over="ignore"):  # what does not fit is no reading
         x = _read_field_numbers(name, channel, field, frame) * channel.scale + channel.offset
@@ -351,9 +357,13 @@ def average_two_channels(
 
     The slower one's stamps are used if interpolation would low-pass it, else the first one's.
     """
-    if filters.median_period_ns(b[0]) > LIMITS.other_rate_ratio * filters.median_period_ns(a[0]):
+    if filters.compute_median_period_ns(
+        b[0]
+    ) > LIMITS.other_rate_ratio * filters.compute_median_period_ns(a[0]):
         a, b = b, a
-    t, other = filters.interpolate_linearly(*b, a[0], filters.gap_threshold_ns(b[0], settings))
+    t, other = filters.interpolate_linearly(
+        *b, a[0], filters.compute_gap_threshold_ns(b[0], settings)
+    )
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 
