@@ -187,7 +187,7 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
 def _with_true_states(truth: DrawnShift, states: LoadStates) -> LoadStates:
     of = np.unique(truth.membership, return_inverse=True)[1].astype(np.int64)
     return LoadStates(
-        states.unit, of, states.level_kg, states.std_kg, states.scatter_kg, states.freedom,
+        states.manoeuvre_ids, of, states.manoeuvre_mass_kg, states.std_kg, states.scatter_kg, states.degrees_of_freedom,
         states.birge_ratio,
     )  # fmt: skip
 
@@ -195,16 +195,16 @@ def _with_true_states(truth: DrawnShift, states: LoadStates) -> LoadStates:
 def _true_passes(truth: DrawnShift, states: LoadStates, hat: Floats) -> LoadPasses:
     """The passes as they were driven, with what their manoeuvres say."""
     weight = 1.0 / (states.std_kg**2 + states.scatter_kg**2)
-    total = np.bincount(states.membership, weight)
+    total = np.bincount(states.state_of_manoeuvre, weight)
     level_kg = truth.units.y - truth.units.x @ (hat @ truth.units.y)
-    first = np.flatnonzero(np.append(True, np.diff(states.membership) > 0))
-    last = np.append(first[1:] - 1, states.membership.size - 1)
+    first = np.flatnonzero(np.append(True, np.diff(states.state_of_manoeuvre) > 0))
+    last = np.append(first[1:] - 1, states.state_of_manoeuvre.size - 1)
     start = (truth.start_s * _NS).astype(np.int64)
     return LoadPasses(
-        states.membership,
-        weight / total[states.membership],
+        states.state_of_manoeuvre,
+        weight / total[states.state_of_manoeuvre],
         truth.loaded[truth.membership[first]],
-        np.bincount(states.membership, weight * level_kg) / total,
+        np.bincount(states.state_of_manoeuvre, weight * level_kg) / total,
         1.0 / np.sqrt(total),
         start[first],
         start[last] + int(_START_S * _NS),
@@ -220,7 +220,7 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     units, count = truth.units, states.state_count
     n, r = units.x.shape
     A = np.zeros((n, count + r))
-    A[np.arange(n), states.membership] = 1.0
+    A[np.arange(n), states.state_of_manoeuvre] = 1.0
     A[:, count:] = units.x
     weight = 1.0 / (units.variance + states.scatter_kg**2)
     prior = np.zeros(count + r)
@@ -284,7 +284,7 @@ def _frames(truth: DrawnShift, states: LoadStates, hat: Floats) -> dict[str, pl.
         "manoeuvres": build_frame(
             "manoeuvres",
             {
-                "load_id": states.membership,
+                "load_id": states.state_of_manoeuvre,
                 "start_t_ns": start,
                 "end_t_ns": start + int(_START_S * _NS),
                 "mass_kg": level_kg,

@@ -403,7 +403,7 @@ def compute_common_payload_uncertainty(
     empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
         share = passes.weigh_empty_passes(machine.machine.empty_mass_kg)
-        empty = -datum.by_kg * share / share.sum()
+        empty = -datum.gain_per_kg * share / share.sum()
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
         combine_u(other) / by_1 / total_kg,

@@ -70,7 +70,7 @@ def mark_gaps_of_whole_recorder(
 def find_copied_row_stretches(inputs: FindingInputs) -> list[Symptom]:
     """Find stretches of a topic that repeat an earlier one exactly."""
     found: list[Symptom] = []
-    for topic, copies in inputs.copied.items():
+    for topic, copies in inputs.copied_rows_by_topic.items():
         t = inputs.raw[topic]["log_time_ns"].to_numpy()
         begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
         total_s = sum(float(t[e] - t[b]) for b, e, _ in copies) / NS_PER_S

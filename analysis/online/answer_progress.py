@@ -39,8 +39,10 @@ class AnswerProgress:
     @property
     def manoeuvre_u_kg(self) -> float:
         """Standard deviation of a manoeuvre: its own, corrected by the observed scatter."""
-        dof = LIMITS.own_u_degrees_of_freedom + self.manoeuvre_count - 1
-        return math.sqrt((LIMITS.own_u_degrees_of_freedom * self.own_kg2 + self.squares_kg2) / dof)
+        degrees_of_freedom = LIMITS.own_u_degrees_of_freedom + self.manoeuvre_count - 1
+        return math.sqrt(
+            (LIMITS.own_u_degrees_of_freedom * self.own_kg2 + self.squares_kg2) / degrees_of_freedom
+        )
 
     @property
     def u_kg(self) -> float | None:

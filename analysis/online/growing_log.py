@@ -44,17 +44,17 @@ class LogBasis:
 
     Attributes:
         machine: machine with grid rate, window and moving mean.
-        stamps: offset subtracted from the log times of each topic in ns; None if header stamps are
+        log_time_offset_ns_by_topic: offset subtracted from the log times of each topic in ns; None if header stamps are
             used.
-        labels: kind of stamp of each topic, for readers.
+        stamp_label_by_topic: kind of stamp of each topic, for readers.
         origin: origin of the grid.
         held: channels whose readings are held, as far as the first seconds show it.
         notes: notes on chosen settings.
     """
 
     machine: Machine
-    stamps: Mapping[str, int | None]
-    labels: Mapping[str, str]
+    log_time_offset_ns_by_topic: Mapping[str, int | None]
+    stamp_label_by_topic: Mapping[str, str]
     origin: GridOrigin
     held: Mapping[str, HeldReadings]
     notes: tuple[str, ...] = ()
@@ -158,7 +158,7 @@ class GrowingLog:
 
     def _add_unix_stamps(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
         assert self.basis is not None
-        behind = self.basis.stamps[topic]
+        behind = self.basis.log_time_offset_ns_by_topic[topic]
         stamps = frame["header_stamp_ns"] if behind is None else frame["log_time_ns"] - behind
         # column by column: a query would cost more than all the rest of a few samples
         fields = [frame[name] for name in frame.columns if name not in _STAMPS]

@@ -244,11 +244,14 @@ def is_joint_planar_fit_plausible(
     theta, std = estimate.theta[:2][told], estimate.parameter_stds[:2][told]
     force = samples.f[:, 0]
     driving = fit_quality.compute_force_fraction_along_motion(
-        samples.motion.speed, force, samples.known & (samples.pace > 0)
+        samples.motion.speed, force, samples.known & (samples.speed_change_sign > 0)
     )
     along = np.column_stack([samples.motion.specific_force_x, samples.motion.speed])
     opposing = fit_quality.compute_force_fraction_against_motion(
-        along, force, samples.known & (samples.pace < 0), samples.known & (samples.pace > 0)
+        along,
+        force,
+        samples.known & (samples.speed_change_sign < 0),
+        samples.known & (samples.speed_change_sign > 0),
     )
     return (
         explained >= limits.r_squared_min

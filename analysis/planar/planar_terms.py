@@ -14,7 +14,12 @@ import numpy as np
 
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import PriorSettings
-from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
+from analysis.model.uncertainty_sources import (
+    IMU_POSITION,
+    SCALES,
+    StatedScaleFactor,
+    has_torque_of_sides,
+)
 from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_motion import (
     PlanarDrive,
@@ -58,7 +63,7 @@ class Term:
     shrinks: str
     axes: str
     applies: Callable[[Machine], bool] = lambda _: True
-    stated: Scale | None = None
+    stated: StatedScaleFactor | None = None
     least_u: float = 0.0
     combination: Callable[[PlanarDrive], ColumnCombination] = lambda _: ({}, {})
 

@@ -51,16 +51,16 @@ class LoadChangeInMotion:
     """Growth or fall of the load during one manoeuvre.
 
     Attributes:
-        unit: number of the manoeuvre in the samples.
+        manoeuvre_id: number of the manoeuvre in the samples.
         first: its first fitted sample.
-        kg: change of the load beyond the usual, from the first to the last fitted sample.
+        load_change_kg: change of the load beyond the usual, from the first to the last fitted sample.
         std_kg: standard deviation of the change.
         is_possible: whether the machine carried so much: else the manoeuvre misses the model.
     """
 
-    unit: int
+    manoeuvre_id: int
     first: int
-    kg: float
+    load_change_kg: float
     std_kg: float
     is_possible: bool = True
 
@@ -73,7 +73,7 @@ class LoadGrowthAtEveryStart:
         kg_s: growth rate, at least 0.
         deviations: z-score of the growth, including the residual common to all starts; NaN if
             undetermined.
-        moves_u: largest change of a mass or of the mean payload, in its standard uncertainties.
+        largest_mass_change_over_u: largest change of a mass or of the mean payload, in its standard uncertainties.
         effect_kg: (masses,) change of each mass.
         is_possible: whether the machine may fill itself while it drives. If not, the log shows
             something else that changes evenly over every start: a force that is late, or an
@@ -82,7 +82,7 @@ class LoadGrowthAtEveryStart:
 
     kg_s: float
     deviations: float
-    moves_u: float = 0.0
+    largest_mass_change_over_u: float = 0.0
     effect_kg: Floats | float = 0.0
     is_possible: bool = True
 
@@ -95,9 +95,9 @@ class LoadGrowthAtEveryStart:
         """
         if not self.is_possible:
             return 0.0
-        if np.isnan(self.moves_u):
+        if np.isnan(self.largest_mass_change_over_u):
             return float("nan")
-        return self.deviations * float(self.moves_u > 1.0)
+        return self.deviations * float(self.largest_mass_change_over_u > 1.0)
 
     @property
     def significant_mass_changes_kg(self) -> Floats | float:
@@ -153,14 +153,14 @@ def refit_with_load_growing_at_starts(
 
 def list_coefficients_of_mean_payloads(fit: JointFit) -> list[Floats]:
     """(masses,) weights of the mean payload: heavy manoeuvres less light ones; none of one load."""
-    loads, states = fit.found.relative_loads, fit.states
+    loads, states = fit.previous_estimates.relative_loads, fit.states
     if loads is None or states is None:
         return []
-    loaded = loads.mark_loaded_manoeuvres_by_number(states.unit)
+    loaded = loads.mark_loaded_manoeuvres_by_number(states.manoeuvre_ids)
     if loaded.all() or not loaded.any():
         return []
     each = np.where(loaded, 1.0 / loaded.sum(), -1.0 / (~loaded).sum())
-    return [np.bincount(states.membership, each, fit.mass_count).astype(np.float64)]
+    return [np.bincount(states.state_of_manoeuvre, each, fit.mass_count).astype(np.float64)]
 
 
 def find_manoeuvres_with_growing_load(
@@ -176,7 +176,9 @@ def find_manoeuvres_with_growing_load(
     if fit.states is None or not np.isfinite(fit.solution.residual_rms):
         return ()
     motion = fit.motion if motion is None else motion
-    rows = average_and_weight_fit_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
+    rows = average_and_weight_fit_columns(
+        motion, noise, fit.terms, fit.mean_samples, fit.previous_estimates
+    )
     unit = np.where(
         rows.group >= 0, find_manoeuvre_of_stretches(motion)[np.maximum(rows.group, 0)], -1
     )
@@ -246,8 +248,10 @@ def find_manoeuvres_with_growing_load(
 
 def look_up_load_states(states: LoadStates, manoeuvre_numbers: Ints) -> Ints:
     """Index of the load state of manoeuvres by their number, (n,); undefined beyond them."""
-    return states.membership[
-        np.searchsorted(states.unit, manoeuvre_numbers).clip(0, states.unit.size - 1)
+    return states.state_of_manoeuvre[
+        np.searchsorted(states.manoeuvre_ids, manoeuvre_numbers).clip(
+            0, states.manoeuvre_ids.size - 1
+        )
     ]
 
 
@@ -295,12 +299,16 @@ def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) 
     if states is None or fit.mass_count == 1:
         return float("inf")
     first, end = (
-        int(np.searchsorted(states.unit, manoeuvre_number, side)) for side in ("left", "right")
+        int(np.searchsorted(states.manoeuvre_ids, manoeuvre_number, side))
+        for side in ("left", "right")
     )
-    places = np.array([first] if end > first else [first - 1, first]).clip(0, states.unit.size - 1)
+    places = np.array([first] if end > first else [first - 1, first]).clip(
+        0, states.manoeuvre_ids.size - 1
+    )
     lightest = fit.make_mass_coefficients_of_state(int(np.argmin(fit.masses_kg)))
     loads = [
-        fit.make_mass_coefficients_of_state(int(k)) - lightest for k in states.membership[places]
+        fit.make_mass_coefficients_of_state(int(k)) - lightest
+        for k in states.state_of_manoeuvre[places]
     ]
     return max(float(each @ fit.masses_kg) + fit.mass_sum_u_kg(each) for each in loads)
 
@@ -317,16 +325,16 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:
         return none
-    place = np.searchsorted(states.unit, find_manoeuvre_of_fitted_samples(fit.motion))
-    top_m_s = np.zeros(states.unit.size)
+    place = np.searchsorted(states.manoeuvre_ids, find_manoeuvre_of_fitted_samples(fit.motion))
+    top_m_s = np.zeros(states.manoeuvre_ids.size)
     np.maximum.at(top_m_s, place, np.abs(fit.motion.speed[fit.motion.is_fittable]))
     creeps = top_m_s < LIMITS.creep_speed_ratio * np.median(top_m_s)
     drives = np.flatnonzero(~creeps)
     after = np.searchsorted(drives, np.arange(creeps.size))
     between = creeps & (after > 0) & (after < drives.size)
-    loads = states.membership[drives]
+    loads = states.state_of_manoeuvre[drives]
     changes = loads[(after - 1).clip(0)] != loads[after.clip(0, drives.size - 1)]
-    return states.unit[between & changes]
+    return states.manoeuvre_ids[between & changes]
 
 
 def compute_residual_force_of_rows_newtons(

@@ -46,10 +46,14 @@ class HaulRoute:
             manoeuvre_numbers: (manoeuvres,) numbers of the manoeuvres, ascending.
             loaded: (manoeuvres,) whether each manoeuvre carries a load.
         """
-        last = motion.unit.size - 1
-        begins_m = motion.driven_m[np.searchsorted(motion.unit, manoeuvre_numbers).clip(0, last)]
+        last = motion.manoeuvre_of_sample.size - 1
+        begins_m = motion.driven_m[
+            np.searchsorted(motion.manoeuvre_of_sample, manoeuvre_numbers).clip(0, last)
+        ]
         ends_m = motion.driven_m[
-            (np.searchsorted(motion.unit, manoeuvre_numbers, "right") - 1).clip(0, last)
+            (np.searchsorted(motion.manoeuvre_of_sample, manoeuvre_numbers, "right") - 1).clip(
+                0, last
+            )
         ]
         fills_m = begins_m[1:][loaded[1:] & ~loaded[:-1]]
         dumps = ~loaded[1:] & loaded[:-1]

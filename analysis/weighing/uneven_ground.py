@@ -101,7 +101,7 @@ class _DrivingDirection:
 
     @staticmethod
     def _prior_std_at_loading_place_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
-        return priors.ground_share * motion.weight
+        return priors.ground_share * motion.empty_weight_N
 
     def _does_motion_drive_in_direction(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.is_fittable] == self.sign
@@ -159,7 +159,7 @@ def make_random_walk_prior_std_function(
 ) -> Callable[[MotionSamples, PriorSettings], float]:
     """Make the function that gives the prior std of the change over a way: a random walk."""
     share = compute_relative_random_walk_std(length_m)
-    return lambda motion, priors: priors.ground_change_share * share * motion.weight
+    return lambda motion, priors: priors.ground_change_share * share * motion.empty_weight_N
 
 
 def compute_relative_random_walk_std(length_m: float) -> float:
@@ -179,7 +179,7 @@ def _make_route_term(route_part: int) -> Nuisance:
         f"ground_route_{route_part + 1}_of_{LIMITS.route_parts}",
         "N",
         route_column,
-        lambda e, s: s.ground_route_share * e.weight,
+        lambda e, s: s.ground_route_share * e.empty_weight_N,
         "how rolling resistance changes along the route, over ten metres",
         "more cycles; even ground",
         applies=lambda e: e.manoeuvre_count >= LIMITS.ground_min_manoeuvres,

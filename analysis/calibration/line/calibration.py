@@ -276,7 +276,9 @@ class Calibration:
             extra_kg2=sum_variance_not_in_scatter_of_points_kg2(
                 self.stated, self.common_kg if self.common_counts else 0.0
             ),
-            few_dof={} if self.few_days is None else {DAY: self.few_days},
+            degrees_of_freedom_by_scarce_effect={}
+            if self.few_days is None
+            else {DAY: self.few_days},
             most_readings=self.most_readings,
         )
 

@@ -285,6 +285,6 @@ def make_line_inversion_for_points(calibration: Calibration, points: list[Point]
         calibration.inversion,
         on_line=np.array([effect.on_line for effect in effects]),
         covariance=variances.covariance,
-        few_dof={DAY: len(days) - 1} if several_days else {},
+        degrees_of_freedom_by_scarce_effect={DAY: len(days) - 1} if several_days else {},
         most_readings=int(readings.max()),
     )

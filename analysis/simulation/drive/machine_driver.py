@@ -19,7 +19,10 @@ from analysis.simulation.plant.integrated_motion import (
     RowBuffer,
 )
 from analysis.simulation.plant.plant_inputs import DriveStage, make_machine_and_ground_of_scenario
-from analysis.simulation.plant.resistance import cold_friction_fraction, rolling_resistance
+from analysis.simulation.plant.resistance import (
+    cold_friction_fraction,
+    compute_rolling_resistance_newtons,
+)
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_random_generator
@@ -369,7 +372,7 @@ class MachineDriver:
     ) -> float:
         """Rolling resistance of a mass at the machine's position, in N."""
         slope_rad = float(self.scenario.terrain.compute_slope_rad(self.position_m))
-        return rolling_resistance(
+        return compute_rolling_resistance_newtons(
             self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._machine
         )
 

@@ -20,7 +20,7 @@ from analysis.simulation.plant.resistance import (
     cold_friction_fraction,
     compute_coulomb_friction_newtons,
     compute_gentle_brake_force_newtons,
-    rolling_resistance,
+    compute_rolling_resistance_newtons,
 )
 from estimators.arrays import Floats
 from estimators.compiled import compiled, compiled_inline
@@ -139,7 +139,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     ground = force / machine.efficiency if force * wheel < 0.0 else force * machine.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
     capacity = compute_coulomb_friction_newtons(t, turn, machine, stage)
-    capacity += rolling_resistance(
+    capacity += compute_rolling_resistance_newtons(
         y[POSITION], wheel, turn, mass, slope, machine
     ) + compute_gentle_brake_force_newtons(t, grip, mass, gravity, machine, stage)
     # material that stood takes up the body's speed

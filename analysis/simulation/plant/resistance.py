@@ -53,7 +53,7 @@ def compute_gentle_brake_force_newtons(
 
 
 @compiled_inline
-def rolling_resistance(
+def compute_rolling_resistance_newtons(
     position_m: float,
     speed_m_s: float,
     turn_rad_s: float,

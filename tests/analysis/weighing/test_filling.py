@@ -18,7 +18,7 @@ FILLS_KG_S = (20.0, 50.0)
 def test_a_bucket_that_fills_moves_the_mass_and_is_evidence_in_full(fill_kg_s: float) -> None:
     fills = {"loading": {"fill_kg_s": fill_kg_s}, "starts": {"directions": "alternating"}}
     filling = weighed(fills).weighing.filling
-    assert filling.moves_u > 1.0
+    assert filling.largest_mass_change_over_u > 1.0
     assert filling.load_growth_over_std == filling.deviations
 
 
