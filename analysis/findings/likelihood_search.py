@@ -308,7 +308,10 @@ def score_remaining_causes(
 
 
 def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
-    """Rows of the force and of the wheels; those of the wheels need an accelerometer."""
+    """Whitened rows of the force equation and of the wheel equation.
+
+    The wheel equation is None without an accelerometer.
+    """
     fit, noise = inputs.log_only_fit, inputs.column_noise
     assert fit is not None
     assert noise is not None

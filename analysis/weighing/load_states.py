@@ -42,7 +42,7 @@ class LoadStates:
     Attributes:
         unit: (units,) numbers of the manoeuvres in the samples, ascending.
         membership: (units,) load state of each manoeuvre, numbered by time.
-        level_kg: (units,) mass of each manoeuvre by itself, without the nuisances.
+        level_kg: (units,) mass of each manoeuvre by itself, corrected for the nuisances.
         std_kg: (units,) its standard deviation from the manoeuvre alone.
         scatter_kg: standard deviation of manoeuvres about their state.
         freedom: degrees of freedom of the scatter; infinite if it is stated or assumed.
@@ -52,8 +52,8 @@ class LoadStates:
         other: the alternative partition, if the log cannot decide; else None.
         load_returns: whether a load recurs after another one, such as the empty machine.
         log_odds: log odds of these states against a single one.
-        assumes_scatter: whether the scatter is the usual one, since the changes of the load that
-            the masses alone show are too small to tell it.
+        assumes_scatter: whether the usual scatter is assumed, since the masses alone show too small
+            load changes to estimate it.
     """
 
     unit: Ints

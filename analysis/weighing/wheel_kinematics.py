@@ -76,7 +76,8 @@ class WheelKinematics:
         """Replace slip, gain and delay by those learnt by a calibration.
 
         The three are correlated, so they are replaced together. This log's own values stay if its
-        gain exceeds its prior or wheels and accelerometer are inconsistent.
+        gain exceeds what its prior and the noise allow, if wheels and accelerometer are
+        inconsistent, or if a term is not learnt.
         """
         terms = [priors.learnt[name] for name in TERMS if name in priors.learnt]
         if len(terms) < len(TERMS) or not self.is_consistent or self.gain_counts:
