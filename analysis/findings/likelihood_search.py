@@ -130,7 +130,7 @@ def _select_causes_stepwise(inputs: FindingInputs) -> dict[str, FittedCause]:
 def _refit_selected_delays_and_friction(
     inputs: FindingInputs, uncorrected: MotionSamples, selected_causes: Mapping[str, FittedCause]
 ) -> dict[str, FittedCause]:
-    """Fit selected delays and Coulomb friction again, each with all others beside it.
+    """Refit the selected delays and Coulomb friction, each jointly with all others.
 
     Whichever was selected first was fitted without the other, and both are steps where the motion
     turns.

@@ -352,7 +352,7 @@ def make_columns_of_piece(
     terms: tuple[Nuisance, ...],
     previous_estimates: PreviousEstimates,
 ) -> _PieceColumns:
-    """Make the columns of the fitted samples of a piece; those around are for what looks there."""
+    """Make the columns of the fitted samples of a piece; delays and means use those around them."""
     in_time = motion.advance_force(previous_estimates.lag_s)
     if previous_estimates.speed_delay_s:
         # what a late speed does to friction goes with the motion, which a specific force is not

@@ -176,7 +176,7 @@ def compute_mass_difference_std_by_direction_kg(fit: JointFit) -> float:
 
 
 def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
-    """Whether loads alternate with the direction, and nothing besides the masses tells of them."""
+    """Whether loads alternate with the direction, and only the masses indicate their changes."""
     states, motion = fit.states, fit.motion
     assert states is not None
     if motion.empty is not None:

@@ -102,7 +102,7 @@ ComparisonRows = tuple[Floats, Floats, Ints, NoiseMoments]
 def estimate_gain_that_noise_mimics(
     rows: ComparisonRows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> float:
-    """Size of the gain by which noise in the integrated accelerometer shrinks what it tells.
+    """Size of the apparent gain that noise in the integrated accelerometer causes.
 
     A column with noise of its own has too small a coefficient (Fuller, Measurement Error Models,
     section 1.1). The integral of white noise walks; without its line, N steps leave a mean square

@@ -58,7 +58,7 @@ class CampaignRun(BaseModel):
 
     @property
     def load_id(self) -> str:
-        """The name of what is on board."""
+        """Name of the loads on board."""
         return "+".join(sorted(self.loads)) or EMPTY
 
     def contains_middle_of_span(self, start_s: float, end_s: float) -> bool:
