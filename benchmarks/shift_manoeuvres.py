@@ -187,8 +187,8 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
 def _with_true_states(truth: DrawnShift, states: LoadStates) -> LoadStates:
     of = np.unique(truth.membership, return_inverse=True)[1].astype(np.int64)
     return LoadStates(
-        states.manoeuvre_ids, of, states.manoeuvre_mass_kg, states.std_kg, states.scatter_kg, states.degrees_of_freedom,
-        states.birge_ratio,
+        states.manoeuvre_ids, of, states.manoeuvre_mass_kg, states.std_kg, states.scatter_kg,
+        states.degrees_of_freedom, states.birge_ratio,
     )  # fmt: skip
 
 

@@ -56,7 +56,7 @@ class LoadPasses:
 
     @property
     def drift_corrected_masses_kg(self) -> Floats:
-        """(passes,) mass of each, were the empty machine's what it is at first.
+        """(passes,) mass of each pass, corrected for drift and step of the empty machine's mass.
 
         The gain of the force is its mean over the log.
         """

@@ -100,7 +100,7 @@ def make_shift_totals_frame(
 
 
 def estimate_min_detectable_load_kg(manoeuvres: pl.DataFrame, loads: pl.DataFrame) -> float | None:
-    """Smallest load in kg that one start tells from an empty machine; None without masses.
+    """Smallest load in kg that a single start can detect; None without masses.
 
     The minimum detectable value of ISO 11843-1, by the standard deviation of a start's mass: its
     noise and the scatter of starts with one load.

@@ -112,7 +112,7 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _format_offset_setting(inputs: FindingInputs, name: str, reading_at_rest: float) -> str:
-    """Offset of the channel that removes what it reads at rest, as TOML."""
+    """Offset of the channel that makes its reading at rest zero, as TOML."""
     channel = inputs.machine.channels[name]
     if channel.unit is None:
         return f"{channel.offset - reading_at_rest:.6g}"

@@ -67,7 +67,8 @@ class AxisNoise:
 
     Attributes:
         ratios: noise ratios of the columns and the force or torque, for total least squares.
-        moving_mean_covariance: (p + 1, p + 1) covariance in a row of [A f] after the moving mean; None if unknown.
+        moving_mean_covariance: (p + 1, p + 1) covariance in a row of [A f] after the moving mean;
+            None if unknown.
         long_sum_variance: (p + 1, p + 1) variance per sample of long sums; None if unknown.
     """
 

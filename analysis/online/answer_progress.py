@@ -62,7 +62,7 @@ class AnswerProgress:
 
     @property
     def missing_manoeuvre_count(self) -> int | None:
-        """Number of further such manoeuvres needed; None before the first."""
+        """Number of further manoeuvres needed; None before the first, or without a target."""
         if not self.manoeuvre_count or self.until_u_kg is None:
             return None
         return max(
@@ -71,7 +71,7 @@ class AnswerProgress:
 
     @property
     def missing_reverse_count(self) -> int | None:
-        """Number of them in reverse, so that slope and constant force cancel."""
+        """Number of missing manoeuvres in reverse, so that slope and constant force cancel."""
         missing = self.missing_manoeuvre_count
         if missing is None:
             return None

@@ -44,8 +44,8 @@ class LogBasis:
 
     Attributes:
         machine: machine with grid rate, window and moving mean.
-        log_time_offset_ns_by_topic: offset subtracted from the log times of each topic in ns; None if header stamps are
-            used.
+        log_time_offset_ns_by_topic: offset subtracted from the log times of each topic in ns; None
+            if header stamps are used.
         stamp_label_by_topic: kind of stamp of each topic, for readers.
         origin: origin of the grid.
         held: channels whose readings are held, as far as the first seconds show it.
@@ -272,12 +272,13 @@ def cut_topics_to_first_seconds(
     return {t: f.filter(f["log_time_ns"] <= max(reached)) for t, f in topics.items()}
 
 
-def find_log_time_minus_header_stamp_ns(frame: pl.DataFrame, topic: str) -> int | None:
-    """Offset subtracted from log times; None if header stamps are used.
+def find_log_time_minus_header_stamp_ns(frame: pl.DataFrame, stamp_label: str) -> int | None:
+    """Median log time less header stamp in ns, which is subtracted from log times.
 
-    Header stamps that scatter are identified by their label: log time is used although they exist.
+    It is 0 if header stamps are missing, zero or a second or more off, and None if header stamps
+    are used.
     """
-    if topic == "header":
+    if stamp_label == "header":
         return None
     headers = frame["header_stamp_ns"]
     if headers.null_count() == frame.height or (headers == 0).any():

@@ -236,7 +236,7 @@ def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
 def is_joint_planar_fit_plausible(
     samples: PlanarSamples, estimate: BaseEstimate, fit_row: Mapping[str, Any], settings: Settings
 ) -> bool:
-    """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
+    """Whether the joint fit passes the checks of straight motion on its own ungated samples."""
     limits = settings.verdict
     explained = min(fit_row["r_squared_x_1"], fit_row["r_squared_z_1"])
     # of a mass and an inertia; those that the motion does not determine are not told anyway

@@ -46,8 +46,8 @@ class RelativeMassDeviations:
     """Relative deviation of each manoeuvre's total mass from the mean.
 
     Attributes:
-        unit: (units,) numbers of the manoeuvres, ascending.
-        value: (units,) mass of each manoeuvre over the mean, less 1.
+        unit: (manoeuvres,) numbers of the manoeuvres, ascending.
+        value: (manoeuvres,) mass of each manoeuvre over the mean, less 1.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
     """
@@ -60,7 +60,7 @@ class RelativeMassDeviations:
     def from_masses(
         cls, manoeuvre_numbers: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
     ) -> Self | None:
-        """Relate (units,) masses to their mean; None if they are not plausible masses.
+        """Relate (manoeuvres,) masses to their mean; None if they are not plausible masses.
 
         An implausible mass is replaced by a typical one, or it would dominate the contrast of all
         loads.
@@ -352,7 +352,7 @@ def make_columns_of_piece(
     terms: tuple[Nuisance, ...],
     previous_estimates: PreviousEstimates,
 ) -> _PieceColumns:
-    """Make the columns of the fitted samples of a piece; those around are for what looks there."""
+    """Make the columns of the fitted samples of a piece; delays and means use those around them."""
     in_time = motion.advance_force(previous_estimates.lag_s)
     if previous_estimates.speed_delay_s:
         # what a late speed does to friction goes with the motion, which a specific force is not

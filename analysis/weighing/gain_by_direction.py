@@ -176,7 +176,7 @@ def compute_mass_difference_std_by_direction_kg(fit: JointFit) -> float:
 
 
 def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
-    """Whether loads alternate with the direction, and nothing besides the masses tells of them."""
+    """Whether loads alternate with the direction, and only the masses indicate their changes."""
     states, motion = fit.states, fit.motion
     assert states is not None
     if motion.empty is not None:
@@ -191,7 +191,7 @@ def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
 
 
 def mark_forward_manoeuvres(motion: MotionSamples) -> Bools:
-    """Whether each manoeuvre goes forwards, (units,)."""
+    """Whether each manoeuvre goes forwards, (manoeuvres,)."""
     first = np.flatnonzero(motion.is_fittable)[
         mark_stretch_starts(find_manoeuvre_of_fitted_samples(motion))
     ]
@@ -210,7 +210,7 @@ def compute_mean_mass_in_reverse_and_forwards_kg(
 
 
 def mark_manoeuvres_of_heavier_direction(states: LoadStates, is_forward: Bools) -> Bools:
-    """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
+    """Whether each manoeuvre is nearer to the heavier direction's mass, (manoeuvres,)."""
     return states.manoeuvre_mass_kg > float(
         np.mean(compute_mean_mass_in_reverse_and_forwards_kg(states, is_forward))
     )
@@ -237,7 +237,7 @@ def do_heavy_masses_scatter_more_than_light(states: LoadStates, is_heavy: Bools)
 
     Args:
         states: manoeuvres of one load, weighed with the gain of each direction.
-        is_heavy: (units,) whether each manoeuvre was heavy before.
+        is_heavy: (manoeuvres,) whether each manoeuvre was heavy before.
     """
     spread = [
         _variance_to_noise_ratio(states.manoeuvre_mass_kg[each], states.std_kg[each])

@@ -53,7 +53,8 @@ class LoadChangeInMotion:
     Attributes:
         manoeuvre_id: number of the manoeuvre in the samples.
         first: its first fitted sample.
-        load_change_kg: change of the load beyond the usual, from the first to the last fitted sample.
+        load_change_kg: change of the load beyond the usual, from the first to the last fitted
+            sample.
         std_kg: standard deviation of the change.
         is_possible: whether the machine carried so much: else the manoeuvre misses the model.
     """
@@ -73,7 +74,8 @@ class LoadGrowthAtEveryStart:
         kg_s: growth rate, at least 0.
         deviations: z-score of the growth, including the residual common to all starts; NaN if
             undetermined.
-        largest_mass_change_over_u: largest change of a mass or of the mean payload, in its standard uncertainties.
+        largest_mass_change_over_u: largest change of a mass or of the mean payload, in its standard
+            uncertainties.
         effect_kg: (masses,) change of each mass.
         is_possible: whether the machine may fill itself while it drives. If not, the log shows
             something else that changes evenly over every start: a force that is late, or an
@@ -179,18 +181,24 @@ def find_manoeuvres_with_growing_load(
     rows = average_and_weight_fit_columns(
         motion, noise, fit.terms, fit.mean_samples, fit.previous_estimates
     )
-    unit = np.where(
+    manoeuvre_of_row = np.where(
         rows.group >= 0, find_manoeuvre_of_stretches(motion)[np.maximum(rows.group, 0)], -1
     )
-    by_unit = dict(zip(list_group_numbers(unit).tolist(), list_rows_by_group(unit), strict=True))
+    by_manoeuvre = dict(
+        zip(
+            list_group_numbers(manoeuvre_of_row).tolist(),
+            list_rows_by_group(manoeuvre_of_row),
+            strict=True,
+        )
+    )
     none = np.empty(0, np.int64)
     numbers = np.unique(find_manoeuvre_of_stretches(motion))
-    parts = [by_unit.get(each, none) for each in numbers.tolist()]
+    parts = [by_manoeuvre.get(each, none) for each in numbers.tolist()]
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = compute_residual_force_of_rows_newtons(fit, rows, unit)
-    usual = np.median(np.abs(left[unit >= 0]))
+    left = compute_residual_force_of_rows_newtons(fit, rows, manoeuvre_of_row)
+    usual = np.median(np.abs(left[manoeuvre_of_row >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
         most = (
@@ -208,7 +216,7 @@ def find_manoeuvres_with_growing_load(
         LIMITS.own_constant_fraction * fit.motion.force_95_percentile_newtons,
     )
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
-    if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
+    if not (np.isfinite(tied).all() and np.isfinite(left[manoeuvre_of_row >= 0]).all()):
         return ()  # of a fit that determines nothing
     slopes = np.array(
         [
@@ -320,7 +328,7 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
         fit: the joint fit of the log, with its load states.
 
     Returns:
-        (k,) numbers of the manoeuvres, as in `fit.states.unit`; empty if no load returns.
+        (k,) numbers of the manoeuvres, as in `fit.states.manoeuvre_ids`; empty if no load returns.
     """
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:

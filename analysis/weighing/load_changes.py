@@ -16,8 +16,8 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
     after it if only that border has no sign of a load change.
     """
-    unit = motion.manoeuvre_of_sample[mark_stretch_starts(motion.stretch_of_sample)]
-    number, of = np.unique(unit, return_inverse=True)
+    manoeuvre_of_stretch = motion.manoeuvre_of_sample[mark_stretch_starts(motion.stretch_of_sample)]
+    number, of = np.unique(manoeuvre_of_stretch, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.stretch_of_sample[motion.is_fittable]))
     tells = samples >= min(
         count_rows_in_duration(
@@ -45,7 +45,7 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
 
 
 def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, count: int) -> Floats:
-    """Range of the speeds of each manoeuvre, (units,) in m/s.
+    """Range of the speeds of each manoeuvre, (manoeuvres,) in m/s.
 
     Args:
         motion: the samples.

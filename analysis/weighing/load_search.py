@@ -95,7 +95,7 @@ class _PartitionComparison:
     Attributes:
         task: the fit without load states.
         units: mass estimate of each manoeuvre by itself.
-        number: (units,) numbers of the manoeuvres.
+        number: (manoeuvres,) numbers of the manoeuvres.
         samples: length of the means.
         known: criterion of each membership that was compared, by its bytes.
     """
@@ -131,7 +131,7 @@ class _PartitionComparison:
         )
 
     def make_load_states(self, state_of_manoeuvre: Ints) -> LoadStates:
-        """Load states of a partition, with (units,) membership."""
+        """Load states of a partition, given the state of each manoeuvre, (manoeuvres,)."""
         return make_states_of_partition(self.units, self.number, state_of_manoeuvre)
 
     def compute_akaike_criterion(self, state_of_manoeuvre: Ints) -> float:
@@ -289,7 +289,7 @@ def _set_masses_to_unknown(fit: JointFit) -> JointFit:
 
 
 def _is_partition_of_fit(fit: JointFit, state_of_manoeuvre: Ints) -> bool:
-    """Whether a fit has these load states, (units,)."""
+    """Whether a fit has these load states, (manoeuvres,)."""
     return fit.states is not None and np.array_equal(
         fit.states.state_of_manoeuvre, state_of_manoeuvre
     )

@@ -23,8 +23,8 @@ class AlternativePartition:
     """The next likely partition into loads, if the log does not exclude it.
 
     Attributes:
-        state_of_manoeuvre: (units,) load state of each manoeuvre.
-        mass_difference_kg: (units,) difference of each manoeuvre's mass.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre.
+        mass_difference_kg: (manoeuvres,) difference of each manoeuvre's mass.
         scatter_kg: standard deviation of manoeuvres about their state.
         probability: probability that the chosen states are wrong.
     """
@@ -40,10 +40,10 @@ class LoadStates:
     """The load state of each manoeuvre.
 
     Attributes:
-        manoeuvre_ids: (units,) numbers of the manoeuvres in the samples, ascending.
-        state_of_manoeuvre: (units,) load state of each manoeuvre, numbered by time.
-        manoeuvre_mass_kg: (units,) mass of each manoeuvre by itself, without the nuisances.
-        std_kg: (units,) its standard deviation from the manoeuvre alone.
+        manoeuvre_ids: (manoeuvres,) numbers of the manoeuvres in the samples, ascending.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre, numbered by time.
+        manoeuvre_mass_kg: (manoeuvres,) mass of each manoeuvre by itself, corrected for nuisances.
+        std_kg: (manoeuvres,) its standard deviation from the manoeuvre alone.
         scatter_kg: standard deviation of manoeuvres about their state.
         degrees_of_freedom: degrees of freedom of the scatter; infinite if it is stated or assumed.
         birge_ratio: deviation between manoeuvres over that within each; NaN if there is nothing to
@@ -52,8 +52,8 @@ class LoadStates:
         alternative_partition: the alternative partition, if the log cannot decide; else None.
         load_returns: whether a load recurs after another one, such as the empty machine.
         log_odds: log odds of these states against a single one.
-        assumes_scatter: whether the scatter is the usual one, since the changes of the load that
-            the masses alone show are too small to tell it.
+        assumes_scatter: whether the usual scatter is assumed, since the masses alone show too small
+            load changes to estimate it.
     """
 
     manoeuvre_ids: Ints
@@ -109,12 +109,12 @@ class LoadStates:
 
     def reassign_to_manoeuvres_of_motion(self, motion: MotionSamples) -> "LoadStates":
         """These states for a motion with other manoeuvres, numbered again."""
-        unit = np.unique(find_manoeuvre_of_stretches(motion))
-        place = np.searchsorted(self.manoeuvre_ids, unit, "right") - 1
+        new_ids = np.unique(find_manoeuvre_of_stretches(motion))
+        place = np.searchsorted(self.manoeuvre_ids, new_ids, "right") - 1
         place = place.clip(0, self.manoeuvre_ids.size - 1)
         return replace(
             self,
-            manoeuvre_ids=unit,
+            manoeuvre_ids=new_ids,
             state_of_manoeuvre=np.unique(self.state_of_manoeuvre[place], return_inverse=True)[1],
             manoeuvre_mass_kg=self.manoeuvre_mass_kg[place],
             std_kg=self.std_kg[place],
@@ -169,7 +169,7 @@ def find_load_states(
 
     Args:
         masses: mass estimate of each manoeuvre.
-        manoeuvre_ids: (units,) number of each manoeuvre in the log.
+        manoeuvre_ids: (manoeuvres,) number of each manoeuvre in the log.
         repeatability_kg: scatter of manoeuvres of one load, if the machine file states it.
     """
     if not (np.isfinite(masses.y).all() and (masses.variance > 0.0).all()):
@@ -202,20 +202,24 @@ def find_load_states(
 
 
 def make_states_of_partition(
-    masses: GroupEffects, manoeuvre_ids: Ints, membership: Ints, *, usual_scatter: bool = True
+    masses: GroupEffects,
+    manoeuvre_ids: Ints,
+    state_of_manoeuvre: Ints,
+    *,
+    usual_scatter: bool = True,
 ) -> LoadStates:
     """Load states of a given partition.
 
     Args:
         masses: mass estimate of each manoeuvre.
-        manoeuvre_ids: (units,) number of each manoeuvre in the log.
-        membership: (units,) load state of each manoeuvre, numbered by time.
+        manoeuvre_ids: (manoeuvres,) number of each manoeuvre in the log.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre, numbered by time.
         usual_scatter: whether to assume the usual scatter, if `masses` are of other loads.
     """
     typical_kg = compute_median_manoeuvre_mass_kg(masses)
     posterior = PartitionPosterior(masses, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
     partition = posterior.evaluate_partition_posterior(
-        Stretches.from_boundaries(membership, masses.kind)
+        Stretches.from_boundaries(state_of_manoeuvre, masses.kind)
     )
     states = _make_load_states(masses, manoeuvre_ids, partition)
     if not usual_scatter:
@@ -293,9 +297,9 @@ def compute_weighted_mean_mass_by_state_kg(
     """Weighted means by state, (states,).
 
     Args:
-        mass_kg: (units,) mass of each manoeuvre.
-        statistical_weight: (units,) weight of each manoeuvre.
-        state_of_manoeuvre: (units,) state of each manoeuvre, from 0.
+        mass_kg: (manoeuvres,) mass of each manoeuvre.
+        statistical_weight: (manoeuvres,) weight of each manoeuvre.
+        state_of_manoeuvre: (manoeuvres,) state of each manoeuvre, from 0.
     """
     return np.bincount(state_of_manoeuvre, weights=statistical_weight * mass_kg) / np.bincount(
         state_of_manoeuvre, weights=statistical_weight

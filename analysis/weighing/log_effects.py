@@ -53,8 +53,10 @@ class MostProbableEffects:
         probability: (choices,) probabilities of the other choices.
         mass_change_by_choice_kg: (choices, masses) change of the masses by each other choice.
         response_kg: (masses, terms) response of the masses to one unit of each term.
-        added_covariance_by_choice: (choices, terms, terms) additional covariance of each other choice.
-        mass_change_without_effect_kg: (masses,) change of the masses without each included effect, by effect.
+        added_covariance_by_choice: (choices, terms, terms) additional covariance of each other
+            choice.
+        mass_change_without_effect_kg: (masses,) change of the masses without each included effect,
+            by effect.
     """
 
     left_out: tuple[str, ...]

@@ -103,11 +103,12 @@ class MotionSamples:
         by_accelerometer: whether the acceleration is from the accelerometer.
         force_share: fraction of the force at the measured wheels.
         empty_weight_N: weight of the empty machine in N, estimated if it is not stated.
-        boom_and_bucket_angles_rad: measured angles of boom and bucket in rad, as hints of a load change.
+        boom_and_bucket_angles_rad: measured angles of boom and bucket in rad, as hints of a load
+            change.
         is_digging: whether each sample lies in a digging start; None if unknown.
         empty: whether each sample is named as empty machine; None if none is.
-        earlier_stop_count: number of earlier stops or gaps, the only places where a load changes; None if `manoeuvre_of_sample`
-            says so.
+        earlier_stop_count: number of earlier stops or gaps, the only places where a load changes;
+            None if `manoeuvre_of_sample` says so.
         long_gap_count: number of earlier gaps as long as between files.
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
@@ -349,19 +350,19 @@ def collect_motion_samples(
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = count_standstills_so_far(excitation)
-    unit = number_manoeuvres_and_split_long_drives(
+    manoeuvre = number_manoeuvres_and_split_long_drives(
         stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
     )
     longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
     long_gap_count = count_gaps_so_far(known, longest_hole)
-    group = split_stretches_at_manoeuvres(group, unit)
+    group = split_stretches_at_manoeuvres(group, manoeuvre)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
         speed,
         np.where(known, force, 0.0),
         group,
         find_manoeuvre_direction_of_samples(group, speed),
-        unit,
+        manoeuvre,
         settings.align.rate_hz,
         measured,
         level,

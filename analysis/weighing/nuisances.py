@@ -65,7 +65,10 @@ def constant_force_prior_std_newtons(
 def friction_prior_std_newtons(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
-    """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
+    """Prior standard deviation of Coulomb friction and rolling resistance in N.
+
+    It is a share of the driving force and a share of the weight.
+    """
     by_weight_N = priors.direction_weight_share * weight_N
     return float(np.hypot(priors.direction_share * largest_force_N, by_weight_N))
 

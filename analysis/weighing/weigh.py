@@ -86,9 +86,10 @@ class Weighing:
             is one and the log does not tell its loads from it.
         other_motion: change of the mass with the other acceleration, if wheels and accelerometer
             disagree by more than the settings allow.
-        fit_without_learnt_priors_or_none: the fit without learnt priors; None if that is the answer.
-        fit_with_wide_learnt_priors: the fit with learnt priors as wide as their means are uncertain; None if `fit_without_learnt_priors_or_none`
-            is.
+        fit_without_learnt_priors_or_none: the fit without learnt priors; None if that is the
+            answer.
+        fit_with_wide_learnt_priors: the fit with learnt priors as wide as their means are
+            uncertain; None if `fit_without_learnt_priors_or_none` is.
         learnt: priors learnt by a calibration.
     """
 

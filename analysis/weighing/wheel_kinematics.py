@@ -76,7 +76,8 @@ class WheelKinematics:
         """Replace slip, gain and delay by those learnt by a calibration.
 
         The three are correlated, so they are replaced together. This log's own values stay if its
-        gain exceeds its prior or wheels and accelerometer are inconsistent.
+        gain exceeds what its prior and the noise allow, if wheels and accelerometer are
+        inconsistent, or if a term is not learnt.
         """
         terms = [priors.learnt[name] for name in TERMS if name in priors.learnt]
         if len(terms) < len(TERMS) or not self.is_consistent or self.is_gain_significant:
@@ -101,7 +102,7 @@ ComparisonRows = tuple[Floats, Floats, Ints, NoiseMoments]
 def estimate_gain_that_noise_mimics(
     rows: ComparisonRows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> float:
-    """Size of the gain by which noise in the integrated accelerometer shrinks what it tells.
+    """Size of the apparent gain that noise in the integrated accelerometer causes.
 
     A column with noise of its own has too small a coefficient (Fuller, Measurement Error Models,
     section 1.1). The integral of white noise walks; without its line, N steps leave a mean square

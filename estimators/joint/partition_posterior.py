@@ -50,7 +50,7 @@ class Partition:
 
     @property
     def stretch_count(self) -> int:
-        """Number of stretches of units at one level."""
+        """Number of stretches."""
         return self.levels.size
 
     @property

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 _REMEDY: Final = (
     "ask the laboratory for one that names them, or state the masses by value_kg and u_kg"
 )
+_REMEDY_OF_AMBIGUITY: Final = (
+    "ask the laboratory for a corrected certificate, or state the masses by value_kg and u_kg"
+)
 
 #: An item with all that it may be called by.
 NamedItem = tuple["_Element", Sequence[str]]
@@ -74,7 +77,9 @@ def read_certified_masses(
         choices = ", ".join(names[0] for _, names in named if names)[:400] or "none with an id"
         raise EvidenceError(f"{certificate_name}: has no item '{item_id}'; its items: {choices}")
     if item_id and len(wanted) > 1:
-        raise EvidenceError(f"{certificate_name}: has {len(wanted)} items named '{item_id}'")
+        raise EvidenceError(
+            f"{certificate_name}: has {len(wanted)} items named '{item_id}'; {_REMEDY_OF_AMBIGUITY}"
+        )
     core = admin.find(f"{{{DCC}}}coreData")
     assert core is not None
     certificate = read_leaf_text(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
@@ -120,7 +125,8 @@ class _CertificateMasses:
             ]
             if len(chosen) > 1:
                 raise EvidenceError(
-                    f"{item_label}: has {len(chosen)} quantities of the kind '{kind}'"
+                    f"{item_label}: has {len(chosen)} quantities of the kind '{kind}', so it is "
+                    f"not clear which is its mass; {_REMEDY_OF_AMBIGUITY}"
                 )
             if chosen:
                 return read_mass_and_standard_u_kg(*chosen[0], item_label)

@@ -223,7 +223,7 @@ def _choose_field_name_with_side_first(topic: str | None, field: str) -> str:
 
 
 def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:
-    """Meaning of a field with what its topic says and its own name leaves open."""
+    """Complete the meaning of a field from the name of its topic."""
     for segment in reversed((topic or "").strip("/").split("/")[-2:]):
         around = interpret_column_name(segment)
         column_meaning = replace(

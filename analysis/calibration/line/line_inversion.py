@@ -42,9 +42,9 @@ class LineInversion:
         estimated: (estimated,) effects whose variances are estimated.
         covariance: (estimated, estimated) covariance of these variances.
         extra_kg2: variance of every later value that the points do not show.
-        degrees_of_freedom_by_scarce_effect: effects with few degrees of freedom, by name, with these: each has its own Student
-            factor. Welch and Satterthwaite's single one trusts an estimate of one or two degrees of
-            freedom when it happens to be small.
+        degrees_of_freedom_by_scarce_effect: effects with few degrees of freedom, by name, with
+            these: each has its own Student factor. Welch and Satterthwaite's single one trusts an
+            estimate of one or two degrees of freedom when it happens to be small.
         most_readings: largest number of readings of a run of the campaign.
     """
 
@@ -307,7 +307,7 @@ class LineInversion:
 
 
 def compute_two_sided_student_factor(confidence_1: float, degrees_of_freedom: Floats) -> Floats:
-    """Student's factor of a two-sided interval, by element; normal for infinite `degrees_of_freedom`."""
+    """Student's factor of a two-sided interval, by element; that of a normal for infinite ones."""
     level = 0.5 + 0.5 * confidence_1
     finite = np.isfinite(degrees_of_freedom)
     return np.where(finite, stdtrit(np.where(finite, degrees_of_freedom, 1.0), level), ndtri(level))

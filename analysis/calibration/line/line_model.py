@@ -135,8 +135,9 @@ def choose_estimable_random_effects(
 def make_mean_square_to_variance_matrix(points: Points, effect_names: tuple[str, ...]) -> Floats:
     """(effects, effects) matrix from mean squares, which cannot be negative, to variances.
 
-    If means of runs scatter by chance less than their readings imply, their own variance is
-    negative; cut off at 0, it would widen every interval by the factor of few degrees of freedom.
+    Run means may scatter by chance less than their readings imply; the variance between runs is
+    then negative. Cut off at 0, it would leave few degrees of freedom, and their Student factor
+    would widen every interval.
     The mean squares of a run's mean, with the largest number of readings, and of a day's mean stay
     positive.
     """

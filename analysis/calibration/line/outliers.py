@@ -179,7 +179,7 @@ def _compute_whitening_matrix(calibration: Calibration, points: list[Point]) -> 
 
 
 def _compute_residual_projector(whitening_matrix: Floats, x_kg: Floats) -> Floats:
-    """(points, points) projection of whitened points on what a line leaves of them."""
+    """(points, points) projector of whitened points onto their residuals about a line."""
     q = np.linalg.qr(whitening_matrix @ np.column_stack([np.ones_like(x_kg), x_kg - x_kg.mean()]))[
         0
     ]
@@ -189,7 +189,7 @@ def _compute_residual_projector(whitening_matrix: Floats, x_kg: Floats) -> Float
 def _compute_squares_removed_by_columns(
     products_with_residual: Floats, squared_norms: Floats
 ) -> Floats:
-    """(columns,) sum of squares that each column alone takes off a residual.
+    """(columns,) decrease of a residual's sum of squares by each column alone.
 
     Args:
         products_with_residual: (columns,) its scalar products with the residual.

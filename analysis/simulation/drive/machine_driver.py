@@ -294,7 +294,8 @@ class MachineDriver:
         )
         if np.abs(rows[:kept, 1 + plant.WHEEL]).max() > LIMITS.top_speed_m_s:
             raise ScenarioError(
-                f"campaign.throttle_force_N: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
+                "campaign.throttle_force_N: drives the machine beyond "
+                f"{LIMITS.top_speed_m_s:g} m/s; lower it"
             )
         self.kept.commit_rows(kept, stage_kind)
         return rows[:kept]

@@ -147,9 +147,9 @@ class _TrialLimits:
             where = f"in {scenario_key or 'campaign'}.start_s"
             raise ScenarioError(
                 f"{scenario_key or 'campaign.throttle_force_N'}: "
-                f"reaches {reached_N:.0f} N {where}, but "
-                f"slope and friction hold {self.heaviest.mass_kg:g} kg with "
-                f"{resistance_N:.0f} N"
+                f"the driving force reaches {reached_N:.0f} N {where}, but "
+                f"slope and friction resist {self.heaviest.mass_kg:g} kg with "
+                f"{resistance_N:.0f} N; raise the force or reduce slope or friction"
             )
         light = self.lightest
         downhill = self._largest_uphill_deceleration_m_s2(sign)
@@ -159,7 +159,8 @@ class _TrialLimits:
         ):
             raise ScenarioError(
                 f"{scenario_key or 'campaign.throttle_force_N'}: drives the machine beyond "
-                f"{LIMITS.top_speed_m_s:g} m/s in {scenario_key or 'campaign'}.start_s"
+                f"{LIMITS.top_speed_m_s:g} m/s in {scenario_key or 'campaign'}.start_s; "
+                "lower one of them"
             )
         self._refuse_brakes_weaker_than_slope(downhill)
 

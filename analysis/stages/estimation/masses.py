@@ -207,7 +207,8 @@ def explain_why_gate_accepted_nothing(
     reasons = gated["reason_x"].cast(pl.String)
     counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
     often = counts["reason_x"][0]
-    return f"no window was accepted, most often for: {often}{_describe_remedy_if_rejected_for_braking(often)}"
+    remedy = _describe_remedy_if_rejected_for_braking(often)
+    return f"no window was accepted, most often for: {often}{remedy}"
 
 
 def _describe_remedy_if_rejected_for_braking(rejection_reason: str) -> str:

@@ -332,7 +332,7 @@ def select_usable_readings(
         )
     t, readings = t[told][last], readings[told][last]
     if t.size < 2:
-        raise DataError(f"{name}: {where} holds a single sample")
+        raise DataError(f"{name}: {where} holds a single sample, but at least two are needed")
     return t - delay_ns, set_values_below_resolution_to_zero(readings)
 
 

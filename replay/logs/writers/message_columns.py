@@ -70,6 +70,7 @@ def assign_combined_list_layout_numbers(
 
 
 def _number_nested_list_layouts_of_messages(column: RaggedColumn) -> Ints:
+    """Number of each message's layout: equal where all its nested lists have equal lengths."""
     inside, lengths = assign_list_layout_number_to_messages(column.content), column.lengths
     if inside is None:
         return lengths

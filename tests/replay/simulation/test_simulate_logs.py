@@ -242,7 +242,7 @@ def test_a_scenario_made_in_python_that_has_no_motion_is_refused_before_anything
     tmp_path,
 ):
     steep = ONE.model_copy(update={"terrain": ONE.terrain.model_copy(update={"slope_deg": 12.0})})
-    with pytest.raises(ScenarioError, match="slope and friction hold 3664 kg"):
+    with pytest.raises(ScenarioError, match="slope and friction resist 3664 kg"):
         simulate_scenario_to_logs(steep, tmp_path / "log.bag")
     assert not list(tmp_path.iterdir())
 

@@ -37,8 +37,8 @@ def test_a_value_that_no_scenario_may_have_is_refused_when_it_is_made(sections, 
 @pytest.mark.parametrize(
     ("sections", "what"),
     [
-        ({"terrain": {"slope_deg": 12.0}}, "slope and friction hold 3864 kg"),
-        ({"machine": {"coulomb_N": 7000.0}}, "slope and friction hold"),
+        ({"terrain": {"slope_deg": 12.0}}, "slope and friction resist 3864 kg"),
+        ({"machine": {"coulomb_N": 7000.0}}, "slope and friction resist"),
         (
             {
                 "campaign": {"valve_lag_s": 10.0, "start_s": 0.1, "throttle_force_N": 100.0},
@@ -160,9 +160,9 @@ def test_a_least_throttle_above_the_most_is_refused_when_it_is_made():
 def test_a_scenario_made_in_python_is_refused_like_one_from_a_file():
     plain = Scenario()
     steep = plain.model_copy(update={"terrain": plain.terrain.model_copy(update={"slope_deg": 12})})
-    with pytest.raises(ScenarioError, match="slope and friction hold 3864 kg"):
+    with pytest.raises(ScenarioError, match="slope and friction resist 3864 kg"):
         simulate_campaign(steep)
-    with pytest.raises(ScenarioError, match="slope and friction hold 3614 kg"):
+    with pytest.raises(ScenarioError, match="slope and friction resist 3614 kg"):
         solve_motion(steep, 0.0)
 
 
