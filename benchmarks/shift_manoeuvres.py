@@ -325,7 +325,9 @@ def _compared(
     # what the nuisances are found wrong by is shared, and so is the gain
     errors_kg = truth.shared_kg - truth.units.x @ (hat @ (truth.noise_kg + truth.shared_kg))
     of_pass = (
-        np.zeros(0) if known is None else np.bincount(known.membership, known.share * errors_kg)
+        np.zeros(0)
+        if known is None
+        else np.bincount(known.pass_of_manoeuvre, known.share * errors_kg)
     )
     whole: list[float] = []
     parts: list[tuple[float, float]] = []

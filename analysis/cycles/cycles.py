@@ -136,13 +136,15 @@ def weigh_cycles(
     clean = estimate_clean_machine_mass_and_u_kg(found)
     rows: list[dict[str, object]] = []
     known_sums = (
-        weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
+        weighing is not None
+        and weighing.fit.states is not None
+        and bool(found.pass_of_manoeuvre.size)
     )
     of_states = (
         compute_state_weights_of_passes(weighing.fit, found) if weighing and known_sums else None
     )
     sums, ready_ns = dict[int, Floats](), int(motion[1]["t_ns"][0])
-    counts = np.bincount(found.membership)
+    counts = np.bincount(found.pass_of_manoeuvre)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_make_cycle_time_columns(part, ready_ns)}
         reason = withheld or part.missing_mass_reason

@@ -75,7 +75,7 @@ def compute_state_weights_of_passes(fit: JointFit, passes: LoadPasses) -> Floats
     """(states, passes) weights of the states' masses in the passes' masses."""
     assert fit.states is not None
     weights = np.zeros((fit.mass_count, passes.mass_kg.size))
-    np.add.at(weights, (fit.states.state_of_manoeuvre, passes.membership), passes.share)
+    np.add.at(weights, (fit.states.state_of_manoeuvre, passes.pass_of_manoeuvre), passes.share)
     return weights
 
 

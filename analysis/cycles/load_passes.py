@@ -29,7 +29,7 @@ class LoadPasses:
     """Passes in order of time.
 
     Attributes:
-        membership: (manoeuvres,) pass of each manoeuvre.
+        pass_of_manoeuvre: (manoeuvres,) pass of each manoeuvre.
         share: (manoeuvres,) weight in the pass's mass; the weights of a pass add up to 1.
         loaded: (passes,) whether each pass is loaded.
         mass_kg: (passes,) mass.
@@ -42,7 +42,7 @@ class LoadPasses:
         step_kg: (passes,) what the empty machine has gained at each pass by a step of its mass.
     """
 
-    membership: Ints
+    pass_of_manoeuvre: Ints
     share: Floats
     loaded: Bools
     mass_kg: Floats

@@ -46,13 +46,13 @@ class RelativeMassDeviations:
     """Relative deviation of each manoeuvre's total mass from the mean.
 
     Attributes:
-        unit: (manoeuvres,) numbers of the manoeuvres, ascending.
+        manoeuvre_ids: (manoeuvres,) numbers of the manoeuvres, ascending.
         value: (manoeuvres,) mass of each manoeuvre over the mean, less 1.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
     """
 
-    unit: Ints
+    manoeuvre_ids: Ints
     value: Floats
     weight_shares: tuple[float, float]
 
@@ -87,8 +87,8 @@ class RelativeMassDeviations:
         """Deviation of these manoeuvres, (n,); an unknown one takes that of the one before."""
         # samples come in runs of one manoeuvre
         first = np.flatnonzero(np.diff(manoeuvre_numbers, prepend=manoeuvre_numbers[:1] - 1))
-        place = np.searchsorted(self.unit, manoeuvre_numbers[first], "right") - 1
-        value = self.value[place.clip(0, self.unit.size - 1)]
+        place = np.searchsorted(self.manoeuvre_ids, manoeuvre_numbers[first], "right") - 1
+        value = self.value[place.clip(0, self.manoeuvre_ids.size - 1)]
         return np.repeat(value, np.diff(np.append(first, manoeuvre_numbers.size)))
 
 

@@ -199,7 +199,9 @@ class FitTask:
         if loads is None:
             return None
         return HaulRoute.from_motion(
-            self.motion, loads.unit, loads.mark_loaded_manoeuvres_by_number(loads.unit)
+            self.motion,
+            loads.manoeuvre_ids,
+            loads.mark_loaded_manoeuvres_by_number(loads.manoeuvre_ids),
         )
 
     def _update_estimates_and_get_lag_change_s(
