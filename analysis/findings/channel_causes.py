@@ -155,10 +155,8 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     def refit_without_saturated_rows() -> MassChange | None:
         if inputs.log_only_fit is None:
             return None
-        near = np.abs(inputs.log_only_fit.motion.force) > limit_N
-        return compute_mass_change_by_refit_without_samples(
-            inputs, flag_rows_near_flagged_rows(near, 5)
-        )
+        near = flag_rows_near_flagged_rows(np.abs(inputs.log_only_fit.motion.force) > limit_N, 5)
+        return compute_mass_change_by_refit_without_samples(inputs, near)
 
     return [
         Symptom(

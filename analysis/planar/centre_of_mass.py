@@ -242,16 +242,13 @@ def is_joint_planar_fit_plausible(
     # of a mass and an inertia; those that the motion does not determine are not told anyway
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.parameter_stds[:2][told]
-    force = samples.f[:, 0]
+    force, speeds_up = samples.f[:, 0], samples.known & (samples.speed_change_sign > 0)
     driving = fit_quality.compute_force_fraction_along_motion(
-        samples.motion.speed, force, samples.known & (samples.speed_change_sign > 0)
+        samples.motion.speed, force, speeds_up
     )
     along = np.column_stack([samples.motion.specific_force_x, samples.motion.speed])
     opposing = fit_quality.compute_force_fraction_against_motion(
-        along,
-        force,
-        samples.known & (samples.speed_change_sign < 0),
-        samples.known & (samples.speed_change_sign > 0),
+        along, force, samples.known & (samples.speed_change_sign < 0), speeds_up
     )
     return (
         explained >= limits.r_squared_min

@@ -150,16 +150,12 @@ def copy_task_with_updated_wheel_comparison(
     inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
-    if not (
-        abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s
-        or pilot_fit.previous_estimates.load_transfer_s2_m
-    ):
+    known = pilot_fit.previous_estimates
+    if not (abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s or known.load_transfer_s2_m):
         return task
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.advance_force(pilot_fit.force_lag_s)
-    acting = replace(
-        in_time, force=pilot_fit.previous_estimates.estimate_ground_force_newtons(in_time)
-    )
+    acting = replace(in_time, force=known.estimate_ground_force_newtons(in_time))
     wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
@@ -324,11 +320,8 @@ def refit_with_hysteresis_if_significant(
         The fit, and its `make_refit_rows` with the terms of the checks.
     """
     fit.solution.compute_uncertainty_and_release_samples()
-    found = replace(
-        fit.previous_estimates,
-        play=choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.mean_samples),
-    )
-    played = replace(fit, previous_estimates=found)
+    play = choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.mean_samples)
+    played = replace(fit, previous_estimates=replace(fit.previous_estimates, play=play))
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
     tested = refit_with_extra_terms(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
     half_width_N = float(tested.theta[-1])
@@ -359,14 +352,10 @@ def refit_with_gain_change_by_load(fit: JointFit, priors: PriorSettings) -> Join
     if not (fit.motion.by_accelerometer and told):
         return fit
     first = np.unique(states.state_of_manoeuvre, return_index=True)[1]
+    route = fit.previous_estimates.route
     for _ in range(LIMITS.squat_rounds):
         squat = estimate_load_squat(
-            fit.motion,
-            wheels,
-            loads,
-            loads.value[first],
-            priors.gain_by_load,
-            fit.previous_estimates.route,
+            fit.motion, wheels, loads, loads.value[first], priors.gain_by_load, route
         )
         fit = replace(fit, squat=squat)
         # a squat that is not taken off makes loads of another size

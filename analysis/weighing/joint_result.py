@@ -130,9 +130,8 @@ class JointFit:
         loads, by_load_N = self.previous_estimates.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
             return force
-        return force + loads.look_up_relative_mass_deviations(self.motion.manoeuvre_of_sample) * (
-            columns @ by_load_N
-        )
+        relative_1 = loads.look_up_relative_mass_deviations(self.motion.manoeuvre_of_sample)
+        return force + relative_1 * (columns @ by_load_N)
 
     @property
     def friction_and_term_estimates(self) -> Floats:
@@ -215,9 +214,8 @@ class JointFit:
     @property
     def most_frequent_state(self) -> int:
         """Index of the state with the most manoeuvres."""
-        return (
-            0 if self.states is None else int(np.bincount(self.states.state_of_manoeuvre).argmax())
-        )
+        states = self.states
+        return 0 if states is None else int(np.bincount(states.state_of_manoeuvre).argmax())
 
     def make_mass_coefficients_of_state(self, state: int) -> Floats:
         """(masses,) weights that select one mass."""

@@ -103,8 +103,7 @@ class MotionSamples:
         by_accelerometer: whether the acceleration is from the accelerometer.
         force_share: fraction of the force at the measured wheels.
         empty_weight_N: weight of the empty machine in N, estimated if it is not stated.
-        boom_and_bucket_angles_rad: measured angles of boom and bucket in rad, as hints of a load
-            change.
+        boom_and_bucket_angles_rad: measured angles, as hints of a load change.
         is_digging: whether each sample lies in a digging start; None if unknown.
         empty: whether each sample is named as empty machine; None if none is.
         earlier_stop_count: number of earlier stops or gaps, the only places where a load changes;
@@ -160,13 +159,8 @@ class MotionSamples:
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
         own = select_rows_of_array_fields(self, selection)
-        return replace(
-            self,
-            boom_and_bucket_angles_rad=tuple(
-                each[selection] for each in self.boom_and_bucket_angles_rad
-            ),
-            **own,
-        )
+        angles_rad = tuple(each[selection] for each in self.boom_and_bucket_angles_rad)
+        return replace(self, boom_and_bucket_angles_rad=angles_rad, **own)
 
     @cached_property
     def pieces_split_between_stretches(self) -> tuple["MotionSamples", ...]:
@@ -178,12 +172,9 @@ class MotionSamples:
         for stretches in np.split(np.arange(len(spans)), whole):
             begin, end = int(spans[stretches[0], 0]), int(spans[stretches[-1], 1])
             piece = self._select_samples(slice(max(begin - reach, 0), end + reach))
-            own = (piece.stretch_of_sample >= stretches[0]) & (
-                piece.stretch_of_sample <= stretches[-1]
-            )
-            found.append(
-                replace(piece, stretch_of_sample=np.where(own, piece.stretch_of_sample, -1))
-            )
+            stretch = piece.stretch_of_sample
+            own = (stretch >= stretches[0]) & (stretch <= stretches[-1])
+            found.append(replace(piece, stretch_of_sample=np.where(own, stretch, -1)))
         return tuple(found)
 
     def exclude_samples(self, is_excluded: Bools) -> "MotionSamples":
@@ -195,19 +186,13 @@ class MotionSamples:
 
     def advance_force(self, lag_s: float) -> "MotionSamples":
         """Advance the force by its delay."""
-        return replace(
-            self,
-            force=advance_signal_by_delay(self.force, self.stretch_of_sample, lag_s * self.rate_hz),
-        )
+        force = advance_signal_by_delay(self.force, self.stretch_of_sample, lag_s * self.rate_hz)
+        return replace(self, force=force)
 
     def advance_speed(self, delay_s: float) -> "MotionSamples":
         """Advance the speed by its delay."""
-        return replace(
-            self,
-            speed=advance_signal_by_delay(
-                self.speed, self.stretch_of_sample, delay_s * self.rate_hz
-            ),
-        )
+        speed = advance_signal_by_delay(self.speed, self.stretch_of_sample, delay_s * self.rate_hz)
+        return replace(self, speed=speed)
 
     @cached_property
     def index_in_stretch(self) -> Ints:
@@ -259,15 +244,9 @@ class MotionSamples:
     @cached_property
     def separate_drive_count(self) -> int:
         """Number of drives that may be fitted between which a load may change."""
-        return int(
-            np.unique(
-                (
-                    self.manoeuvre_of_sample
-                    if self.earlier_stop_count is None
-                    else self.earlier_stop_count
-                )[self.is_fittable]
-            ).size
-        )
+        stops = self.earlier_stop_count
+        drive = self.manoeuvre_of_sample if stops is None else stops
+        return int(np.unique(drive[self.is_fittable]).size)
 
     @cached_property
     def record_count(self) -> int:

@@ -366,9 +366,8 @@ def _refit_campaign_or_mass_check(
             *check_single_load_by_calibration(campaign, body, readings, document.calibration)
         )
     responses = () if document.learnt is None else document.learnt.responses
-    return _RefittedCampaign(
-        fit_campaign_line(campaign, body, readings, document.options, responses), None
-    )
+    fit = fit_campaign_line(campaign, body, readings, document.options, responses)
+    return _RefittedCampaign(fit, None)
 
 
 def _convert_dataclass_to_json(value: Any) -> Any:

@@ -350,11 +350,7 @@ def _add_reference_mass_elements(parent: "_Element", document: EvidenceDocument)
         )
         if mass.certificate:
             _add_identification_element(
-                identified,
-                "other",
-                mass.certificate,
-                "Certificate",
-                _CERTIFICATE,
+                identified, "other", mass.certificate, "Certificate", _CERTIFICATE
             )
         _add_reference_mass_quantity(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:

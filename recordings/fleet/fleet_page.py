@@ -73,7 +73,7 @@ class FleetPage:
 def render_fleet_html(fleet_page: FleetPage) -> str:
     """HTML of the page, with all texts escaped and no external requests."""
     machines = sum_tonnes_by_group(fleet_page.results, ["machine"])
-    total = sum_daily_results_over_machines(machines)
+    total, recordings = sum_daily_results_over_machines(machines), fleet_page.recordings_by_concern
     flagged = sorted(
         (chart for chart in fleet_page.charts if chart.chart.flagged_index is not None),
         key=_make_drift_sort_key,
@@ -99,11 +99,9 @@ def render_fleet_html(fleet_page: FleetPage) -> str:
         drifts_without_picture=max(len(flagged) - _MOST_FIGURES, 0),
         recordings_to_check=[
             {**row, "number": n, "at": f"{row['at_s']:,.0f}"}
-            for n, row in enumerate(
-                fleet_page.recordings_by_concern.head(MOST_LOOKS).to_dicts(), start=1
-            )
+            for n, row in enumerate(recordings.head(MOST_LOOKS).to_dicts(), start=1)
         ],
-        more_recordings_to_check=max(fleet_page.recordings_by_concern.height - MOST_LOOKS, 0),
+        more_recordings_to_check=max(recordings.height - MOST_LOOKS, 0),
         calibrations=_make_calibration_rows(fleet_page),
         changes=[_format_calibration_line_change(each) for each in fleet_page.changes],
         weeks=_make_tonnes_by_week_table(fleet_page.weeks),
@@ -210,11 +208,9 @@ def _make_machine_row(
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
-        change = (
-            None
-            if chart is None or chart.chart.flagged_index is None
-            else chart.flagged_change_in_unit
-        )
+        change = None
+        if chart is not None and chart.chart.flagged_index is not None:
+            change = chart.flagged_change_in_unit
         cells.append(format_sortable_cell(change, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
     cells.append(format_sortable_cell(looks, ",.0f"))
@@ -276,8 +272,8 @@ def _format_calibration_line_change(line_change: LineChange) -> tuple[str, ...]:
         line_change.after.machine,
         str(line_change.before.first),
         str(line_change.after.first),
-        f"{line_change.offset_change_kg:+,.1f} (± {line_change.zero_limit_kg:,.1f})",
-        f"{line_change.slope_change_1:+.2%} (± {line_change.scale_limit_1:.2%})",
+        f"{line_change.offset_change_kg:+,.1f} (± {line_change.offset_change_limit_kg:,.1f})",
+        f"{line_change.slope_change_1:+.2%} (± {line_change.slope_change_limit_1:.2%})",
         "beyond its limit" if line_change.has_line_moved else "within",
     )
 

@@ -12,9 +12,9 @@ from recordings.rrd.recording_views import (
     View,
     ViewKind,
     ViewSeries,
+    band_view,
     line_view,
     line_view_without_outliers,
-    make_band_view,
     state_lanes_view,
 )
 from recordings.rrd.stored_names import split_frame_name_to_path
@@ -48,12 +48,10 @@ _LOADS = View(
     ),
     clips_outliers=True,
 )
-_MASS = make_band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
-_FRICTION = make_band_view(
-    "Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m"
-)
-_INERTIA = make_band_view("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
-_YAW_FRICTION = make_band_view(
+_MASS = band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
+_FRICTION = band_view("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
+_INERTIA = band_view("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
+_YAW_FRICTION = band_view(
     "Viscous friction of turning", "estimates", "friction_z_N_m_s", "friction_z_std_N_m_s"
 )
 _COM = View(
@@ -84,9 +82,7 @@ TABS: Final = (
         "Loads",
         (
             _LOADS,
-            make_band_view(
-                "Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"
-            ),
+            band_view("Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"),
             _SPEED,
         ),
         context=(_SPEED,),
@@ -94,7 +90,7 @@ TABS: Final = (
     Tab(
         "Cycles",
         (
-            make_band_view(
+            band_view(
                 "Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"
             ),
             state_lanes_view("Cycle", ("cycles", "quality", "cycle")),
@@ -146,7 +142,7 @@ TABS: Final = (
         (
             _MASS,
             _FRICTION,
-            make_band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
+            band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
         ),
         methods=MethodLayout.ROWS,
     ),
@@ -165,15 +161,15 @@ TABS: Final = (
     Tab(
         "Manoeuvres",
         (
-            make_band_view("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
-            make_band_view(
+            band_view("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
+            band_view(
                 "Viscous friction of each manoeuvre",
                 "segments",
                 "friction_x_N_s_m",
                 "friction_x_std_N_s_m",
                 "viscous friction",
             ),
-            make_band_view(
+            band_view(
                 "Coulomb friction of each manoeuvre",
                 "segments",
                 "coulomb_x_N",
@@ -181,7 +177,7 @@ TABS: Final = (
                 "Coulomb friction",
             ),
             line_view("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
-            make_band_view(
+            band_view(
                 "Yaw inertia of each manoeuvre",
                 "segments",
                 "inertia_z_kg_m2",

@@ -104,7 +104,7 @@ def line_view_without_outliers(
     )
 
 
-def make_band_view(
+def band_view(
     view_name: str, frame_name: str, column: str, std_column: str, line_label: str = ""
 ) -> View:
     """View of a column with a band of its standard deviation."""

@@ -102,9 +102,7 @@ class MachineDriver:
         drivetrain, chassis = scenario.drivetrain, scenario.chassis
         self._swings = bool(drivetrain.resonance_hz or chassis.squat_hz or chassis.boom_kg)
         self._step_s = min(
-            LIMITS.step_s,
-            1.0 / (LIMITS.steps_per_swing * fastest),
-            lag_s / LIMITS.steps_per_lag,
+            LIMITS.step_s, 1.0 / (LIMITS.steps_per_swing * fastest), lag_s / LIMITS.steps_per_lag
         )
 
     @property
@@ -225,9 +223,7 @@ class MachineDriver:
         filled_kg += start_order.fill_kg_s * (cruise_s - lead_s)
         braking_s = self.time_s
         braked = stage_from_now(keeping)._replace(
-            fill_kg_s=0.0,
-            gentle_m_s2=brakes.gentle_m_s2,
-            gentle_from_s=braking_s,
+            fill_kg_s=0.0, gentle_m_s2=brakes.gentle_m_s2, gentle_from_s=braking_s
         )
         if lead_s:
             self.integrate_stage(BRAKING, braked, lead_s)
