@@ -174,12 +174,12 @@ class EmptyMachine:
             return None
         in_ratio = 1.0 / self.mass_with_rotating_parts_kg
 
-        def make_datum(by_kg: float) -> EmptyDatum:
+        def make_datum(gain_per_kg: float) -> EmptyDatum:
             return EmptyDatum(
                 self,
-                by_kg,
-                1.0 + by_kg * (stated_kg - self.mass_with_rotating_parts_kg),
-                by_kg * stated_u_kg,
+                gain_per_kg,
+                1.0 + gain_per_kg * (stated_kg - self.mass_with_rotating_parts_kg),
+                gain_per_kg * stated_u_kg,
             )
 
         if list_factors_without_uncertainty(self.uncertainty_sources):
@@ -197,8 +197,8 @@ class EmptyMachine:
             - ratio_kg2
         )
         together_kg2 /= 2.0 * in_ratio * sum_kg
-        by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
-        found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
+        gain_per_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
+        found = make_datum(float(np.clip(gain_per_kg, 0.0, in_ratio)))
         if (
             found.scale_1 <= 0.0
             or combine_u(found.list_payload_sources(mass_coefficients_of_payload)) ** 2 >= own_kg2

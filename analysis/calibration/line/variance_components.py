@@ -66,7 +66,7 @@ def estimate_variances_by_reml(
         residual: (points,) observations minus any combination of the design's columns.
         design: (points, parameters) regressors that are fitted with them.
         effects: (effects, points, points) structure of each; the first is that of readings if
-            `within.freedom` is not 0.
+            `within.degrees_of_freedom` is not 0.
         known_covariance: (points, points) known covariance.
         within_run: scatter of the readings, for the first effect.
         initial_variances: (effects,) initial variances; None uses those of least squares.

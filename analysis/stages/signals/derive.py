@@ -138,11 +138,10 @@ def compute_arithmetic_channel(
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
     for each in iter_differentiated_channels(tree):
         t, x = series[each]
-        longest_ns, causal = (
-            filters.compute_gap_threshold_ns(t, settings.align),
-            settings.filter.causal,
+        longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
+        own[f"{SLOPE} {each}"] = filters.differentiate_signal(
+            t, x, longest_ns, causal=settings.filter.causal
         )
-        own[f"{SLOPE} {each}"] = filters.differentiate_signal(t, x, longest_ns, causal=causal)
     steps = {each for each in own if machine.is_piecewise_constant(each)}
     at = max(
         (t for each, (t, _) in own.items() if each not in steps or len(steps) == len(own)),
