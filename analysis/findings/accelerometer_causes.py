@@ -6,11 +6,15 @@ gravity times the angle by which the acceleration tilts the IMU.
 """
 
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import fit_imu_to_wheel_acceleration_gain_and_std
+from analysis.findings.accelerometer_response import (
+    compute_imu_spectra_after_starts_and_at_rest,
+    fit_imu_to_boom_angle_slope_and_std,
+    fit_imu_to_wheel_acceleration_gain_and_std,
+)
 from analysis.findings.altered_motion import transform_accelerometer_signals
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
@@ -24,11 +28,9 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import compute_mass_change_by_refit
 from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.schema import get_column_values
-from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.motion.phases import average_acceleration_over_rate_span
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
-from estimators.arrays import Floats
 
 #: Ratios of usual units are `wrong_unit`'s.
 _UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
@@ -41,15 +43,6 @@ _ALL_AXES: Final = (
     *(ACC, _Y, _Z),
     *("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"),
 )
-
-
-class StartAndRestSpectra(NamedTuple):
-    """Mean power (k,) of the accelerometer's residual after starts and at rest."""
-
-    frequency_hz: Floats
-    after_starts: Floats
-    at_rest: Floats
-    start_count: int
 
 
 def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
@@ -300,6 +293,25 @@ def convert_to_accelerometer_unit(inputs: FindingInputs, acceleration_m_s2: floa
     return acceleration_m_s2 / find_gain_and_offset_to_si(channel.unit, "m/s²")[0]
 
 
+def find_imu_on_boom(inputs: FindingInputs) -> list[Symptom]:
+    """Find an IMU that turns with the boom, by gravity along x that follows the boom's angle."""
+    found = fit_imu_to_boom_angle_slope_and_std(inputs)
+    if found is None:
+        return []
+    slope, std = found
+    limit = LIMITS.boom_gravity_fraction_per_rad * inputs.machine.machine.gravity_m_s2
+    return [
+        Symptom(
+            abs(slope) / max(LIMITS.standing_reading_std * std, limit),
+            f"at standstill the accelerometer's reading along x changes by {slope:+.2f} ± "
+            f"{std:.2f} m/s² per rad of the boom's angle: the IMU turns with the boom. Mount it on "
+            "the frame, or derive the acceleration from the speed (channels.acc_x_m_s2.derive = "
+            '"d/dt speed_x_m_s" and settings.forces.acceleration = "kinematic")',
+            channel=ACC,
+        )
+    ]
+
+
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     """Find an IMU that rocks on its mount, by a resonance after starts that the force lacks."""
     share = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
@@ -334,65 +346,4 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
             # slowly, it is an accelerometer of another scale
             alternatives=("resonance",),
         )
-    ]
-
-
-def compute_imu_spectra_after_starts_and_at_rest(
-    inputs: FindingInputs,
-) -> StartAndRestSpectra | None:
-    """Spectra of the accelerometer's residual after starts and at rest; None of too few."""
-    rate_hz = inputs.machine.settings.align.rate_hz
-    size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
-    if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
-        return None
-    reads = get_column_values(inputs.aligned, ACC)
-    speed = get_column_values(inputs.aligned, "speed_x_m_s")
-    force = compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
-    ramp = np.linspace(-1.0, 1.0, size)
-    window = np.hanning(size)
-
-    def residual_spectrum_at(first: int) -> Floats | None:
-        part = slice(first, first + size)
-        known = np.column_stack([np.vander(ramp, 4), force[part], speed[part]])
-        if not (np.isfinite(known).all() and np.isfinite(reads[part]).all()):
-            return None
-        rest = reads[part] - known @ np.linalg.lstsq(known, reads[part], rcond=None)[0]
-        return np.abs(np.fft.rfft(rest * window)) ** 2
-
-    def mean_spectrum(places: list[int]) -> Floats | None:
-        found = [each for first in places if (each := residual_spectrum_at(first)) is not None]
-        return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
-
-    starts = find_force_rise_ends(inputs, force, size)
-    still = inputs.is_resting_sample
-    rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
-    driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
-    if driving is None or standing is None:
-        return None
-    hz = np.arange(size // 2 + 1) * rate_hz / size
-    return StartAndRestSpectra(hz, driving, standing, len(starts))
-
-
-def find_force_rise_ends(inputs: FindingInputs, force: Floats, min_held_samples: int) -> list[int]:
-    """End (grid sample) of each rise of the force after a standstill that is then held."""
-    rate_hz = inputs.machine.settings.align.rate_hz
-    if not np.isfinite(force).any():
-        return []
-    pushes = np.abs(force) > LIMITS.start_force_fraction * float(
-        np.nanquantile(np.abs(force), 0.98)
-    )
-    rises = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
-    stood, behind = (
-        count_rows_in_duration(LIMITS.start_stand_s, rate_hz),
-        count_rows_in_duration(LIMITS.start_rise_s, rate_hz),
-    )
-    # the moving mean and the phases see a start late
-    clear = count_rows_in_duration(0.2, rate_hz)
-    return [
-        int(k) + behind
-        for k in rises
-        if k > stood + clear
-        and k + behind + min_held_samples < force.size
-        and inputs.is_standing_sample[k - stood - clear : k - clear].all()
-        and pushes[k + 2 * behind : k + min_held_samples].mean() > LIMITS.start_held_fraction
     ]

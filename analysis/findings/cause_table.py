@@ -171,6 +171,15 @@ CAUSES: Final = (
         explains=(*_OF_FIT, "imu_misaligned", "spikes"),
     ),
     Cause(
+        "imu_on_boom",
+        "the IMU is mounted on the boom, so that gravity along its forward axis follows the boom",
+        "the boom's angle, and standstills at several angles",
+        accelerometer_causes.find_imu_on_boom,
+        withholds=True,
+        as_judged=True,
+        explains=(*_OF_FIT, "imu_misaligned", "imu_bias", "imu_loose", "slope", "offset"),
+    ),
+    Cause(
         "imu_bias",
         "the accelerometer has a zero offset",
         f"{_STILL}, the pitch and the z axis; below 6° it cannot be distinguished from a tilt",

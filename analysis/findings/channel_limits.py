@@ -49,7 +49,7 @@ class ChannelLimits:
     #: if the other one is off by this.
     wrong_side_1: float = 0.04
 
-    # accelerometer_share
+    # accelerometer_response
     #: Length in s of the means of which the gain of the accelerometer is fitted,
     gain_span_s: float = 0.1
     #: and their fewest.

@@ -169,6 +169,16 @@ class FindingLimits:
     #: Time in s before, in which it stands or drives the other way.
     driving_start_s: float = 0.5
 
+    # an IMU on the boom
+    #: Change of the reading at standstill per rad of the boom's angle, as a fraction of gravity:
+    #: 1 of an IMU on the boom itself, 0.25 of one on a link; a frame squats by 0.01.
+    boom_gravity_fraction_per_rad: float = 0.1
+    #: Variance of the readings that the angle leaves unexplained, at most: ground is not a
+    #: function of it.
+    boom_unexplained_1: float = 0.2
+    #: Least standard deviation of the angle over the standstills, in rad.
+    boom_min_std_rad: float = 0.05
+
     # a loose accelerometer
     #: Gain of a loose accelerometer on the wheels' acceleration, at least,
     loose_gain_1: float = 1.02

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import fit_imu_to_wheel_acceleration_gain_and_std
+from analysis.findings.accelerometer_response import fit_imu_to_wheel_acceleration_gain_and_std
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS

@@ -25,6 +25,7 @@ from analysis.stages.signals.align import (
     find_origin_of_causal_grid,
 )
 from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
+from analysis.stages.signals.filters import gap_threshold_ns
 from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
     HeldReadings,
@@ -32,6 +33,7 @@ from analysis.stages.signals.held_readings import (
     find_held_channels,
     list_held_reading_notes,
 )
+from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
 
@@ -96,12 +98,21 @@ class GrowingLog:
     #: samples not yet placed, which a call of `rows` takes
     _new: dict[str, list[pl.DataFrame]] = field(default_factory=dict)
     _last_t_ns: int = -1
+    #: newest stamp of the topic that was furthest behind when rows were made last
+    _awaited_unix_ns: int = -1
 
     @property
     def topics(self) -> list[str]:
         """Topics of the channels."""
         read = (channel for channel in self.machine.channels.values() if channel.fields)
         return list(dict.fromkeys(channel.topic or "table" for channel in read))
+
+    @property
+    def _kept_s(self) -> float:
+        """Time in s before a row that its samples come from."""
+        if not any(channel.is_derivative for channel in self.machine.channels.values()):
+            return LIMITS.kept_s
+        return LIMITS.kept_s + LIMITS.kept_low_pass_cycles / self.machine.settings.filter.cutoff_hz
 
     @property
     def kept_sample_count(self) -> int:
@@ -129,6 +140,8 @@ class GrowingLog:
             if self.basis is None and not self._determine_log_basis_if_possible(
                 is_log_complete=is_log_complete
             ):
+                return None
+            if self._drop_samples_while_topic_is_missing() and not is_log_complete:
                 return None
             return self._make_next_excitation_rows(is_log_complete=is_log_complete)
         except DataError:
@@ -202,6 +215,30 @@ class GrowingLog:
         }
         return True
 
+    def _drop_samples_while_topic_is_missing(self) -> bool:
+        """Drop samples within a gap of a topic, of which no row is made; whether it goes on."""
+        assert self.basis is not None
+        newest_ns = [int(frame["unix_ns"][-1]) for frame in self._raw.values() if frame.height]
+        awaited_ns, is_awaited = min(newest_ns), min(newest_ns) == self._awaited_unix_ns
+        self._awaited_unix_ns = awaited_ns
+        align = self.basis.machine.settings.align
+        longest_ns = max(
+            gap_threshold_ns(frame["unix_ns"].to_numpy(), align) for frame in self._raw.values()
+        )
+        # rows begin again after no less, and look back over what is kept
+        ends_ns = round(longest_ns + (SIGNAL_LIMITS.longest_gap_s + self._kept_s) * 1e9)
+        if not is_awaited or max(newest_ns) - awaited_ns <= ends_ns:
+            return False
+        for topic, frame in self._raw.items():
+            stamps = frame["unix_ns"].to_numpy()
+            first, after = np.searchsorted(
+                stamps, [awaited_ns + ends_ns, max(newest_ns) - ends_ns]
+            ).tolist()
+            after = min(after, frame.height - LIMITS.kept_min_samples)
+            if after > first:
+                self._raw[topic] = pl.concat([frame[:first], frame[after:]], rechunk=True)
+        return True
+
     def _make_next_excitation_rows(self, *, is_log_complete: bool) -> pl.DataFrame | None:
         assert self.basis is not None
         machine = self.basis.machine
@@ -228,11 +265,7 @@ class GrowingLog:
     def _drop_old_samples(self) -> None:
         """Drop samples that no later row needs."""
         assert self.basis is not None
-        settings = self.basis.machine.settings
-        kept_s = LIMITS.kept_s
-        if any(channel.is_derivative for channel in self.basis.machine.channels.values()):
-            kept_s += LIMITS.kept_low_pass_cycles / settings.filter.cutoff_hz
-        oldest = self._last_t_ns + self.basis.origin.start_ns - round(kept_s * 1e9)
+        oldest = self._last_t_ns + self.basis.origin.start_ns - round(self._kept_s * 1e9)
         for topic, frame in self._raw.items():
             first = int(np.searchsorted(frame["unix_ns"].to_numpy(), oldest))
             first = max(0, min(first, frame.height - LIMITS.kept_min_samples))

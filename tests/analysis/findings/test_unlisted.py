@@ -101,6 +101,28 @@ def test_an_engine_that_is_off_at_a_stand_is_no_frozen_channel(seed: int) -> Non
     assert replayed.frames["findings"].is_empty()
 
 
+@pytest.mark.parametrize("is_on_boom", [True, False])
+def test_an_imu_that_turns_with_the_boom_is_found_by_gravity_along_x(is_on_boom: bool) -> None:
+    log = drawn_log(INDEPENDENT)
+    imu, speed = log.topics["imu"], log.topics["speed"]
+    moves_ns = speed.filter(pl.col("speed_left_m_s").abs() > 0.05)["header_stamp_ns"].to_numpy()
+    stands = np.flatnonzero(np.diff(moves_ns) > 2e9)
+    middles_ns = (moves_ns[stands] + moves_ns[stands + 1]) / 2.0
+    # raised and lowered in turn, within a second at the middle of each standstill
+    times_ns = np.sort(np.concatenate([middles_ns - 5e8, middles_ns + 5e8]))
+    angles_rad = 0.25 * np.repeat(np.arange(stands.size + 1) % 2, 2)[1:-1]
+    boom_rad = np.interp(imu["header_stamp_ns"].to_numpy(), times_ns, angles_rad)
+    tilt_rad = boom_rad if is_on_boom else 0.01 * boom_rad
+    reads = imu["specific_force_x_m_s2"].to_numpy()
+    turned = reads * np.cos(tilt_rad) + 9.81 * np.sin(tilt_rad)
+    imu = imu.with_columns(specific_force_x_m_s2=turned, boom_rad=boom_rad)
+    channels = {**log.machine.channels, "boom_rad": Channel(topic="imu", field="boom_rad")}
+    machine = log.machine.model_copy(update={"channels": channels})
+    found = run([memory_log(replace(log, topics={**log.topics, "imu": imu}))], machine)
+    causes = found.frames["findings"]["cause"].to_list()
+    assert causes[:1] == ["imu_on_boom"] if is_on_boom else "imu_on_boom" not in causes
+
+
 @pytest.mark.parametrize("seed", mark_slow_after(1, [INDEPENDENT, SIMULATED]))
 def test_a_torque_that_clips_is_found_where_arithmetic_makes_the_force_of_it(seed: int) -> None:
     log = drawn_log(seed)

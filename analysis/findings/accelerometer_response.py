@@ -1,0 +1,158 @@
+"""Response of the accelerometer: to the wheels' acceleration, to starts, and to the boom."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.findings.channel_limits import LIMITS as CHANNEL_LIMITS
+from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
+from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_limits import LIMITS
+from analysis.model.schema import get_column_values
+from analysis.stages.motion.forces import compute_longitudinal_force
+from analysis.stages.signals.grid_rate import count_rows_in_duration
+from estimators.arrays import Floats
+
+_BOOM: Final = "boom_rad"
+
+
+class StartAndRestSpectra(NamedTuple):
+    """Mean power (k,) of the accelerometer's residual after starts and at rest."""
+
+    frequency_hz: Floats
+    after_starts: Floats
+    at_rest: Floats
+    start_count: int
+
+
+def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
+    """Regress the accelerometer on the wheels' acceleration.
+
+    Returns:
+        Slope and its standard deviation, dimensionless; None if the log has too little motion.
+    """
+    if ACC not in inputs.aligned.columns or not inputs.select_measured_channels(ACC):
+        return None
+    rate_hz = inputs.machine.settings.align.rate_hz
+    size = max(round(CHANNEL_LIMITS.gain_span_s * rate_hz), 1)
+    span_s = size / rate_hz
+    count = inputs.aligned.height // size
+    if count < CHANNEL_LIMITS.gain_min_spans:
+        return None
+
+    def block_means(x: Floats) -> Floats:
+        return x[: count * size].reshape(count, size).mean(axis=1)
+
+    speed = block_means(get_column_values(inputs.aligned, "speed_x_m_s"))
+    reads = block_means(
+        get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
+    )
+    moves = block_means((~inputs.is_standing_sample).astype(float)) > 0.0
+    x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
+    used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
+    if used.sum() < CHANNEL_LIMITS.gain_min_spans:
+        return None
+    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    # noise of the speed is no acceleration, and would look like one that is not seen
+    reads_speed = (
+        0.0
+        if inputs.column_noise is None
+        else inputs.column_noise.noise_covariance_of_means(size)[1, 1]
+    )
+    seen = float(x @ x)
+    power = seen - x.size * 2.0 * reads_speed / span_s**2
+    if not power > CHANNEL_LIMITS.gain_motion_fraction * seen:
+        return None
+    gain = float(x @ y) / power
+    # neighbours share half of what they are of
+    std = float(np.sqrt(1.5 * seen * ((y - gain * x) ** 2).sum() / (x.size - 2))) / power
+    # what noise is taken off is known to a share of it
+    return gain, float(np.hypot(std, gain * CHANNEL_LIMITS.gain_noise_u_1 * (seen - power) / power))
+
+
+def fit_imu_to_boom_angle_slope_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
+    """Regress the accelerometer at standstill on the angle of the boom.
+
+    Returns:
+        Slope and its standard deviation in m/s² per rad; None if the log has no boom or too few
+        standstills, or if the angle explains too little of the readings.
+    """
+    if not {ACC, _BOOM} <= set(inputs.aligned.columns) or not inputs.select_measured_channels(ACC):
+        return None
+    reads = get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
+    boom = get_column_values(inputs.aligned, _BOOM)
+    used = inputs.is_resting_sample & np.isfinite(reads) & np.isfinite(boom)
+    size = max(round(LIMITS.stand_block_s * inputs.machine.settings.align.rate_hz), 1)
+    count = int(used.sum()) // size
+    if count < LIMITS.stand_min_blocks:
+        return None
+    x, y = (each[used][: count * size].reshape(count, size).mean(axis=1) for each in (boom, reads))
+    x, y = x - x.mean(), y - y.mean()
+    if np.sqrt(x @ x / count) < LIMITS.boom_min_std_rad:
+        return None
+    slope = float(x @ y) / float(x @ x)
+    unexplained = float(((y - slope * x) ** 2).sum())
+    if unexplained > LIMITS.boom_unexplained_1 * float(y @ y):
+        return None
+    return slope, float(np.sqrt(unexplained / (count - 2) / float(x @ x)))
+
+
+def compute_imu_spectra_after_starts_and_at_rest(
+    inputs: FindingInputs,
+) -> StartAndRestSpectra | None:
+    """Spectra of the accelerometer's residual after starts and at rest; None of too few."""
+    rate_hz = inputs.machine.settings.align.rate_hz
+    size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
+    if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
+        return None
+    reads = get_column_values(inputs.aligned, ACC)
+    speed = get_column_values(inputs.aligned, "speed_x_m_s")
+    force = compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
+    ramp = np.linspace(-1.0, 1.0, size)
+    window = np.hanning(size)
+
+    def residual_spectrum_at(first: int) -> Floats | None:
+        part = slice(first, first + size)
+        known = np.column_stack([np.vander(ramp, 4), force[part], speed[part]])
+        if not (np.isfinite(known).all() and np.isfinite(reads[part]).all()):
+            return None
+        rest = reads[part] - known @ np.linalg.lstsq(known, reads[part], rcond=None)[0]
+        return np.abs(np.fft.rfft(rest * window)) ** 2
+
+    def mean_spectrum(places: list[int]) -> Floats | None:
+        found = [each for first in places if (each := residual_spectrum_at(first)) is not None]
+        return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
+
+    starts = find_force_rise_ends(inputs, force, size)
+    still = inputs.is_resting_sample
+    rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
+    driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
+    if driving is None or standing is None:
+        return None
+    hz = np.arange(size // 2 + 1) * rate_hz / size
+    return StartAndRestSpectra(hz, driving, standing, len(starts))
+
+
+def find_force_rise_ends(inputs: FindingInputs, force: Floats, min_held_samples: int) -> list[int]:
+    """End (grid sample) of each rise of the force after a standstill that is then held."""
+    rate_hz = inputs.machine.settings.align.rate_hz
+    if not np.isfinite(force).any():
+        return []
+    pushes = np.abs(force) > LIMITS.start_force_fraction * float(
+        np.nanquantile(np.abs(force), 0.98)
+    )
+    rises = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
+    stood, behind = (
+        count_rows_in_duration(LIMITS.start_stand_s, rate_hz),
+        count_rows_in_duration(LIMITS.start_rise_s, rate_hz),
+    )
+    # the moving mean and the phases see a start late
+    clear = count_rows_in_duration(0.2, rate_hz)
+    return [
+        int(k) + behind
+        for k in rises
+        if k > stood + clear
+        and k + behind + min_held_samples < force.size
+        and inputs.is_standing_sample[k - stood - clear : k - clear].all()
+        and pushes[k + 2 * behind : k + min_held_samples].mean() > LIMITS.start_held_fraction
+    ]
