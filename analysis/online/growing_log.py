@@ -25,7 +25,7 @@ from analysis.stages.signals.align import (
     find_origin_of_causal_grid,
 )
 from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
-from analysis.stages.signals.filters import gap_threshold_ns
+from analysis.stages.signals.filters import compute_gap_threshold_ns
 from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
     HeldReadings,
@@ -223,7 +223,8 @@ class GrowingLog:
         self._awaited_unix_ns = awaited_ns
         align = self.basis.machine.settings.align
         longest_ns = max(
-            gap_threshold_ns(frame["unix_ns"].to_numpy(), align) for frame in self._raw.values()
+            compute_gap_threshold_ns(frame["unix_ns"].to_numpy(), align)
+            for frame in self._raw.values()
         )
         # rows begin again after no less, and look back over what is kept
         ends_ns = round(longest_ns + (SIGNAL_LIMITS.longest_gap_s + self._kept_s) * 1e9)
