@@ -260,7 +260,9 @@ class TestCommand:
         steep = tmp_path / "steep.toml"
         steep.write_text("[terrain]\nslope_deg = 15\n", encoding="utf-8")
         said = payscope("simulate", steep, "-o", tmp_path / "log.bag")
-        join_to_one_line(said, f"{steep}: campaign.throttle_force_N: reaches 6000 N")
+        join_to_one_line(
+            said, f"{steep}: campaign.throttle_force_N: the driving force reaches 6000 N"
+        )
         assert said.status == 2
         assert list(tmp_path.iterdir()) == [steep]
 

@@ -102,7 +102,7 @@ def test_what_cannot_be_simulated_is_refused_with_the_reason(sections, what):
                     "manoeuvres": [{"kind": "start", "direction": "reverse", "throttle": 0.8}]
                 },
             },
-            "manoeuvres.0: reaches 4800 N in campaign.manoeuvres.0.start_s, but slope",
+            "manoeuvres.0: the driving force reaches 4800 N in campaign.manoeuvres.0.start_s, but slope",
         ),
         ({"machine": {"com_x_m": 2.0}}, "is about the origin"),
     ],
@@ -169,5 +169,5 @@ def test_a_scenario_made_in_python_is_refused_like_one_from_a_file():
 def test_a_motion_is_refused_for_the_load_that_it_is_solved_with():
     slope = Scenario.model_validate({"terrain": {"slope_deg": 9.0}})
     assert solve_motion(slope, 0.0).duration_s > 0.0
-    with pytest.raises(ScenarioError, match="hold 4614 kg"):
+    with pytest.raises(ScenarioError, match="resist 4614 kg"):
         solve_motion(slope, 1000.0)
