@@ -102,7 +102,7 @@ def test_what_cannot_be_simulated_is_refused_with_the_reason(sections, what):
                     "manoeuvres": [{"kind": "start", "direction": "reverse", "throttle": 0.8}]
                 },
             },
-            "manoeuvres.0: the driving force reaches 4800 N in campaign.manoeuvres.0.start_s, but slope",
+            "manoeuvres.0: the driving force reaches 4800 N in campaign.manoeuvres.0.start_s, but",
         ),
         ({"machine": {"com_x_m": 2.0}}, "is about the origin"),
     ],
