@@ -85,8 +85,8 @@ def _mean_of_starts(draw: np.random.Generator, start_kg: float, cycles: int) -> 
 def flagged(charts: list[MachineChart], name: str) -> int | None:
     """Days from the first of the year until a signal's chart is beyond its limit."""
     for each in charts:
-        if each.signal.name == name and each.chart.flagged is not None:
-            return (each.days[each.chart.flagged] - each.days[0]).days
+        if each.signal.name == name and each.chart.flagged_index is not None:
+            return (each.days[each.chart.flagged_index] - each.days[0]).days
     return None
 
 
@@ -97,10 +97,10 @@ def alarms(days: pl.DataFrame) -> int:
         left = days
         while left.height:
             chart = next(c for c in make_machine_charts(left) if c.signal.name == name).chart
-            if chart.flagged is None:
+            if chart.flagged_index is None:
                 break
             found += 1
-            left = left.slice(chart.flagged + 1)
+            left = left.slice(chart.flagged_index + 1)
     return found
 
 

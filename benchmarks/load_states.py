@@ -131,7 +131,7 @@ def changing(
 
 def changes(found: LoadStates, drawn: Drawn) -> np.ndarray:
     """Right, found and true changes."""
-    mine, true = np.diff(found.membership) != 0, np.diff(drawn.state) != 0
+    mine, true = np.diff(found.state_of_manoeuvre) != 0, np.diff(drawn.state) != 0
     return np.array([(mine & true).sum(), mine.sum(), true.sum()])
 
 
@@ -198,7 +198,7 @@ def one_state(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
                 units = replace(units, kind=units.kind + boom)
                 found = find_load_states(units, np.arange(count), None)
                 single += found.state_count == 1
-                doubted += found.other is not None
+                doubted += found.alternative_partition is not None
             label = f"{name}, scatter {scatter:g}"
             yield [label, f"{100 * single / logs:.1f} %", f"{100 * doubted / logs:.1f} %"]
 
@@ -236,14 +236,16 @@ def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
                 continue
             drawn = manoeuvres(dice, state, level_kg, scatter)
             found = find_load_states(drawn.units, np.arange(state.size), None)
-            if not np.array_equal(found.membership, state):
+            if not np.array_equal(found.state_of_manoeuvre, state):
                 continue
             weight = 1.0 / (drawn.units.variance + found.scatter_kg**2)
             total = np.bincount(state, weights=weight)
-            mean = np.bincount(state, weights=weight * found.level_kg) / total
+            mean = np.bincount(state, weights=weight * found.manoeuvre_mass_kg) / total
             noise = np.bincount(state, weights=weight**2 * drawn.units.variance) / total**2
             between = np.bincount(state, weights=(weight * found.scatter_kg) ** 2) / total**2
-            variance = noise + between * compute_student_to_normal_ratio(found.freedom) ** 2
+            variance = (
+                noise + between * compute_student_to_normal_ratio(found.degrees_of_freedom) ** 2
+            )
             errors = mean - level_kg
             masses += (errors / np.sqrt(variance)).tolist()
             payloads += ((errors[1:] - errors[0]) / np.sqrt(variance[1:] + variance[0])).tolist()

@@ -51,7 +51,7 @@ def restricted(
     A, f = make_straight_regressor_and_force(excitation, machine.settings)
     z = np.column_stack([A, f])[samples]
     weights = FORGETTING ** np.arange(len(z))[::-1]
-    covariance = collect_axis_noise(X, machine.settings, noise).mean
+    covariance = collect_axis_noise(X, machine.settings, noise).moving_mean_covariance
     gram = (z * weights[:, None]).T @ z
     _, vectors = eigh(gram, covariance)
     return float(-vectors[0, 0] / vectors[-1, 0])

@@ -18,7 +18,7 @@ from analysis.cycles.shift_totals import make_shift_totals_frame
 from analysis.model.schema import build_frame
 from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import PreviousEstimates
-from analysis.weighing.growing_load import LoadFilling
+from analysis.weighing.growing_load import LoadGrowthAtEveryStart
 from analysis.weighing.joint_result import JointFit, PriorMeans
 from analysis.weighing.load_states import (
     LoadStates,
@@ -187,24 +187,24 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
 def _with_true_states(truth: DrawnShift, states: LoadStates) -> LoadStates:
     of = np.unique(truth.membership, return_inverse=True)[1].astype(np.int64)
     return LoadStates(
-        states.unit, of, states.level_kg, states.std_kg, states.scatter_kg, states.freedom,
-        states.birge_ratio,
+        states.manoeuvre_ids, of, states.manoeuvre_mass_kg, states.std_kg, states.scatter_kg,
+        states.degrees_of_freedom, states.birge_ratio,
     )  # fmt: skip
 
 
 def _true_passes(truth: DrawnShift, states: LoadStates, hat: Floats) -> LoadPasses:
     """The passes as they were driven, with what their manoeuvres say."""
     weight = 1.0 / (states.std_kg**2 + states.scatter_kg**2)
-    total = np.bincount(states.membership, weight)
+    total = np.bincount(states.state_of_manoeuvre, weight)
     level_kg = truth.units.y - truth.units.x @ (hat @ truth.units.y)
-    first = np.flatnonzero(np.append(True, np.diff(states.membership) > 0))
-    last = np.append(first[1:] - 1, states.membership.size - 1)
+    first = np.flatnonzero(np.append(True, np.diff(states.state_of_manoeuvre) > 0))
+    last = np.append(first[1:] - 1, states.state_of_manoeuvre.size - 1)
     start = (truth.start_s * _NS).astype(np.int64)
     return LoadPasses(
-        states.membership,
-        weight / total[states.membership],
+        states.state_of_manoeuvre,
+        weight / total[states.state_of_manoeuvre],
         truth.loaded[truth.membership[first]],
-        np.bincount(states.membership, weight * level_kg) / total,
+        np.bincount(states.state_of_manoeuvre, weight * level_kg) / total,
         1.0 / np.sqrt(total),
         start[first],
         start[last] + int(_START_S * _NS),
@@ -220,7 +220,7 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     units, count = truth.units, states.state_count
     n, r = units.x.shape
     A = np.zeros((n, count + r))
-    A[np.arange(n), states.membership] = 1.0
+    A[np.arange(n), states.state_of_manoeuvre] = 1.0
     A[:, count:] = units.x
     weight = 1.0 / (units.variance + states.scatter_kg**2)
     prior = np.zeros(count + r)
@@ -254,7 +254,7 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     masses = theta[:count]
     weighing = Weighing(
         joint, masses, masses, float("nan"), False, False, ForceCurvature(0.0, 0.0, 1.0),
-        LoadFilling(0.0, 0.0), (),
+        LoadGrowthAtEveryStart(0.0, 0.0), (),
     )  # fmt: skip
     return weighing, hat[count:]
 
@@ -284,7 +284,7 @@ def _frames(truth: DrawnShift, states: LoadStates, hat: Floats) -> dict[str, pl.
         "manoeuvres": build_frame(
             "manoeuvres",
             {
-                "load_id": states.membership,
+                "load_id": states.state_of_manoeuvre,
                 "start_t_ns": start,
                 "end_t_ns": start + int(_START_S * _NS),
                 "mass_kg": level_kg,
@@ -325,7 +325,9 @@ def _compared(
     # what the nuisances are found wrong by is shared, and so is the gain
     errors_kg = truth.shared_kg - truth.units.x @ (hat @ (truth.noise_kg + truth.shared_kg))
     of_pass = (
-        np.zeros(0) if known is None else np.bincount(known.membership, known.share * errors_kg)
+        np.zeros(0)
+        if known is None
+        else np.bincount(known.pass_of_manoeuvre, known.share * errors_kg)
     )
     whole: list[float] = []
     parts: list[tuple[float, float]] = []

@@ -65,8 +65,8 @@ class Outcome:
         tail = 0.5 + CONFIDENCE / 2.0
         if factor <= norm.ppf(tail):
             return self.error_kg / self.u_kg
-        freedom = brentq(lambda at: float(student_t.ppf(tail, at)) - factor, *FREEDOMS)
-        beyond = student_t.sf(abs(self.error_kg) / self.u_kg, freedom)
+        degrees_of_freedom = brentq(lambda at: float(student_t.ppf(tail, at)) - factor, *FREEDOMS)
+        beyond = student_t.sf(abs(self.error_kg) / self.u_kg, degrees_of_freedom)
         return float(np.copysign(norm.isf(beyond), self.error_kg))
 
 

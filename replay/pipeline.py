@@ -104,14 +104,14 @@ class _TopicChannels:
 
     Attributes:
         read: channel readings at their own rates, by channel.
-        stamps: kind of stamp that times each topic.
+        stamp_label_by_topic: kind of stamp that times each topic.
         doubts: data whose loss cannot be proven.
         notes: notes on rows and readings that are left out.
         copied: rows of topics that repeat earlier ones, by topic.
     """
 
     read: dict[str, Series]
-    stamps: dict[str, str]
+    stamp_label_by_topic: dict[str, str]
     doubts: list[Loss]
     notes: list[str]
     copied: dict[str, list[Copy]]
@@ -137,26 +137,26 @@ class _TopicChannels:
 
 
 @dataclass(frozen=True)
-class _Stages:
+class _StageResults:
     """Results of the stages up to the findings.
 
     Attributes:
         frames: frames of the run, up to the verdict.
         weighing: the joint fit.
-        case: inputs for the search of causes.
+        finding_inputs: inputs for the search of causes.
         totals: masses of the whole log, before anything is withheld.
         contradicted: methods whose mass the log contradicts.
-        stamps: kind of stamp that times each topic.
+        stamp_label_by_topic: kind of stamp that times each topic.
         doubts: data whose loss cannot be proven.
         notes: notes for the reader.
     """
 
     frames: dict[str, pl.DataFrame]
     weighing: Weighing | None
-    case: FindingInputs
+    finding_inputs: FindingInputs
     totals: pl.DataFrame
     contradicted: list[str]
-    stamps: dict[str, str]
+    stamp_label_by_topic: dict[str, str]
     doubts: list[Loss]
     notes: list[str]
 
@@ -190,7 +190,7 @@ def run(
     weighing, excitation = seen.weighing, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _find_causes_of_log(seen, raw, machine)
-    judged = add_check_of_invalidating_findings(seen.case.judged, causes, machine)
+    judged = add_check_of_invalidating_findings(seen.finding_inputs.verdict_frame, causes, machine)
     opinion = Verdict.from_frame(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane, plane_budget = make_planar_frames(
@@ -237,8 +237,8 @@ def run(
         provenance=make_provenance_of_inputs(
             logs,
             machine,
-            seen.case.check_inputs.t0_unix_ns,
-            seen.stamps,
+            seen.finding_inputs.check_inputs.t0_unix_ns,
+            seen.stamp_label_by_topic,
             logged_machine_id=logged_id,
             # a recording that is replayed has its own again
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
@@ -247,7 +247,9 @@ def run(
                 *order_note(compute_log_offsets_ns(logs, list_channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *list_notes_on_outdated_tickets(machine.machine, seen.case.check_inputs.t0_unix_ns),
+                *list_notes_on_outdated_tickets(
+                    machine.machine, seen.finding_inputs.check_inputs.t0_unix_ns
+                ),
                 *why,
             ],
         ),
@@ -259,7 +261,7 @@ def _run_stages(
     topic_channels: _TopicChannels,
     machine: Machine,
     on_stage: Callable[[str], None],
-) -> _Stages:
+) -> _StageResults:
     settings, read = machine.settings, topic_channels.read
     on_stage("derive")  # one filter on all of them where one is differentiated
     channels, notes = derive_channels_in_si(read, machine)
@@ -304,7 +306,7 @@ def _run_stages(
     contradicted = [
         each.method for each in compare_methods_with_joint_fit(evidence) if each.contradicted
     ]
-    return _Stages(
+    return _StageResults(
         {
             "aligned": aligned,
             "excitation": excitation,
@@ -320,14 +322,14 @@ def _run_stages(
         ),
         everything,
         contradicted,
-        topic_channels.stamps,
+        topic_channels.stamp_label_by_topic,
         topic_channels.doubts,
         notes,
     )
 
 
 def _find_causes_of_log(
-    stages: _Stages, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
+    stages: _StageResults, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
 ) -> pl.DataFrame:
     """Find the causes of the log, and those behind a cause that masks the others."""
     part = cut_to_first_hour(raw_frames)
@@ -335,11 +337,11 @@ def _find_causes_of_log(
     def find_causes_with(changed: Machine) -> pl.DataFrame | None:
         try:
             placed = _TopicChannels.from_topics(part, changed)
-            return find_causes(_run_stages(part, placed, changed, lambda _: None).case)
+            return find_causes(_run_stages(part, placed, changed, lambda _: None).finding_inputs)
         except DataError:  # the first hour of a log may hold less than the whole
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw_frames.items())
     return add_masked_findings(
-        find_causes(stages.case), machine, find_causes_with, is_complete_log=whole
+        find_causes(stages.finding_inputs), machine, find_causes_with, is_complete_log=whole
     )

@@ -21,9 +21,9 @@ from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
     ShiftScale,
+    compute_state_weights_of_passes,
     estimate_carry_back_variance_kg2,
     estimate_clean_machine_mass_and_u_kg,
-    state_shares_of_passes,
     weigh_empty_machine,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
@@ -76,7 +76,7 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def common_and_shared_u_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+    def common_and_shift_wide_u_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
@@ -133,12 +133,10 @@ def weigh_cycles(
     )
     clean = estimate_clean_machine_mass_and_u_kg(found)
     rows: list[dict[str, object]] = []
-    known_sums = (
-        weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
-    )
-    of_states = state_shares_of_passes(weighing.fit, found) if weighing and known_sums else None
+    counts = np.bincount(found.pass_of_manoeuvre)
+    fit = weighing.fit if weighing and weighing.fit.states and counts.size else None
+    of_states = None if fit is None else compute_state_weights_of_passes(fit, found)
     sums, ready_ns = dict[int, Floats](), int(motion[1]["t_ns"][0])
-    counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_make_cycle_time_columns(part, ready_ns)}
         reason = withheld or part.missing_mass_reason
@@ -239,10 +237,10 @@ def make_payload_uncertainty_columns(
     own_kg, random_kg = cycle_row["payload_kg"], cycle_row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = uncertainty.own.common_and_shared_u_kg(coefficients, own_kg)
+    own_common_kg, own_shared_kg = uncertainty.own.common_and_shift_wide_u_kg(coefficients, own_kg)
     common_kg, shared_kg = (
         uncertainty.scale_1 * u
-        for u in uncertainty.on_empty_scale.common_and_shared_u_kg(coefficients, own_kg)
+        for u in uncertainty.on_empty_scale.common_and_shift_wide_u_kg(coefficients, own_kg)
     )
     random_kg *= uncertainty.scale_1
     return {
@@ -342,7 +340,8 @@ def compute_common_payload_u_on_own_and_empty_scale(
         nothing = np.zeros(count)
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _CommonUncertaintyByScale(none, none, 1.0, ShiftScale())
-    datum = empty.make_payload_datum(state_shares_of_passes(weighing.fit, passes) @ coefficients)
+    of_states = compute_state_weights_of_passes(weighing.fit, passes)
+    datum = empty.make_payload_datum(of_states @ coefficients)
     own = compute_common_payload_uncertainty(weighing, machine, passes, coefficients, None)
     gain_1, gain_u_1 = empty.weighed_to_stated_ratio_and_u or (None, None)
     sources = list_payload_uncertainties(weighing, machine, datum, empty.weights)
@@ -372,7 +371,7 @@ def compute_common_payload_uncertainty(
     single payload also has nuisance errors of its own starts.
     """
     fit = weighing.fit
-    of_states = state_shares_of_passes(fit, passes)
+    of_states = compute_state_weights_of_passes(fit, passes)
     summed = of_states @ coefficients
     sources = list_payload_uncertainties(weighing, machine, datum, summed)
     by_1 = 1.0 if datum is None else datum.scale_1
@@ -380,7 +379,8 @@ def compute_common_payload_uncertainty(
     kept = (combine_u(sources, "random") / by_1) ** 2 - float(coefficients**2 @ passes.u_kg**2)
     common = combine_u(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
-    responses_kg, drift = fit.mass_changes_per_term_std_kg, weighing.significant_empty_mass_drift
+    responses_kg = fit.mass_changes_by_one_std_of_each_term_kg
+    drift = weighing.significant_empty_mass_drift
     if drift is not None:  # unlike other scales, it moves early and late payloads differently
         names.add("drifted_gain")
         responses_kg = np.vstack([responses_kg, drift.mass_changes_by_gain_kg(fit.masses_kg)])
@@ -390,7 +390,7 @@ def compute_common_payload_uncertainty(
     empty = np.zeros(passes.mass_kg.size)
     if datum is not None:
         share = passes.weigh_empty_passes(machine.machine.empty_mass_kg)
-        empty = -datum.by_kg * share / share.sum()
+        empty = -datum.gain_per_kg * share / share.sum()
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
         combine_u(other) / by_1 / total_kg,

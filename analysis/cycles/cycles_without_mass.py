@@ -332,7 +332,7 @@ def find_spans_of_missing_channels_ns(
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 
-def mark_gaps_that_may_be_breaks(
+def mark_gaps_that_may_be_work_breaks(
     gaps: list[tuple[int, int]], excitation: pl.DataFrame
 ) -> list[bool]:
     """Whether the machine stands on all sides of each gap within the log, on one for long."""
@@ -340,7 +340,7 @@ def mark_gaps_that_may_be_breaks(
     t_ns, moves = known["t_ns"].to_numpy(), ~mark_standing_samples(known)
     moving_ns = t_ns[moves]
 
-    def may_be_break(start_ns: int, end_ns: int) -> bool:
+    def may_be_work_break(start_ns: int, end_ns: int) -> bool:
         # samples beside a gap may be of no phase
         before, after = np.searchsorted(t_ns, start_ns, "right") - 1, np.searchsorted(t_ns, end_ns)
         sides = [int(side) for side in (before, after) if 0 <= side < t_ns.size]
@@ -351,11 +351,11 @@ def mark_gaps_that_may_be_breaks(
         stands = [t_ns[side] - stopped if side == before else starts - t_ns[side] for side in sides]
         return bool(max(stands) > LIMITS.idle_s * NS_PER_S)
 
-    return [may_be_break(*gap) for gap in gaps]
+    return [may_be_work_break(*gap) for gap in gaps]
 
 
 def estimate_cycles_lost_in_gaps(
-    cycles: pl.DataFrame, gaps: list[tuple[int, int]], may_be_breaks: list[bool]
+    cycles: pl.DataFrame, gaps: list[tuple[int, int]], may_be_work_breaks: list[bool]
 ) -> LostCycles:
     """Estimate how many cycles gaps of the log hide: those whose whole haul is inside a gap.
 
@@ -369,7 +369,7 @@ def estimate_cycles_lost_in_gaps(
     Args:
         cycles: the frame `cycles`.
         gaps: gaps from `find_spans_of_missing_channels_ns`.
-        may_be_breaks: of each gap, from `mark_gaps_that_may_be_breaks`.
+        may_be_work_breaks: of each gap, from `mark_gaps_that_may_be_work_breaks`.
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()
@@ -380,13 +380,13 @@ def estimate_cycles_lost_in_gaps(
     periods = periods[periods < LIMITS.idle_period_ratio * np.median(periods)]
     period, spread = float(np.mean(periods)), float(np.std(periods))
     expected = variance = in_breaks = 0.0
-    for (start, end), may_be_break in zip(gaps, may_be_breaks, strict=True):
+    for (start, end), may_be_work_break in zip(gaps, may_be_work_breaks, strict=True):
         if end - start > LIMITS.break_max_s * NS_PER_S:
             continue
         hidden = float(np.mean(np.maximum((end - start) / NS_PER_S - hauls, 0.0))) / period
         part = hidden % 1.0
         variance += part * (1.0 - part) + hidden * (spread / period) ** 2
-        if may_be_break or hidden > LIMITS.working_gap_max_cycles:
+        if may_be_work_break or hidden > LIMITS.working_gap_max_cycles:
             in_breaks += hidden
         else:
             expected += hidden

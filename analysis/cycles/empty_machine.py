@@ -71,11 +71,11 @@ class ShiftScale(NamedTuple):
     gain_u_1: float | None = None
 
 
-def state_shares_of_passes(fit: JointFit, passes: LoadPasses) -> Floats:
+def compute_state_weights_of_passes(fit: JointFit, passes: LoadPasses) -> Floats:
     """(states, passes) weights of the states' masses in the passes' masses."""
     assert fit.states is not None
     weights = np.zeros((fit.mass_count, passes.mass_kg.size))
-    np.add.at(weights, (fit.states.membership, passes.membership), passes.share)
+    np.add.at(weights, (fit.states.state_of_manoeuvre, passes.pass_of_manoeuvre), passes.share)
     return weights
 
 
@@ -127,7 +127,7 @@ def weigh_empty_machine(
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
-    weights = state_shares_of_passes(weighing.fit, passes) @ share
+    weights = compute_state_weights_of_passes(weighing.fit, passes) @ share
     middles_ns = (passes.start_ns + passes.end_ns) / 2.0
     fuel_kg = (
         (0.0, 0.0)

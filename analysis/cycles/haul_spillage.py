@@ -120,7 +120,7 @@ def find_haul_fractions_when_weighed(
             continue
         begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))
         haul = driven[min(end, t_ns.size - 1)] - driven[begin]
-        own = passes.membership == part.loaded_pass
+        own = passes.pass_of_manoeuvre == part.loaded_pass
         if haul > 0.0:
             mean = float(passes.share[own] @ place[own])
             progress[number] = np.clip((mean - driven[begin]) / haul, 0.0, 1.0)

@@ -29,7 +29,7 @@ class LoadPasses:
     """Passes in order of time.
 
     Attributes:
-        membership: (manoeuvres,) pass of each manoeuvre.
+        pass_of_manoeuvre: (manoeuvres,) pass of each manoeuvre.
         share: (manoeuvres,) weight in the pass's mass; the weights of a pass add up to 1.
         loaded: (passes,) whether each pass is loaded.
         mass_kg: (passes,) mass.
@@ -42,7 +42,7 @@ class LoadPasses:
         step_kg: (passes,) what the empty machine has gained at each pass by a step of its mass.
     """
 
-    membership: Ints
+    pass_of_manoeuvre: Ints
     share: Floats
     loaded: Bools
     mass_kg: Floats
@@ -56,7 +56,7 @@ class LoadPasses:
 
     @property
     def drift_corrected_masses_kg(self) -> Floats:
-        """(passes,) mass of each, were the empty machine's what it is at first.
+        """(passes,) mass of each pass, corrected for drift and step of the empty machine's mass.
 
         The gain of the force is its mean over the log.
         """

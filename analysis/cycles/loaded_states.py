@@ -61,7 +61,7 @@ def classify_loaded_by_threshold(mass_kg: Floats, u_kg: Floats, loaded_label: In
         light, heavy = loaded_label == 0, loaded_label == 1
     a, b = float(np.median(mass_kg[light])), float(np.median(mass_kg[heavy]))
     least_kg = float(np.median(u_kg))
-    spread_kg = robust_std(mass_kg[light], least_kg)
+    spread_kg = estimate_robust_std(mass_kg[light], least_kg)
     parted = b - a > LIMITS.class_distance_std * max(
         least_kg, spread_kg if light.sum() >= LIMITS.own_spread_min_states else 0.0
     )
@@ -76,7 +76,7 @@ def classify_loaded_by_threshold(mass_kg: Floats, u_kg: Floats, loaded_label: In
         undug[[0, -1]] = False
         return heavy | undug
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
-    high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
+    high = max(estimate_robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
     return mass_kg > (fit_loaded_threshold_kg(mass_kg, loaded_label, border) if told else border)
 
@@ -99,7 +99,9 @@ def do_class_means_differ(light_kg: Floats, heavy_kg: Floats, min_spread_kg: flo
     """Whether the means of two classes differ, with enough states in each."""
     if min(light_kg.size, heavy_kg.size) < LIMITS.own_spread_min_states:
         return False
-    variances = (robust_std(each, min_spread_kg) ** 2 / each.size for each in (light_kg, heavy_kg))
+    variances = (
+        estimate_robust_std(each, min_spread_kg) ** 2 / each.size for each in (light_kg, heavy_kg)
+    )
     return float(np.mean(heavy_kg) - np.mean(light_kg)) > LIMITS.digging_class_distance_std * float(
         np.sqrt(sum(variances))
     )
@@ -114,7 +116,7 @@ def fit_loaded_threshold_kg(mass_kg: Floats, loaded_label: Ints, initial_kg: flo
     return float(best[np.argmin(np.abs(best - initial_kg))])
 
 
-def robust_std(values: Floats, min_std: float) -> float:
+def estimate_robust_std(values: Floats, min_std: float) -> float:
     """Standard deviation from the median absolute deviation."""
     return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), min_std)
 

@@ -17,7 +17,7 @@ from analysis.cycles.cycles_without_mass import (
     estimate_uncounted_cycle_count,
     estimate_unweighed_load_and_u_kg,
     find_spans_of_missing_channels_ns,
-    mark_gaps_that_may_be_breaks,
+    mark_gaps_that_may_be_work_breaks,
 )
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
@@ -61,7 +61,9 @@ def make_shift_totals_frame(
     """
     gaps = find_spans_of_missing_channels_ns(excitation, aligned)
     lost, more = (
-        estimate_cycles_lost_in_gaps(cycles, gaps, mark_gaps_that_may_be_breaks(gaps, excitation)),
+        estimate_cycles_lost_in_gaps(
+            cycles, gaps, mark_gaps_that_may_be_work_breaks(gaps, excitation)
+        ),
         estimate_uncounted_cycle_count(cycles, excitation, aligned),
     )
     t_ns = excitation["t_ns"].to_numpy()
@@ -98,7 +100,7 @@ def make_shift_totals_frame(
 
 
 def estimate_min_detectable_load_kg(manoeuvres: pl.DataFrame, loads: pl.DataFrame) -> float | None:
-    """Smallest load in kg that one start tells from an empty machine; None without masses.
+    """Smallest load in kg that a single start can detect; None without masses.
 
     The minimum detectable value of ISO 11843-1, by the standard deviation of a start's mass: its
     noise and the scatter of starts with one load.

@@ -83,7 +83,7 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
 
 
 def _force_acceleration_partial_correlation(_inputs: CheckInputs, motion: AxisMotion) -> float:
-    return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
+    return fit_quality.compute_partial_correlation(motion.A, motion.f, motion.moving)
 
 
 def force_acceleration_correlation_unless_brief(inputs: CheckInputs, motion: AxisMotion) -> float:

@@ -127,7 +127,9 @@ def _iter_stretches_to_exclude_by_check(
 def mark_fitted_or_growing_load_samples(weighing: Weighing) -> Bools:
     """Samples of the fit and of manoeuvres whose load appears to change, (n,)."""
     motion = weighing.fit.motion
-    return motion.is_fittable | np.isin(motion.unit, [each.unit for each in weighing.growing])
+    return motion.is_fittable | np.isin(
+        motion.manoeuvre_of_sample, [each.manoeuvre_id for each in weighing.growing_load_manoeuvres]
+    )
 
 
 def compute_mass_change_over_uncertainty(

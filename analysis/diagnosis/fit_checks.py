@@ -298,7 +298,7 @@ FIT_CHECKS: Final = (
         "wheel_imu_gain_error",
         "mass",
         _make_wheel_quantity_function(
-            lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0
+            lambda wheels: abs(wheels.gain[0]) if wheels.is_gain_significant else 0.0
         ),
         "gain difference of wheel speed and accelerometer; either may be wrong",
         maximum="gain_max",

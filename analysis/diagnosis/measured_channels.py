@@ -13,7 +13,7 @@ from analysis.diagnosis.diagnosis_limits import LIMITS
 from analysis.model.machine import FORCES, Machine
 from analysis.model.physical_units import split_unit_from_name
 from analysis.model.windows import find_flagged_runs, flag_rows_near_flagged_rows
-from analysis.stages.signals.filters import median_period_ns
+from analysis.stages.signals.filters import compute_median_period_ns
 from analysis.stages.signals.speed_threshold import SPEEDS, estimate_zero_speed_threshold_m_s
 from analysis.stages.signals.timestamps import (
     RelativeDrift,
@@ -373,7 +373,7 @@ def find_spans_at_limits(limits: list[float], unix_ns: Ints, readings: Floats) -
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     near = max(
-        round(LIMITS.limit_window_s * 1e9 / median_period_ns(unix_ns)),
+        round(LIMITS.limit_window_s * 1e9 / compute_median_period_ns(unix_ns)),
         LIMITS.run_min_readings,
     )
     at = np.isin(readings, limits).astype(np.float64)

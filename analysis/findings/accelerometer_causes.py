@@ -25,8 +25,8 @@ from analysis.findings.constant_forces import (
 from analysis.findings.delay_causes import find_accelerometer_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import mass_change_by_refit
-from analysis.model.physical_units import gain_and_offset_to_si
+from analysis.findings.refit import compute_mass_change_by_refit
+from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.schema import get_column_values
 from analysis.stages.motion.phases import average_acceleration_over_rate_span
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -87,7 +87,7 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
             change=None
             if backwards
-            else lambda: mass_change_by_refit(inputs, lambda motion: motion),
+            else lambda: compute_mass_change_by_refit(inputs, lambda motion: motion),
         )
     ]
 
@@ -126,7 +126,7 @@ def _find_accelerometer_error_at_rest(
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{offset - convert_to_accelerometer_unit(inputs, error):.5g}" if names else None,
-            change=lambda: mass_change_by_refit(
+            change=lambda: compute_mass_change_by_refit(
                 inputs,
                 lambda motion: transform_accelerometer_signals(motion, lambda x: x - error),
                 min(std / abs(error), 1.0),
@@ -202,7 +202,7 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
             channel=_Y,
             setting=setting,
             value=value,
-            change=lambda: mass_change_by_refit(
+            change=lambda: compute_mass_change_by_refit(
                 inputs,
                 lambda motion: transform_accelerometer_signals(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
@@ -278,7 +278,9 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: mass_change_by_refit(inputs, add_gravity, min(std / abs(pitch), 1.0)),
+            change=lambda: compute_mass_change_by_refit(
+                inputs, add_gravity, min(std / abs(pitch), 1.0)
+            ),
         )
     ]
 
@@ -288,7 +290,7 @@ def convert_to_accelerometer_unit(inputs: FindingInputs, acceleration_m_s2: floa
     channel = inputs.machine.channels[ACC]
     if channel.unit is None:
         return acceleration_m_s2
-    return acceleration_m_s2 / gain_and_offset_to_si(channel.unit, "m/s²")[0]
+    return acceleration_m_s2 / find_gain_and_offset_to_si(channel.unit, "m/s²")[0]
 
 
 def find_imu_on_boom(inputs: FindingInputs) -> list[Symptom]:

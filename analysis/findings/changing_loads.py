@@ -172,18 +172,20 @@ def _report_excluded_load_changes(inputs: FindingInputs) -> list[Symptom]:
     steps = bool(inputs.reportable_missing_terms)
     most_kg = LOAD_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
     growing = [
-        each for each in weighing.growing if each.is_possible and not (steps and each.kg > most_kg)
+        each
+        for each in weighing.growing_load_manoeuvres
+        if each.is_possible and not (steps and each.load_change_kg > most_kg)
     ]
     if not growing:
         return []
-    worst = max(growing, key=lambda each: abs(each.kg) / each.std_kg)
+    worst = max(growing, key=lambda each: abs(each.load_change_kg) / each.std_kg)
     t = inputs.aligned["t_ns"].to_numpy()
     begin = int(t[min(worst.first, t.size - 1)])
     return [
         Symptom(
-            abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(growing))),
+            abs(worst.load_change_kg) / worst.std_kg / 4.0 * float(np.sqrt(len(growing))),
             f"in {format_count(len(growing), 'manoeuvre')} the load changes, by up to "
-            f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; these manoeuvres are excluded",
+            f"{worst.load_change_kg:+.0f} ± {worst.std_kg:.0f} kg; these manoeuvres are excluded",
             span_ns=(begin, begin),
         )
     ]
@@ -200,7 +202,7 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         return []
     parts = [
         part
-        for part in list_rows_by_group(motion.group)
+        for part in list_rows_by_group(motion.stretch_of_sample)
         if part.size >= LIMITS.growth_min_rows * LIMITS.force_mean_samples
     ]
     if len(parts) < 3:  # then nothing says what is usual
@@ -210,9 +212,9 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         motion, noise, inputs.look_up_mass_of_samples_kg(motion), viscous
     )
     taken = list_indices_of_samples_in_whole_blocks(
-        motion.group, LIMITS.force_mean_samples
+        motion.stretch_of_sample, LIMITS.force_mean_samples
     ).reshape(-1, LIMITS.force_mean_samples)
-    group = motion.group[taken[:, 0]]
+    group = motion.stretch_of_sample[taken[:, 0]]
     usual = [column for name, column in system.columns.items() if name in _USUAL]
     base = np.column_stack([system.base, *usual])
     q = np.linalg.qr(base / np.linalg.norm(base, axis=0))[0]
@@ -221,7 +223,7 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
     found: list[LoadGrowthRate] = []
     for part in parts:
         loads = taken[:, 0] < part[0] + LIMITS.longest_loading_s * motion.rate_hz
-        rows = np.flatnonzero((group == motion.group[part[0]]) & loads)
+        rows = np.flatnonzero((group == motion.stretch_of_sample[part[0]]) & loads)
         mine = taken[rows].ravel()
         t_s = (mine - part[0]) / motion.rate_hz
         grown = (
@@ -270,12 +272,12 @@ def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
     """
     fit = inputs.log_only_fit
     states = None if fit is None else fit.states
-    if fit is None or states is None or states.unit.size < LIMITS.steady_min_manoeuvres:
+    if fit is None or states is None or states.manoeuvre_ids.size < LIMITS.steady_min_manoeuvres:
         return []
     if not (fit.mass_kg and (states.std_kg > 0.0).all()):
         return []
-    motion, count = fit.motion, states.unit.size
-    number = np.searchsorted(states.unit, find_manoeuvre_of_fitted_samples(motion))
+    motion, count = fit.motion, states.manoeuvre_ids.size
+    number = np.searchsorted(states.manoeuvre_ids, find_manoeuvre_of_fitted_samples(motion))
     t_s = inputs.aligned["t_ns"].to_numpy()[motion.is_fittable] / NS_PER_S
     middle_s, direction = (
         np.bincount(number, each, count) / np.bincount(number)
@@ -286,9 +288,9 @@ def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
     columns = [along, np.ones(count), *([direction] * both_ways)]
     noise_kg = float(np.median(states.std_kg))
     weight = noise_kg / states.std_kg
-    A, y = np.column_stack(columns) * weight[:, None], states.level_kg * weight
+    A, y = np.column_stack(columns) * weight[:, None], states.manoeuvre_mass_kg * weight
     theta = np.linalg.lstsq(A, y, rcond=None)[0]
-    by_loads = (states.level_kg - states.means_kg[states.membership]) * weight
+    by_loads = (states.manoeuvre_mass_kg - states.means_kg[states.state_of_manoeuvre]) * weight
     # what fits better than noise allows tells nothing
     steadily, by_steps = (
         max(float(each @ each) / count, noise_kg**2) for each in (y - A @ theta, by_loads)

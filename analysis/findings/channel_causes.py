@@ -18,11 +18,11 @@ from analysis.diagnosis.side_comparison import SPEEDS, TORQUES, SideDifference
 from analysis.findings.cause import MassChange, Symptom, list_only_strongest_symptom
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACCELERATIONS, FORCES, FindingInputs
-from analysis.findings.refit import mass_change_by_refit_without_samples
+from analysis.findings.refit import compute_mass_change_by_refit_without_samples
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import flag_rows_near_flagged_rows
-from analysis.stages.signals.filters import median_period_ns
+from analysis.stages.signals.filters import compute_median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
 #: Force and acceleration, which a stop or a knock moves at once.
@@ -57,7 +57,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
 
     @cache
     def refit_without_frozen_samples() -> MassChange | None:
-        return mass_change_by_refit_without_samples(inputs, holds)
+        return compute_mass_change_by_refit_without_samples(inputs, holds)
 
     times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
@@ -155,8 +155,8 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     def refit_without_saturated_rows() -> MassChange | None:
         if inputs.log_only_fit is None:
             return None
-        near = np.abs(inputs.log_only_fit.motion.force) > limit_N
-        return mass_change_by_refit_without_samples(inputs, flag_rows_near_flagged_rows(near, 5))
+        near = flag_rows_near_flagged_rows(np.abs(inputs.log_only_fit.motion.force) > limit_N, 5)
+        return compute_mass_change_by_refit_without_samples(inputs, near)
 
     return [
         Symptom(
@@ -210,7 +210,7 @@ def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpik
         f"{largest_std:.0f} standard deviations",
         channel=channel,
         span_ns=inputs.convert_unix_to_aligned_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
-        change=lambda: mass_change_by_refit_without_samples(inputs, spikes.near),
+        change=lambda: compute_mass_change_by_refit_without_samples(inputs, spikes.near),
     )
 
 
@@ -262,7 +262,7 @@ def mark_stamps_of_jolts(inputs: FindingInputs, channel: str, unix_ns: Ints, sig
             continue
         scale = estimate_robust_std_of_blocks(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
         near_ns = LIMITS.jolt_periods * max(
-            map(median_period_ns, (t, inputs.unfiltered_readings[channel][0]))
+            map(compute_median_period_ns, (t, inputs.unfiltered_readings[channel][0]))
         )
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(

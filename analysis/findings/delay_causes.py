@@ -18,7 +18,7 @@ from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import FittedCause, rank_causes_by_likelihood
-from analysis.findings.refit import mass_change_by_refit
+from analysis.findings.refit import compute_mass_change_by_refit
 from analysis.findings.signal_lag import (
     SignalLag,
     estimate_lag_and_std_s,
@@ -329,7 +329,7 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
         # a low-pass is not mended by a delay
         change=None
         if smooth or is_at_end
-        else lambda: mass_change_by_refit(
+        else lambda: compute_mass_change_by_refit(
             inputs,
             lambda motion: correct_channel_delay(motion, fitted_channel, fitted_s),
             min(std_s / abs(delay_s), 1.0),

@@ -43,8 +43,8 @@ class FindingInputs:
         noise: noise of the columns.
         raw: frames with stamps, by topic.
         digging: stretches in which an external force opposes the machine.
-        judged: the frame `verdict`.
-        copied: rows of topics that repeat earlier ones, by topic.
+        verdict_frame: the frame `verdict`.
+        copied_rows_by_topic: rows of topics that repeat earlier ones, by topic.
         estimates: estimates by method.
         cache: results that one cause computes and another uses.
     """
@@ -54,8 +54,8 @@ class FindingInputs:
     noise: pl.DataFrame
     raw: Mapping[str, pl.DataFrame]
     digging: pl.DataFrame
-    judged: pl.DataFrame
-    copied: Mapping[str, list[Copy]]
+    verdict_frame: pl.DataFrame
+    copied_rows_by_topic: Mapping[str, list[Copy]]
     estimates: Mapping[str, pl.DataFrame] = field(default_factory=dict)
     cache: dict[str, object] = field(default_factory=dict)
 
@@ -73,13 +73,13 @@ class FindingInputs:
     @cached_property
     def can_weigh(self) -> bool:
         """Whether no check withholds the mass."""
-        return Verdict.from_frame(self.judged).can_weigh
+        return Verdict.from_frame(self.verdict_frame).can_weigh
 
     @cached_property
     def value_by_check(self) -> dict[str, float]:
         """Numbers of the verdict by check; NaN for checks that do not apply."""
-        numbers = self.judged["value"].fill_null(np.nan).to_list()
-        return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
+        numbers = self.verdict_frame["value"].fill_null(np.nan).to_list()
+        return dict(zip(self.verdict_frame["check"].to_list(), numbers, strict=True))
 
     @property
     def reportable_missing_terms(self) -> tuple[MissingTerm, ...]:
@@ -243,8 +243,10 @@ class FindingInputs:
         assert fit is not None
         if fit.states is None or fit.mass_count == 1:
             return np.full(motion.force.size, fit.mass_kg)
-        place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
-        return fit.masses_kg[fit.states.membership[place.clip(0, fit.states.unit.size - 1)]]
+        place = np.searchsorted(fit.states.manoeuvre_ids, motion.manoeuvre_of_sample, "right") - 1
+        return fit.masses_kg[
+            fit.states.state_of_manoeuvre[place.clip(0, fit.states.manoeuvre_ids.size - 1)]
+        ]
 
 
 @compiled_unless_short_log

@@ -19,8 +19,8 @@ from analysis.findings.likelihood_search import (
     list_indistinguishable_causes,
     rank_causes_by_likelihood,
 )
-from analysis.findings.refit import mass_change_by_refit
-from analysis.model.physical_units import gain_and_offset_to_si
+from analysis.findings.refit import compute_mass_change_by_refit
+from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.stage_limits import LIMITS as STAGE_LIMITS
 from analysis.weighing.joint_result import find_term_index
@@ -47,7 +47,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     squat = ", or the body pitches as it accelerates (channels.pitch_rad)" if may_squat else ""
     keys, scales = inputs.propose_scale_settings(inputs.speed_channels, 1.0 / (1.0 + gain))
 
-    def correct_radius(motion: MotionSamples) -> MotionSamples:
+    def rescale(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
         return replace(motion, force=force, speed=motion.speed / (1.0 + gain))
 
@@ -62,7 +62,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: mass_change_by_refit(inputs, correct_radius, min(std / abs(gain), 1.0)),
+            change=lambda: compute_mass_change_by_refit(inputs, rescale, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
                 *list_indistinguishable_causes(fitted),
@@ -99,7 +99,7 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
                 for name in names
             )
             or None,
-            change=lambda: mass_change_by_refit(
+            change=lambda: compute_mass_change_by_refit(
                 inputs,
                 lambda motion: replace(motion, force=motion.force - rest),
                 min(std / abs(rest), 1.0),
@@ -110,12 +110,12 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _format_offset_setting(inputs: FindingInputs, name: str, reading_at_rest: float) -> str:
-    """Offset of the channel that removes what it reads at rest, as TOML."""
+    """Offset of the channel that makes its reading at rest zero, as TOML."""
     channel = inputs.machine.channels[name]
     if channel.unit is None:
         return f"{channel.offset - reading_at_rest:.6g}"
     unit = next(column.unit for column in CHANNEL_COLUMNS if column.name == name)
-    gain, _ = gain_and_offset_to_si(channel.unit, unit)
+    gain, _ = find_gain_and_offset_to_si(channel.unit, unit)
     return f"{channel.offset - reading_at_rest / gain:.6g}"
 
 
@@ -196,7 +196,7 @@ def estimate_mass_change_without_coulomb(
     inputs: FindingInputs, force: float, std: float, rival_terms: tuple[str, ...]
 ) -> MassChange | None:
     """Mass change if Coulomb friction, or a rival term, is removed."""
-    change = mass_change_by_refit(
+    change = compute_mass_change_by_refit(
         inputs,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),
         min(std / force, 1.0),
@@ -245,7 +245,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
                 ),
                 _format_gain_change(fitted.value, fitted.std),
                 channel=inputs.force_channel,
-                change=lambda: mass_change_by_refit(
+                change=lambda: compute_mass_change_by_refit(
                     inputs,
                     lambda motion: replace(
                         motion, force=motion.force * (1.0 - fitted.value * motion.acceleration)

@@ -130,7 +130,7 @@ def _select_causes_stepwise(inputs: FindingInputs) -> dict[str, FittedCause]:
 def _refit_selected_delays_and_friction(
     inputs: FindingInputs, uncorrected: MotionSamples, selected_causes: Mapping[str, FittedCause]
 ) -> dict[str, FittedCause]:
-    """Fit selected delays and Coulomb friction again, each with all others beside it.
+    """Refit the selected delays and Coulomb friction, each jointly with all others.
 
     Whichever was selected first was fitted without the other, and both are steps where the motion
     turns.
@@ -308,7 +308,10 @@ def score_remaining_causes(
 
 
 def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Equations:
-    """Rows of the force and of the wheels; those of the wheels need an accelerometer."""
+    """Whitened rows of the force equation and of the wheel equation.
+
+    The wheel equation is None without an accelerometer.
+    """
     fit, noise = inputs.log_only_fit, inputs.column_noise
     assert fit is not None
     assert noise is not None

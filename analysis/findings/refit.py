@@ -21,10 +21,10 @@ from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.arrays import Bools, Floats
 
-Mend = Callable[[MotionSamples], MotionSamples]
+MotionCorrection = Callable[[MotionSamples], MotionSamples]
 
 
-def mass_change_by_refit_without_samples(
+def compute_mass_change_by_refit_without_samples(
     inputs: FindingInputs, excluded_rows: Bools
 ) -> MassChange | None:
     """Refit without some samples; u covers that a replay may accept other starts.
@@ -33,13 +33,13 @@ def mass_change_by_refit_without_samples(
         inputs: the log.
         excluded_rows: (n,) True for grid samples to exclude.
     """
-    return mass_change_by_refit_with_answer_u(
+    return compute_mass_change_by_refit_with_answer_u(
         inputs, lambda motion: motion.exclude_samples(excluded_rows), LIMITS.cut_start_u
     )
 
 
-def mass_change_by_refit_with_answer_u(
-    inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
+def compute_mass_change_by_refit_with_answer_u(
+    inputs: FindingInputs, correct_motion: MotionCorrection, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion, with the answer's uncertainty added to that of the change.
 
@@ -48,16 +48,16 @@ def mass_change_by_refit_with_answer_u(
     Args:
         inputs: the log.
         correct_motion: returns the corrected motion.
-        relative_u: see `mass_change_by_refit`.
+        relative_u: see `compute_mass_change_by_refit`.
     """
-    change = mass_change_by_refit(inputs, correct_motion, relative_u)
+    change = compute_mass_change_by_refit(inputs, correct_motion, relative_u)
     if change is None or inputs.log_only_fit is None:
         return None
     return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.log_only_fit.u_kg)))
 
 
-def mass_change_by_refit(
-    inputs: FindingInputs, correct_motion: Mend, relative_u: float = 0.0
+def compute_mass_change_by_refit(
+    inputs: FindingInputs, correct_motion: MotionCorrection, relative_u: float = 0.0
 ) -> MassChange | None:
     """Refit the corrected motion from the joint fit on, and compare the masses.
 
@@ -91,7 +91,8 @@ def get_uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | Non
     """Mass before the correction, by the whole fit or, in a long log, by the refitted part."""
     if "refitted" not in inputs.cache:
         whole = (
-            np.unique(fit.motion.group[fit.motion.is_fittable]).size <= LIMITS.refit_max_stretches
+            np.unique(fit.motion.stretch_of_sample[fit.motion.is_fittable]).size
+            <= LIMITS.refit_max_stretches
         )
         if whole and fit.states is not None:
             inputs.cache["states"] = fit.states.state_count
@@ -141,7 +142,7 @@ def do_wheels_and_imu_still_agree(
     if not (
         motion_after.speed is motion_before.speed
         and motion_after.force is motion_before.force
-        and motion_after.group is motion_before.group
+        and motion_after.stretch_of_sample is motion_before.stretch_of_sample
     ):
         return False
     pairs = (
@@ -185,18 +186,25 @@ def refit_from_earlier_fit(
         else earlier_fit.states.reassign_to_manoeuvres_of_motion(part)
     )
     pilot = refit_with_extra_terms(replace(earlier_fit, motion=part, states=states), noise, priors)
-    if abs(pilot.found.lag_s - earlier_fit.found.lag_s) > LIMITS.refit_lag_moves_s:
+    if (
+        abs(pilot.previous_estimates.lag_s - earlier_fit.previous_estimates.lag_s)
+        > LIMITS.refit_lag_moves_s
+    ):
         pilot = refit_with_extra_terms(pilot, noise, priors)
     theta = earlier_fit.theta.copy()
     theta[earlier_fit.mass_count] = pilot.viscous_friction
     return refit_with_extra_terms(
-        replace(earlier_fit, found=pilot.found, theta=theta), noise, priors
+        replace(earlier_fit, previous_estimates=pilot.previous_estimates, theta=theta),
+        noise,
+        priors,
     )
 
 
 def exclude_and_renumber_short_stretches(motion: MotionSamples) -> MotionSamples:
     """Number the stretches again after samples were excluded, and exclude those now too short."""
-    parts = np.where(motion.is_fittable, np.cumsum(mark_stretch_starts(motion.group)) - 1, -1)
+    parts = np.where(
+        motion.is_fittable, np.cumsum(mark_stretch_starts(motion.stretch_of_sample)) - 1, -1
+    )
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
-    return replace(motion, group=parts.astype(np.int64)).exclude_samples(short)
+    return replace(motion, stretch_of_sample=parts.astype(np.int64)).exclude_samples(short)

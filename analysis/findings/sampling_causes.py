@@ -12,7 +12,7 @@ from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.stages.signals.filters import median_period_ns
+from analysis.stages.signals.filters import compute_median_period_ns
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, measure_relative_sampling_jitter
 from estimators.arrays import Bools, Floats, Ints
@@ -34,7 +34,7 @@ def find_topic_gaps(inputs: FindingInputs) -> list[Symptom]:
     topics = select_one_series_per_topic(inputs)
     others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
     for name, (t, _) in topics.items():
-        period = float(median_period_ns(t))
+        period = float(compute_median_period_ns(t))
         steps = np.diff(t)
         holes = np.flatnonzero(steps > settings.gap_periods * period)
         holes = holes[~mark_gaps_of_whole_recorder(t[holes], t[holes + 1], others[name])]
@@ -70,7 +70,7 @@ def mark_gaps_of_whole_recorder(
 def find_copied_row_stretches(inputs: FindingInputs) -> list[Symptom]:
     """Find stretches of a topic that repeat an earlier one exactly."""
     found: list[Symptom] = []
-    for topic, copies in inputs.copied.items():
+    for topic, copies in inputs.copied_rows_by_topic.items():
         t = inputs.raw[topic]["log_time_ns"].to_numpy()
         begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
         total_s = sum(float(t[e] - t[b]) for b, e, _ in copies) / NS_PER_S
@@ -108,7 +108,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
                 )
             )
             continue
-        period = float(median_period_ns(t))
+        period = float(compute_median_period_ns(t))
         steps = np.diff(t) / period
         steps = steps[steps < inputs.machine.settings.align.gap_periods]
         if steps.size < 100:

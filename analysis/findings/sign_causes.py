@@ -9,7 +9,10 @@ from analysis.findings.accelerometer_response import fit_imu_to_wheel_accelerati
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import mass_change_by_refit, mass_change_by_refit_with_answer_u
+from analysis.findings.refit import (
+    compute_mass_change_by_refit,
+    compute_mass_change_by_refit_with_answer_u,
+)
 from analysis.findings.unsigned_channels import find_unsigned_speed, has_channel_lost_its_sign
 from analysis.model.schema import get_column_values
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -91,7 +94,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: mass_change_by_refit_with_answer_u(
+            change=lambda: compute_mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], -1.0), 0.05
             ),
         )
@@ -167,7 +170,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
             setting=keys,
             value=fields,
             # what drives straight does not know its sides
-            change=lambda: mass_change_by_refit(inputs, lambda motion: motion),
+            change=lambda: compute_mass_change_by_refit(inputs, lambda motion: motion),
             alternatives=("sign_flipped",),
         )
     ]
@@ -205,7 +208,7 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=setting,
             value=value,
-            change=lambda: mass_change_by_refit_with_answer_u(
+            change=lambda: compute_mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
@@ -269,7 +272,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting if told else None,
             value=value if told else None,
-            change=lambda: mass_change_by_refit_with_answer_u(
+            change=lambda: compute_mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], times), 0.05
             ),
         )
@@ -306,7 +309,7 @@ def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: mass_change_by_refit_with_answer_u(
+            change=lambda: compute_mass_change_by_refit_with_answer_u(
                 inputs, lambda motion: scale_channel_of_motion(motion, names[0], 1.0 / near), 0.05
             ),
         )

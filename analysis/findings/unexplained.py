@@ -48,7 +48,7 @@ def find_failed_checks_without_cause(inputs: FindingInputs) -> list[Symptom]:
     shown, mattering = (inputs.cache.get(name, ()) for name in (SHOWN, MATTERING))
     assert isinstance(shown, tuple)
     assert isinstance(mattering, tuple)
-    found = make_unexplained_symptom(inputs.judged, shown, mattering)
+    found = make_unexplained_symptom(inputs.verdict_frame, shown, mattering)
     return [] if found is None else [found]
 
 

@@ -58,7 +58,9 @@ def build_whitened_force_rows(
         friction: viscous friction in N·s/m, for the effect of slip.
         includes_braking: whether braking counts as driving.
     """
-    taken = list_indices_of_samples_in_whole_blocks(motion.group, LIMITS.force_mean_samples)
+    taken = list_indices_of_samples_in_whole_blocks(
+        motion.stretch_of_sample, LIMITS.force_mean_samples
+    )
     usual_kg = float(np.median(mass_kg[motion.is_fittable]))
     std = float(
         np.sqrt(
@@ -131,7 +133,7 @@ def build_whitened_wheel_rows(
     )
     found: list[Floats] = []
     of_gained = 0.0
-    for part in list_rows_by_group(motion.group):
+    for part in list_rows_by_group(motion.stretch_of_sample):
         count = part.size // LIMITS.wheel_mean_samples
         if count < LIMITS.wheel_min_means:
             continue

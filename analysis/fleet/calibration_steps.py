@@ -53,23 +53,26 @@ class LineChange(NamedTuple):
     Attributes:
         before: the earlier one.
         after: the later one.
-        zero_kg: change of m̂ midway between the two centres.
-        zero_limit_kg: largest change that the uncertainty of both lines explains.
-        scale_1: relative change of the slope.
-        scale_limit_1: largest relative change that the uncertainty of both lines explains.
+        offset_change_kg: change of m̂ midway between the two centres.
+        offset_change_limit_kg: largest change that the uncertainty of both lines explains.
+        slope_change_1: relative change of the slope.
+        slope_change_limit_1: largest relative change that the uncertainty of both lines explains.
     """
 
     before: FleetCalibration
     after: FleetCalibration
-    zero_kg: float
-    zero_limit_kg: float
-    scale_1: float
-    scale_limit_1: float
+    offset_change_kg: float
+    offset_change_limit_kg: float
+    slope_change_1: float
+    slope_change_limit_1: float
 
     @property
     def has_line_moved(self) -> bool:
         """Whether either change exceeds its limit."""
-        return abs(self.zero_kg) > self.zero_limit_kg or abs(self.scale_1) > self.scale_limit_1
+        return (
+            abs(self.offset_change_kg) > self.offset_change_limit_kg
+            or abs(self.slope_change_1) > self.slope_change_limit_1
+        )
 
 
 def fit_fleet_calibration(

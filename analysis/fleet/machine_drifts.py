@@ -30,21 +30,21 @@ class ControlChart(NamedTuple):
 
     Attributes:
         innovation: (n,) U of each value, standard normal while nothing drifts; 0 for the first.
-        up: (n,) CUSUM of increases.
-        down: (n,) CUSUM of decreases.
+        cusum_up: (n,) CUSUM of increases.
+        cusum_down: (n,) CUSUM of decreases.
         limit: limit of both sums.
-        flagged: index of the first value beyond the limit; None if there is none.
-        since: index of the first value of the flagged stretch.
-        change: mean from `since` on less the mean before; NaN if nothing is flagged.
+        flagged_index: index of the first value beyond the limit; None if there is none.
+        first_shifted_index: index of the first value of the flagged stretch.
+        change: mean from `first_shifted_index` on less the mean before; NaN if nothing is flagged.
         change_std: standard deviation of `change`; NaN if nothing is flagged.
     """
 
     innovation: Floats
-    up: Floats
-    down: Floats
+    cusum_up: Floats
+    cusum_down: Floats
     limit: float
-    flagged: int | None
-    since: int | None
+    flagged_index: int | None
+    first_shifted_index: int | None
     change: float
     change_std: float
 

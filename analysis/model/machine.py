@@ -22,7 +22,7 @@ from analysis.expressions.parse import (
 )
 from analysis.model.machine_body import BODY_NUMBERS, Body
 from analysis.model.model_limits import LIMITS
-from analysis.model.physical_units import split_unit_from_name, unit_registry
+from analysis.model.physical_units import get_unit_registry, split_unit_from_name
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
 from analysis.model.strict_config import STRICT
@@ -338,7 +338,7 @@ class Machine(BaseModel):
         unit = split_unit_from_name(channel_name)[1]
         if unit is None:
             return False
-        registry = unit_registry()
+        registry = get_unit_registry()
         if registry.is_compatible_with(unit, "percent"):
             return "torque" in channel_name.lower()
         return any(registry.is_compatible_with(unit, each) for each in _FORCE_UNITS)

@@ -67,13 +67,14 @@ class AxisNoise:
 
     Attributes:
         ratios: noise ratios of the columns and the force or torque, for total least squares.
-        mean: (p + 1, p + 1) covariance in a row of [A f] after the moving mean; None if unknown.
-        lasting: (p + 1, p + 1) variance per sample of long sums; None if unknown.
+        moving_mean_covariance: (p + 1, p + 1) covariance in a row of [A f] after the moving mean;
+            None if unknown.
+        long_sum_variance: (p + 1, p + 1) variance per sample of long sums; None if unknown.
     """
 
     ratios: "TlsOptions"
-    mean: "Floats | None"
-    lasting: "Floats | None"
+    moving_mean_covariance: "Floats | None"
+    long_sum_variance: "Floats | None"
 
 
 class EstimatorModule(Protocol):
@@ -148,7 +149,7 @@ def _make_tls_options(_options: MethodOptions, noise: AxisNoise) -> "TlsOptions"
 def _make_pooled_options(_options: MethodOptions, noise: AxisNoise) -> "PooledOptions":
     from estimators.methods.pooled import PooledOptions
 
-    return PooledOptions(noise.mean)
+    return PooledOptions(noise.moving_mean_covariance)
 
 
 def _make_huber_options(chosen: MethodOptions, _noise: AxisNoise) -> "HuberOptions":

@@ -35,13 +35,13 @@ def _make_unit_registry() -> Any:
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
-def unit_registry() -> Any:
+def get_unit_registry() -> Any:
     """Unit registry of pint."""
     return _make_unit_registry()
 
 
 @cache
-def gain_and_offset_to_si(unit: str, si_unit: str) -> tuple[float, float]:
+def find_gain_and_offset_to_si(unit: str, si_unit: str) -> tuple[float, float]:
     """Gain and offset that convert a number from `unit` to `si_unit`, a unit of the schema.
 
     Raises:

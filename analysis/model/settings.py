@@ -257,7 +257,7 @@ class Settings(BaseModel):
             for name, value in part.items()
         }
 
-    def value_of_setting(self, dotted_name: str) -> Any:
+    def get_setting(self, dotted_name: str) -> Any:
         """The setting of a dotted name, as `gate.threshold_nat`."""
         part, _, key = dotted_name.partition(".")
         return getattr(getattr(self, part), key)

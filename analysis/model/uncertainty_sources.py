@@ -53,7 +53,7 @@ def combine_u(sources: Iterable[UncertaintySource], *kinds: str) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
+class ScaleFactor:
     """A scale factor stated in the machine file, whose error no log can determine.
 
     Attributes:
@@ -86,7 +86,7 @@ def _derives_force_from_torque(machine: Machine) -> bool:
     return "force_x_N" not in machine.channels
 
 
-def has_torque_of_sides(machine: Machine) -> bool:
+def has_side_torques(machine: Machine) -> bool:
     """Whether the yaw torque is computed from the torques of two sides."""
     return "torque_z_N_m" not in machine.channels
 
@@ -105,14 +105,14 @@ def compute_relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
 
 #: Factors of the force.
 SCALES: Final = (
-    Scale(
+    ScaleFactor(
         "force_gain",
         lambda _: True,
         lambda machine: machine.machine.force_gain_u,
         "machine.force_gain_u",
         "gain of the force or torque sensors",
     ),
-    Scale(
+    ScaleFactor(
         "force_share",
         lambda machine: machine.machine.force_share < 1.0,
         lambda machine: compute_relative_uncertainty(
@@ -121,7 +121,7 @@ SCALES: Final = (
         "machine.force_share_u",
         "share of the force on the measured wheels",
     ),
-    Scale(
+    ScaleFactor(
         "force_share_by_load",
         lambda machine: machine.machine.force_share < 1.0,
         lambda machine: machine.machine.force_share_by_load_u,
@@ -129,7 +129,7 @@ SCALES: Final = (
         "change of the measured wheels' share with the load that they carry",
         by_load=True,
     ),
-    Scale(
+    ScaleFactor(
         "wheel_radius",
         _derives_force_from_torque,
         lambda machine: compute_relative_uncertainty(
@@ -138,7 +138,7 @@ SCALES: Final = (
         "machine.wheel_radius_u_m",
         "radius of the wheels",
     ),
-    Scale(
+    ScaleFactor(
         "wheel_radius_by_load",
         _derives_force_from_torque,
         compute_relative_mass_u_by_wheel_radius,
@@ -148,9 +148,9 @@ SCALES: Final = (
     ),
 )
 #: A factor of the yaw torque alone.
-TRACK_WIDTH: Final = Scale(
+TRACK_WIDTH: Final = ScaleFactor(
     "track_width",
-    has_torque_of_sides,
+    has_side_torques,
     lambda machine: compute_relative_uncertainty(
         machine.machine.track_width_u_m, machine.machine.track_width_m
     ),
@@ -159,7 +159,7 @@ TRACK_WIDTH: Final = Scale(
     remedy="measuring it",
 )
 #: Where the accelerometer sits.
-IMU_POSITION: Final = Scale(
+IMU_POSITION: Final = ScaleFactor(
     "imu_position",
     lambda machine: machine.settings.forces.acceleration == "specific_force",
     lambda machine: machine.machine.imu.position_u_m,

@@ -39,8 +39,10 @@ class AnswerProgress:
     @property
     def manoeuvre_u_kg(self) -> float:
         """Standard deviation of a manoeuvre: its own, corrected by the observed scatter."""
-        dof = LIMITS.own_u_degrees_of_freedom + self.manoeuvre_count - 1
-        return math.sqrt((LIMITS.own_u_degrees_of_freedom * self.own_kg2 + self.squares_kg2) / dof)
+        degrees_of_freedom = LIMITS.own_u_degrees_of_freedom + self.manoeuvre_count - 1
+        return math.sqrt(
+            (LIMITS.own_u_degrees_of_freedom * self.own_kg2 + self.squares_kg2) / degrees_of_freedom
+        )
 
     @property
     def u_kg(self) -> float | None:
@@ -60,7 +62,7 @@ class AnswerProgress:
 
     @property
     def missing_manoeuvre_count(self) -> int | None:
-        """Number of further such manoeuvres needed; None before the first."""
+        """Number of further manoeuvres needed; None before the first, or without a target."""
         if not self.manoeuvre_count or self.until_u_kg is None:
             return None
         return max(
@@ -69,7 +71,7 @@ class AnswerProgress:
 
     @property
     def missing_reverse_count(self) -> int | None:
-        """Number of them in reverse, so that slope and constant force cancel."""
+        """Number of missing manoeuvres in reverse, so that slope and constant force cancel."""
         missing = self.missing_manoeuvre_count
         if missing is None:
             return None

@@ -25,7 +25,7 @@ from analysis.stages.signals.align import (
     find_origin_of_causal_grid,
 )
 from analysis.stages.signals.derive import derive_channels_in_si, read_measured_channels
-from analysis.stages.signals.filters import gap_threshold_ns
+from analysis.stages.signals.filters import compute_gap_threshold_ns
 from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from analysis.stages.signals.held_readings import (
     HeldReadings,
@@ -46,17 +46,17 @@ class LogBasis:
 
     Attributes:
         machine: machine with grid rate, window and moving mean.
-        stamps: offset subtracted from the log times of each topic in ns; None if header stamps are
-            used.
-        labels: kind of stamp of each topic, for readers.
+        log_time_offset_ns_by_topic: offset subtracted from the log times of each topic in ns; None
+            if header stamps are used.
+        stamp_label_by_topic: kind of stamp of each topic, for readers.
         origin: origin of the grid.
         held: channels whose readings are held, as far as the first seconds show it.
         notes: notes on chosen settings.
     """
 
     machine: Machine
-    stamps: Mapping[str, int | None]
-    labels: Mapping[str, str]
+    log_time_offset_ns_by_topic: Mapping[str, int | None]
+    stamp_label_by_topic: Mapping[str, str]
     origin: GridOrigin
     held: Mapping[str, HeldReadings]
     notes: tuple[str, ...] = ()
@@ -171,7 +171,7 @@ class GrowingLog:
 
     def _add_unix_stamps(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
         assert self.basis is not None
-        behind = self.basis.stamps[topic]
+        behind = self.basis.log_time_offset_ns_by_topic[topic]
         stamps = frame["header_stamp_ns"] if behind is None else frame["log_time_ns"] - behind
         # column by column: a query would cost more than all the rest of a few samples
         fields = [frame[name] for name in frame.columns if name not in _STAMPS]
@@ -226,7 +226,8 @@ class GrowingLog:
             return False
         align = self.basis.machine.settings.align
         longest_ns = max(
-            gap_threshold_ns(frame["unix_ns"].to_numpy(), align) for frame in self._raw.values()
+            compute_gap_threshold_ns(frame["unix_ns"].to_numpy(), align)
+            for frame in self._raw.values()
         )
         # rows begin again after no less, and look back over what is kept
         ends_ns = round(longest_ns + (SIGNAL_LIMITS.longest_gap_s + self._kept_s) * 1e9)
@@ -308,12 +309,13 @@ def cut_topics_to_first_seconds(
     return {t: f.filter(f["log_time_ns"] <= max(reached)) for t, f in topics.items()}
 
 
-def find_log_time_minus_header_stamp_ns(frame: pl.DataFrame, topic: str) -> int | None:
-    """Offset subtracted from log times; None if header stamps are used.
+def find_log_time_minus_header_stamp_ns(frame: pl.DataFrame, stamp_label: str) -> int | None:
+    """Median log time less header stamp in ns, which is subtracted from log times.
 
-    Header stamps that scatter are identified by their label: log time is used although they exist.
+    It is 0 if header stamps are missing, zero or a second or more off, and None if header stamps
+    are used.
     """
-    if topic == "header":
+    if stamp_label == "header":
         return None
     headers = frame["header_stamp_ns"]
     if headers.null_count() == frame.height or (headers == 0).any():

@@ -250,7 +250,7 @@ def _step_axis(
         windows.append(window)
         gates.append(gate)
     stepped: list[tuple[AxisState, AxisStep]] = []
-    judged = judge_windows(gates, windows, plan.settings, plan.noise.mean)
+    judged = judge_windows(gates, windows, plan.settings, plan.noise.moving_mean_covariance)
     for row, window, gate, gate_row in zip(rows, windows, gates, judged, strict=True):
         state = state._replace(
             window=window,

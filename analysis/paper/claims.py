@@ -149,7 +149,7 @@ class Claims:
             the machine's mass.
         experiment_range_percent: the same errors in percent of the payload range.
         reduced: whether each error is reduced as much as claimed.
-        saved_by: measure that improves RLS in a campaign of short starts.
+        rule_that_improves_rls: measure that improves RLS in a campaign of short starts.
         buffer: OLS and RLS compared on the windows that gate both.
     """
 
@@ -165,7 +165,7 @@ class Claims:
     experiment_mass_percent: tuple[float, float]
     experiment_range_percent: tuple[float, float]
     reduced: tuple[bool, ...]
-    saved_by: Literal["nothing", "refusing braking", "the index"]
+    rule_that_improves_rls: Literal["nothing", "refusing braking", "the index"]
     buffer: "BufferErrors"
 
 
@@ -239,7 +239,7 @@ def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
         experiment_mass_percent=_min_and_max_of_column(experiment["of_mass_percent"]),
         experiment_range_percent=_min_and_max_of_column(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
-        saved_by=find_gate_rule_that_reduces_rls_error(means),
+        rule_that_improves_rls=find_gate_rule_that_reduces_rls_error(means),
         buffer=_compare_ls_buffer_with_rls(frame.filter(pl.col("claim") == "buffer")),
     )
 

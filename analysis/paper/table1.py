@@ -43,9 +43,9 @@ class Table1:
 
     Attributes:
         frame: frame of `window_errors` for every length.
-        beside: number of printed values.
+        printed_count: number of printed values.
         below_bound: number of them below the Cramér–Rao bound.
-        rare: number of them larger than `RARE` times ours.
+        improbably_large_count: number of them larger than `RARE` times ours.
         best_printed_s: length with the smallest printed error, by method.
         best_s: length with the smallest error of ours, by method.
         long_over_bound_1: smallest and largest error of LS and TLS over the bound, from `LONG_S`.
@@ -53,23 +53,23 @@ class Table1:
             interval.
         long_reached: whether both reach the bound; None if there are too few windows to decide.
         forgetting_1: λ of RLS.
-        half_s: half-life of the memory of RLS.
+        memory_half_life_s: half-life of the memory of RLS.
         longest: row of RLS at the longest window.
         raw: row of TLS in raw units at the noise of `compute_errors_in_raw_units`.
         scaled: row of TLS on columns scaled by their noise, at the same noise.
     """
 
     frame: pl.DataFrame
-    beside: int
+    printed_count: int
     below_bound: int
-    rare: int
+    improbably_large_count: int
     best_printed_s: Mapping[str, float]
     best_s: Mapping[str, float]
     long_over_bound_1: tuple[float, float]
     long_rms_1: tuple[float, float, float]
     long_reached: bool | None
     forgetting_1: float
-    half_s: float
+    memory_half_life_s: float
     longest: Mapping[str, Any]
     raw: Mapping[str, Any]
     scaled: Mapping[str, Any]
@@ -97,9 +97,9 @@ def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
     }
     return Table1(
         frame=table,
-        beside=beside.height,
+        printed_count=beside.height,
         below_bound=beside.filter(pl.col("paper_kg") < pl.col("bound_kg")).height,
-        rare=beside.filter(pl.col("paper_kg") > RARE * pl.col("rmse_kg")).height,
+        improbably_large_count=beside.filter(pl.col("paper_kg") > RARE * pl.col("rmse_kg")).height,
         best_printed_s={
             method: find_keys_of_lowest_error(
                 {at: row[i] for at, row in printed_numbers.TABLE_1_KG.items()}
@@ -111,7 +111,7 @@ def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
         long_rms_1=long_rms,
         long_reached=is_cramer_rao_bound_reached(max(over_bound), long_rms),
         forgetting_1=forgetting,
-        half_s=log(0.5) / log(forgetting) / SimulatedSensors().rate_hz,
+        memory_half_life_s=log(0.5) / log(forgetting) / SimulatedSensors().rate_hz,
         longest=table.filter(pl.col("method") == "rls").sort("window_s").row(-1, named=True),
         raw=noisier["tls_raw"],
         scaled=noisier["tls"],

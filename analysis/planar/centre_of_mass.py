@@ -236,19 +236,19 @@ def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
 def is_joint_planar_fit_plausible(
     samples: PlanarSamples, estimate: BaseEstimate, fit_row: Mapping[str, Any], settings: Settings
 ) -> bool:
-    """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
+    """Whether the joint fit passes the checks of straight motion on its own ungated samples."""
     limits = settings.verdict
     explained = min(fit_row["r_squared_x_1"], fit_row["r_squared_z_1"])
     # of a mass and an inertia; those that the motion does not determine are not told anyway
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.parameter_stds[:2][told]
-    force = samples.f[:, 0]
+    force, speeds_up = samples.f[:, 0], samples.known & (samples.speed_change_sign > 0)
     driving = fit_quality.compute_force_fraction_along_motion(
-        samples.motion.speed, force, samples.known & (samples.pace > 0)
+        samples.motion.speed, force, speeds_up
     )
     along = np.column_stack([samples.motion.specific_force_x, samples.motion.speed])
     opposing = fit_quality.compute_force_fraction_against_motion(
-        along, force, samples.known & (samples.pace < 0), samples.known & (samples.pace > 0)
+        along, force, samples.known & (samples.speed_change_sign < 0), speeds_up
     )
     return (
         explained >= limits.r_squared_min

@@ -12,7 +12,7 @@ from analysis.model.uncertainty_sources import (
     TRACK_WIDTH,
     UncertaintySource,
     combine_u,
-    has_torque_of_sides,
+    has_side_torques,
     list_scale_sources_without_u,
     sort_sources_largest_first,
 )
@@ -85,7 +85,7 @@ def iter_machine_uncertainty_sources(
     whole = float(shares.sum())
     size = float(np.abs(estimate.by_axis[:, at] * gradient[at]).sum())
     torque = float(shares[_TORQUE]) if shares.size > _TORQUE else 0.0
-    by_sides = shares.size > _TORQUE and has_torque_of_sides(machine)
+    by_sides = shares.size > _TORQUE and has_side_torques(machine)
     body = machine.machine
     for scale in (*SCALES, TRACK_WIDTH):
         if not scale.applies(machine) or (scale is TRACK_WIDTH and not by_sides):

@@ -35,7 +35,7 @@ class PlanarSamples:
             counts as driving).
         moving: (n,) whether the machine moves.
         turning: (n,) whether it spins, drives an arc or turns.
-        pace: (n,) 1 speeding up, -1 slowing down, 0 neither.
+        speed_change_sign: (n,) 1 speeding up, -1 slowing down, 0 neither.
         has_torque: whether yaw torque and yaw acceleration are measured; otherwise the second row
             is unused.
         noise: noise of each column after the moving mean, by name.
@@ -48,7 +48,7 @@ class PlanarSamples:
     usable: Bools
     moving: Bools
     turning: Bools
-    pace: Floats
+    speed_change_sign: Floats
     has_torque: bool
     noise: Mapping[str, float]
 
@@ -62,7 +62,7 @@ class PlanarSamples:
             usable=self.usable[sample_slice],
             moving=self.moving[sample_slice],
             turning=self.turning[sample_slice],
-            pace=self.pace[sample_slice],
+            speed_change_sign=self.speed_change_sign[sample_slice],
             has_torque=self.has_torque,
             noise=self.noise,
         )
@@ -109,7 +109,7 @@ def collect_planar_samples(
         usable=usable,
         moving=(phase != "standstill").fill_null(False).to_numpy(),
         turning=turning,
-        pace=along,
+        speed_change_sign=along,
         has_torque=has_torque,
         noise=compute_column_stds_after_moving_mean(settings, noise),
     )

@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import PriorSettings
-from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
+from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, ScaleFactor, has_side_torques
 from analysis.planar.planar_limits import LIMITS
 from analysis.planar.planar_motion import (
     PlanarDrive,
@@ -58,7 +58,7 @@ class Term:
     shrinks: str
     axes: str
     applies: Callable[[Machine], bool] = lambda _: True
-    stated: Scale | None = None
+    stated: ScaleFactor | None = None
     least_u: float = 0.0
     combination: Callable[[PlanarDrive], ColumnCombination] = lambda _: ({}, {})
 
@@ -233,7 +233,7 @@ TERMS: Final = (
         "rolling resistance of left and right wheels that turn in opposite directions",
         "spins in place as well as turns under way",
         "z",
-        has_torque_of_sides,
+        has_side_torques,
     ),
     Term(
         "turning_quadratic",
@@ -277,7 +277,7 @@ TERMS: Final = (
         "first moment times the distance of the point that the machine turns about",
         "an accelerometer with a sideways axis, which shows the point that the machine turns about",
         "z",
-        lambda machine: has_torque_of_sides(machine) and not has_lateral_accelerometer(machine),
+        lambda machine: has_side_torques(machine) and not has_lateral_accelerometer(machine),
         combination=lambda drive: ({}, {_INERTIA: drive.mass_kg}),
     ),
     Term(
@@ -316,7 +316,7 @@ TERMS: Final = (
         "gains of the two sides' torques that differ from each other",
         _GAIN.remedy,
         "xz",
-        has_torque_of_sides,
+        has_side_torques,
         _GAIN,
         LIMITS.sides_gain_std_1,
     ),

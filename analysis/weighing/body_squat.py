@@ -29,7 +29,7 @@ from analysis.weighing.pitch_squat import (
     estimate_by_instrumental_variables_with_covariance,
     sum_products_of_pitch_gravity_and_speed,
 )
-from analysis.weighing.uneven_ground import relative_random_walk_std
+from analysis.weighing.uneven_ground import compute_relative_random_walk_std
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
@@ -106,7 +106,7 @@ def estimate_load_squat(
         return None
     value, variance = found.gain, found.variance
     before = LIMITS.squat_prior_probability
-    if wheels.gain_counts and wheels.gain[0] < 0.0:
+    if wheels.is_gain_significant and wheels.gain[0] < 0.0:
         # a body that squats without a load does so more with one
         before = LIMITS.squat_by_load_prior_probability
     # a squat that the pitch hides grows with the load by anything up to itself
@@ -171,13 +171,13 @@ def make_centred_stretches(
     ground = in_time.speed * compute_ground_to_wheel_speed_ratio(
         in_time.speed, motion.force, slip_1_N
     )
-    relative = loads.look_up_relative_mass_deviations(motion.unit)
+    relative = loads.look_up_relative_mass_deviations(motion.manoeuvre_of_sample)
     along = route and (
         route.compute_relative_distances_to_dump(motion),
         route.compute_headings_from_dump(motion),
     )
     found: list[_Stretch] = []
-    for begin, end in find_stretch_spans(motion.group).tolist():
+    for begin, end in find_stretch_spans(motion.stretch_of_sample).tolist():
         means = (end - begin) // LIMITS.squat_mean_samples
         if means < LIMITS.squat_min_means:
             continue
@@ -235,7 +235,7 @@ def estimate_gain_change_by_pitch_and_variance(
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
     squats = sum_products_of_pitch_gravity_and_speed(gravity, motion)
-    relative = loads.look_up_relative_mass_deviations(motion.unit)[squats.first]
+    relative = loads.look_up_relative_mass_deviations(motion.manoeuvre_of_sample)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
     # beside the share and the rate, the share that grows with the load
@@ -287,20 +287,20 @@ def could_grades_explain_gain_change(
 
 def compute_grade_prior_stds_m_s2(route: HaulRoute) -> Floats:
     """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
-    change = LIMITS.grade_change_m_s2 * relative_random_walk_std(
+    change = LIMITS.grade_change_m_s2 * compute_relative_random_walk_std(
         route.length_m / LIMITS.squat_grade_parts
     )
     return np.append(LIMITS.grade_m_s2, np.full(LIMITS.squat_grade_parts, change))
 
 
 def estimate_accelerometer_gain_change_by_load(
-    stretches: list[_Stretch], grade_std: Floats
+    stretches: list[_Stretch], grade_prior_stds_m_s2: Floats
 ) -> GainChangeByLoad | None:
     """Change of gain with the load from the wheels; None if undetermined.
 
     Args:
         stretches: the stretches.
-        grade_std: (columns,) prior standard deviations of the grade's columns, in m/s².
+        grade_prior_stds_m_s2: (columns,) prior standard deviations of the grade's columns, in m/s².
     """
     if len(stretches) < LIMITS.squat_min_stretches or len({load for *_, load in stretches}) < 2:
         return None
@@ -311,15 +311,18 @@ def estimate_accelerometer_gain_change_by_load(
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
     own = X[:, :_OWN_COLUMNS]
-    freedom = max(y.size - _OWN_COLUMNS - 2 * len(stretches), 1)
-    pilot = float(((y - own @ np.linalg.lstsq(own, y)[0]) ** 2).sum()) / freedom
-    prior = np.zeros((grade_std.size, X.shape[1]))
-    np.fill_diagonal(prior[:, _OWN_COLUMNS:], np.sqrt(pilot) / grade_std)
-    rows_X, rows_y = np.concatenate([X, prior]), np.concatenate([y, np.zeros(grade_std.size)])
+    degrees_of_freedom = max(y.size - _OWN_COLUMNS - 2 * len(stretches), 1)
+    pilot = float(((y - own @ np.linalg.lstsq(own, y)[0]) ** 2).sum()) / degrees_of_freedom
+    prior = np.zeros((grade_prior_stds_m_s2.size, X.shape[1]))
+    np.fill_diagonal(prior[:, _OWN_COLUMNS:], np.sqrt(pilot) / grade_prior_stds_m_s2)
+    rows_X, rows_y = (
+        np.concatenate([X, prior]),
+        np.concatenate([y, np.zeros(grade_prior_stds_m_s2.size)]),
+    )
     beta, _, rank, _ = np.linalg.lstsq(rows_X, rows_y)
     if rank < X.shape[1]:
         return None
-    variance = float(((y - X @ beta) ** 2).sum()) / freedom
+    variance = float(((y - X @ beta) ** 2).sum()) / degrees_of_freedom
     if not variance > 0.0:
         return None
     bare = y - X[:, 1:] @ np.linalg.lstsq(rows_X[:, 1:], rows_y)[0]
@@ -336,7 +339,7 @@ def estimate_accelerometer_gain_change_by_load(
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])
-    prior = np.column_stack([prior, np.zeros(grade_std.size)])
+    prior = np.column_stack([prior, np.zeros(grade_prior_stds_m_s2.size)])
     scale = np.sqrt((X**2).mean(axis=0) + (prior**2).sum(axis=0))
     if not (scale > 0.0).all():
         return None
@@ -348,11 +351,11 @@ def estimate_accelerometer_gain_change_by_load(
     ends_at = np.cumsum([each[1].size for each in part])[:-1]
     parts = zip(np.split(X, ends_at), np.split(residual, ends_at), strict=True)
     scores = np.stack([own.T @ left for own, left in parts])
-    freedom = max(count - _OWN_COLUMNS - 1, 1)
-    meat = scores.T @ scores * count / freedom + prior_information * variance
+    degrees_of_freedom = max(count - _OWN_COLUMNS - 1, 1)
+    meat = scores.T @ scores * count / degrees_of_freedom + prior_information * variance
     # stretches that agree by chance tell no more than white noise lets them
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
-    found *= compute_student_to_normal_ratio(freedom) ** 2
+    found *= compute_student_to_normal_ratio(degrees_of_freedom) ** 2
     return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 

@@ -60,5 +60,5 @@ def _pair_loads_of_same_manoeuvres(fit_a: JointFit, fit_b: JointFit) -> Ints:
     a, b = fit_a.states, fit_b.states
     if a is None or b is None:
         return np.empty((2, 0), np.int64)
-    _, in_a, in_b = np.intersect1d(a.unit, b.unit, return_indices=True)
-    return np.stack([a.membership[in_a], b.membership[in_b]])
+    _, in_a, in_b = np.intersect1d(a.manoeuvre_ids, b.manoeuvre_ids, return_indices=True)
+    return np.stack([a.state_of_manoeuvre[in_a], b.state_of_manoeuvre[in_b]])

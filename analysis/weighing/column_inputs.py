@@ -26,7 +26,7 @@ class ColumnInputs:
         under_way_s: time since the stretch began.
         relative_load: mass with load over the reference mass, less 1.
         load_contrast: the same over its root mean square: about -1 empty, 1 loaded.
-        place_1: position on the path, from -1/2 to 1/2.
+        path_position_1: position on the path, from -1/2 to 1/2.
         travelled_m: distance from the start of the stretch.
         route_1: position on the route, from 0 at the dump to 1 at its end.
         route_length_m: length of the route.
@@ -53,7 +53,7 @@ class ColumnInputs:
     under_way_s: Floats
     relative_load: Floats
     load_contrast: Floats
-    place_1: Floats
+    path_position_1: Floats
     travelled_m: Floats
     route_1: Floats
     route_length_m: float

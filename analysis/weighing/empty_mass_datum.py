@@ -174,12 +174,12 @@ class EmptyMachine:
             return None
         in_ratio = 1.0 / self.mass_with_rotating_parts_kg
 
-        def make_datum(by_kg: float) -> EmptyDatum:
+        def make_datum(gain_per_kg: float) -> EmptyDatum:
             return EmptyDatum(
                 self,
-                by_kg,
-                1.0 + by_kg * (stated_kg - self.mass_with_rotating_parts_kg),
-                by_kg * stated_u_kg,
+                gain_per_kg,
+                1.0 + gain_per_kg * (stated_kg - self.mass_with_rotating_parts_kg),
+                gain_per_kg * stated_u_kg,
             )
 
         if list_factors_without_uncertainty(self.uncertainty_sources):
@@ -197,8 +197,8 @@ class EmptyMachine:
             - ratio_kg2
         )
         together_kg2 /= 2.0 * in_ratio * sum_kg
-        by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
-        found = make_datum(float(np.clip(by_kg, 0.0, in_ratio)))
+        gain_per_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
+        found = make_datum(float(np.clip(gain_per_kg, 0.0, in_ratio)))
         if (
             found.scale_1 <= 0.0
             or combine_u(found.list_payload_sources(mass_coefficients_of_payload)) ** 2 >= own_kg2
@@ -217,15 +217,15 @@ class EmptyDatum:
 
     Attributes:
         empty: the empty machine.
-        by_kg: Kalman gain K of a payload over the payload, in 1/kg.
+        gain_per_kg: Kalman gain K of a payload over the payload, in 1/kg.
         scale_1: factor of all payloads.
-        ticket_1: standard uncertainty of the factor due to the stated mass.
+        stated_mass_u_1: standard uncertainty of the factor due to the stated mass.
     """
 
     empty: EmptyMachine
-    by_kg: float
+    gain_per_kg: float
     scale_1: float
-    ticket_1: float
+    stated_mass_u_1: float
 
     def compute_payload_sensitivities(self, payload: Floats) -> Floats:
         """(masses,) sensitivities of a payload to errors of the masses, over its factor.
@@ -234,7 +234,7 @@ class EmptyDatum:
             payload: (masses,) weights of the uncalibrated payload.
         """
         payload_kg = float(payload @ self.empty.weighing.fit.masses_kg)
-        return payload - self.by_kg * payload_kg * self.empty.weights
+        return payload - self.gain_per_kg * payload_kg * self.empty.weights
 
     def list_payload_sources(self, payload: Floats) -> list[UncertaintySource]:
         """Uncertainty sources of a payload, in kg, the largest first.
@@ -253,11 +253,11 @@ class EmptyDatum:
             for each in found
             if each.name not in known
         ]
-        bucket_kg = self.by_kg * payload_kg * empty.carried_kg[1]
+        bucket_kg = self.gain_per_kg * payload_kg * empty.carried_kg[1]
         return sort_sources_largest_first(
             [
                 *kept,
-                replace(_TICKET, u=self.ticket_1 * payload_kg),
+                replace(_TICKET, u=self.stated_mass_u_1 * payload_kg),
                 replace(_CARRIED, u=bucket_kg * abs(self.scale_1)),
             ]
         )

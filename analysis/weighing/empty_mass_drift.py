@@ -64,16 +64,16 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     A gain that drifts changes all masses alike. Loads that return are weighed by the difference to
     their neighbours, which takes the drift out of the tare, but not out of the payload.
     """
-    states, loads = fit.states, fit.found.relative_loads
+    states, loads = fit.states, fit.previous_estimates.relative_loads
     if states is None or loads is None or not states.load_returns:
         return None
-    light = ~loads.mark_loaded_manoeuvres_by_number(states.unit)
+    light = ~loads.mark_loaded_manoeuvres_by_number(states.manoeuvre_ids)
     # a small load is light as well, and what is beside it is lighter
-    light = np.flatnonzero(light & mark_local_mass_minima(fit.masses_kg[states.membership]))
-    first = light[np.unique(states.membership[light], return_index=True)[1]]
+    light = np.flatnonzero(light & mark_local_mass_minima(fit.masses_kg[states.state_of_manoeuvre]))
+    first = light[np.unique(states.state_of_manoeuvre[light], return_index=True)[1]]
     if first.size < LIMITS.empty_drift_min_states:
         return None
-    masses_kg, third = fit.masses_kg[states.membership[np.sort(first)]], first.size // 3
+    masses_kg, third = fit.masses_kg[states.state_of_manoeuvre[np.sort(first)]], first.size // 3
     begin, end = masses_kg[:third], masses_kg[-third:]
     mean_kg = float(np.mean(masses_kg))
     if not mean_kg > 0.0:  # of a fit that fails, which no drift explains
@@ -87,8 +87,10 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
         change_1,
         u_1,
         LIMITS.fuel_loss_1_h * hours,
-        tuple(states.membership[np.sort(first)].tolist()),
-        find_empty_masses_before_and_after_states_kg(fit.masses_kg, states.membership, light)
+        tuple(states.state_of_manoeuvre[np.sort(first)].tolist()),
+        find_empty_masses_before_and_after_states_kg(
+            fit.masses_kg, states.state_of_manoeuvre, light
+        )
         / mean_kg
         - 1.0,
     )

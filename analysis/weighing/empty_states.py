@@ -82,11 +82,11 @@ def _find_returns_of_any_direction(fit: JointFit) -> list[int]:
     """Such states of a fit; none where masses may go by the direction of driving instead."""
     if fit.states is None:
         return []
-    membership, motion = fit.states.membership, fit.motion
-    found = find_returns(fit.masses_kg, membership)
+    state_of_manoeuvre, motion = fit.states.state_of_manoeuvre, fit.motion
+    found = find_returns(fit.masses_kg, state_of_manoeuvre)
     manoeuvre = find_manoeuvre_of_fitted_samples(motion)
     forward = motion.direction[motion.is_fittable] > 0.0
-    light = np.isin(membership, found)[np.searchsorted(fit.states.unit, manoeuvre)]
+    light = np.isin(state_of_manoeuvre, found)[np.searchsorted(fit.states.manoeuvre_ids, manoeuvre)]
     if not found or abs(forward[light].mean() - forward[~light].mean()) > LIMITS.returns_one_way:
         return []
     return found
@@ -196,7 +196,7 @@ def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
 def compute_weights_of_mean_mass_over_states(fit: JointFit, states: list[int]) -> Floats:
     """(masses,) weights of the mean mass of states, by number of manoeuvres."""
     assert fit.states is not None
-    count = np.bincount(fit.states.membership).astype(np.float64)
+    count = np.bincount(fit.states.state_of_manoeuvre).astype(np.float64)
     weights = np.zeros(fit.mass_count)
     weights[states] = count[states] / count[states].sum()
     return weights

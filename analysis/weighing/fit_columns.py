@@ -46,13 +46,13 @@ class RelativeMassDeviations:
     """Relative deviation of each manoeuvre's total mass from the mean.
 
     Attributes:
-        unit: (units,) numbers of the manoeuvres, ascending.
-        value: (units,) mass of each manoeuvre over the mean, less 1.
+        manoeuvre_ids: (manoeuvres,) numbers of the manoeuvres, ascending.
+        value: (manoeuvres,) mass of each manoeuvre over the mean, less 1.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
     """
 
-    unit: Ints
+    manoeuvre_ids: Ints
     value: Floats
     weight_shares: tuple[float, float]
 
@@ -60,7 +60,7 @@ class RelativeMassDeviations:
     def from_masses(
         cls, manoeuvre_numbers: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
     ) -> Self | None:
-        """Relate (units,) masses to their mean; None if they are not plausible masses.
+        """Relate (manoeuvres,) masses to their mean; None if they are not plausible masses.
 
         An implausible mass is replaced by a typical one, or it would dominate the contrast of all
         loads.
@@ -87,8 +87,8 @@ class RelativeMassDeviations:
         """Deviation of these manoeuvres, (n,); an unknown one takes that of the one before."""
         # samples come in runs of one manoeuvre
         first = np.flatnonzero(np.diff(manoeuvre_numbers, prepend=manoeuvre_numbers[:1] - 1))
-        place = np.searchsorted(self.unit, manoeuvre_numbers[first], "right") - 1
-        value = self.value[place.clip(0, self.unit.size - 1)]
+        place = np.searchsorted(self.manoeuvre_ids, manoeuvre_numbers[first], "right") - 1
+        value = self.value[place.clip(0, self.manoeuvre_ids.size - 1)]
         return np.repeat(value, np.diff(np.append(first, manoeuvre_numbers.size)))
 
 
@@ -235,7 +235,7 @@ def average_and_weight_fit_columns(
         lambda piece_index: make_columns_of_piece(
             pieces[piece_index], fitted[piece_index], noise, terms, previous_estimates
         ),
-        [piece.group[own] for piece, own in zip(pieces, fitted, strict=True)],
+        [piece.stretch_of_sample[own] for piece, own in zip(pieces, fitted, strict=True)],
         noise,
         terms,
         max_samples_per_mean,
@@ -352,7 +352,7 @@ def make_columns_of_piece(
     terms: tuple[Nuisance, ...],
     previous_estimates: PreviousEstimates,
 ) -> _PieceColumns:
-    """Make the columns of the fitted samples of a piece; those around are for what looks there."""
+    """Make the columns of the fitted samples of a piece; delays and means use those around them."""
     in_time = motion.advance_force(previous_estimates.lag_s)
     if previous_estimates.speed_delay_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
@@ -365,7 +365,11 @@ def make_columns_of_piece(
         acceleration = acceleration + previous_estimates.motion_gain * own
     loads = previous_estimates.relative_loads
     zeros = np.zeros(motion.speed.size)
-    relative_load = zeros if loads is None else loads.look_up_relative_mass_deviations(motion.unit)
+    relative_load = (
+        zeros
+        if loads is None
+        else loads.look_up_relative_mass_deviations(motion.manoeuvre_of_sample)
+    )
     if previous_estimates.swing.lever_s2 and motion.specific_force is not None:
         # springs deflect in proportion to the mass
         swing_m_s2 = previous_estimates.swing.compute_swing_acceleration_m_s2(
@@ -394,7 +398,7 @@ def make_columns_of_piece(
         motion.index_in_stretch / motion.rate_hz,
         relative_load,
         relative_load if loads is None else relative_load / loads.rms_relative_load,
-        motion.place_1,
+        motion.path_position_1,
         motion.travelled_m,
         *find_route_positions_and_length_m(motion, previous_estimates),
         zeros if motion.relative_gear_ratio is None else motion.relative_gear_ratio,
@@ -408,7 +412,7 @@ def make_columns_of_piece(
     A[0], A[1] = raw.acceleration, raw.speed
     for place, term in enumerate(terms, start=2):
         A[place] = term.column(raw)
-    return _PieceColumns(A, force[fitted_samples], motion.group[fitted_samples], raw)
+    return _PieceColumns(A, force[fitted_samples], motion.stretch_of_sample[fitted_samples], raw)
 
 
 def compute_samples_between_fitted_means(max_samples_per_mean: int) -> int:
@@ -433,7 +437,9 @@ def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
     """Samples in stretches, but for the first ones of each, whose force is from before it."""
     fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
     if lag:
-        fitted = fitted & ((motion.index_in_stretch >= lag) | mark_stretch_ends(motion.group))
+        fitted = fitted & (
+            (motion.index_in_stretch >= lag) | mark_stretch_ends(motion.stretch_of_sample)
+        )
     return np.flatnonzero(fitted)
 
 

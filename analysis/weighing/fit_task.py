@@ -116,7 +116,7 @@ class FitTask:
             if self.states is None
             else self.states.assign_random_intercepts_to_stretches(self.motion)
         )
-        known = initial_fit.found if initial_fit else self.initial_estimates
+        known = initial_fit.previous_estimates if initial_fit else self.initial_estimates
         known = known if advance_force else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
         cost = initial_fit and self._compute_mass_friction_and_slip(
@@ -191,7 +191,7 @@ class FitTask:
         )
         shares = [split(self.motion, self.priors).expected for split in splits]
         return RelativeMassDeviations.from_masses(
-            states.unit, masses_kg[states.membership], (shares[0], shares[1])
+            states.manoeuvre_ids, masses_kg[states.state_of_manoeuvre], (shares[0], shares[1])
         )
 
     def _find_route(self, loads: RelativeMassDeviations | None) -> HaulRoute | None:
@@ -199,7 +199,9 @@ class FitTask:
         if loads is None:
             return None
         return HaulRoute.from_motion(
-            self.motion, loads.unit, loads.mark_loaded_manoeuvres_by_number(loads.unit)
+            self.motion,
+            loads.manoeuvre_ids,
+            loads.mark_loaded_manoeuvres_by_number(loads.manoeuvre_ids),
         )
 
     def _update_estimates_and_get_lag_change_s(
@@ -244,7 +246,7 @@ class FitTask:
         mean[ground] = fit.theta[fit.mass_count + 1 :][ground]
         std[ground] *= LIMITS.left_out_prior_ratio
         lag = find_term_index("lag", self.terms)
-        mean[lag] -= fit.found.lag_s
+        mean[lag] -= fit.previous_estimates.lag_s
         return estimate_group_effects(
             fit_rows.A,
             fit_rows.f,

@@ -35,7 +35,7 @@ def _make_position_wave_term(half_waves: int) -> Nuisance:
     return Nuisance(
         f"place_{half_waves}",
         "N",
-        lambda m: evaluate_half_wave_cosine(m.place_1, half_waves),
+        lambda m: evaluate_half_wave_cosine(m.path_position_1, half_waves),
         lambda e, s: s.place_share * e.force_95_percentile_newtons / half_waves,
         "a force that depends on the place on a short path: gravity, a cable, a cam",
         "strokes at different accelerations over the same path",
@@ -63,7 +63,7 @@ _OF_EVERY_LOAD: Final = (
     Nuisance(
         "spring",
         "N",
-        lambda m: make_position_proportional_force_column(m.place_1),
+        lambda m: make_position_proportional_force_column(m.path_position_1),
         lambda e, s: s.place_share * e.force_95_percentile_newtons,
         "a force in proportion to the place on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",

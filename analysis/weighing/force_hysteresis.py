@@ -41,7 +41,7 @@ HYSTERESIS: Final = Nuisance(
 
 
 class PlayHysteresis(NamedTuple):
-    """What tells a force that turns from its noise.
+    """Width and mean length by which a turning force is distinguished from its noise.
 
     Attributes:
         half_N: half of the change after which the force has turned, in N.

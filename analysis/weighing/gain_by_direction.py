@@ -125,8 +125,8 @@ def estimate_force_gain_by_driving_direction(
         (*select_terms_of_motion(motion, has_several_loads=False), GAIN_BY_DIRECTION),
         fit.kinematics,
         None,
-        fit.found.ground_variance_ratio_1_s,
-    ).fit_over_sample_means(fit.mean_samples, 2, advance_force=fit.shifted)
+        fit.previous_estimates.ground_variance_ratio_1_s,
+    ).fit_over_sample_means(fit.mean_samples, 2, advance_force=fit.is_force_advanced_by_lag)
     found = compute_reverse_to_forward_gain(one, fit)
     if not found.is_significant:
         return None
@@ -168,7 +168,7 @@ def compute_mass_difference_std_by_direction_kg(fit: JointFit) -> float:
     assert states is not None
     forwards = mark_forward_manoeuvres(fit.motion)
     variances = [
-        max(_variance_to_noise_ratio(states.level_kg[each], states.std_kg[each]), 1.0)
+        max(_variance_to_noise_ratio(states.manoeuvre_mass_kg[each], states.std_kg[each]), 1.0)
         / float((states.std_kg[each] ** -2.0).sum())
         for each in (forwards, ~forwards)
     ]
@@ -176,7 +176,7 @@ def compute_mass_difference_std_by_direction_kg(fit: JointFit) -> float:
 
 
 def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
-    """Whether loads alternate with the direction, and nothing besides the masses tells of them."""
+    """Whether loads alternate with the direction, and only the masses indicate their changes."""
     states, motion = fit.states, fit.motion
     assert states is not None
     if motion.empty is not None:
@@ -185,13 +185,13 @@ def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
     agree = float(np.mean(mark_manoeuvres_of_heavier_direction(states, forwards) == forwards))
     if max(agree, 1.0 - agree) < LIMITS.loads_by_direction_fraction:
         return False
-    changes = np.diff(states.membership) != 0
+    changes = np.diff(states.state_of_manoeuvre) != 0
     hinted = classify_load_change_evidence(motion)[changes] >= HINTED
     return float(np.mean(hinted)) < LIMITS.hinted_loads_fraction
 
 
 def mark_forward_manoeuvres(motion: MotionSamples) -> Bools:
-    """Whether each manoeuvre goes forwards, (units,)."""
+    """Whether each manoeuvre goes forwards, (manoeuvres,)."""
     first = np.flatnonzero(motion.is_fittable)[
         mark_stretch_starts(find_manoeuvre_of_fitted_samples(motion))
     ]
@@ -204,14 +204,14 @@ def compute_mean_mass_in_reverse_and_forwards_kg(
     """Mean mass of the manoeuvres in reverse and forwards, in kg."""
     each = is_forward.astype(np.int64)
     reverse_kg, forwards_kg = compute_weighted_mean_mass_by_state_kg(
-        states.level_kg, states.std_kg**-2.0, each
+        states.manoeuvre_mass_kg, states.std_kg**-2.0, each
     )
     return float(reverse_kg), float(forwards_kg)
 
 
 def mark_manoeuvres_of_heavier_direction(states: LoadStates, is_forward: Bools) -> Bools:
-    """Whether each manoeuvre is nearer to the heavier direction's mass, (units,)."""
-    return states.level_kg > float(
+    """Whether each manoeuvre is nearer to the heavier direction's mass, (manoeuvres,)."""
+    return states.manoeuvre_mass_kg > float(
         np.mean(compute_mean_mass_in_reverse_and_forwards_kg(states, is_forward))
     )
 
@@ -237,16 +237,16 @@ def do_heavy_masses_scatter_more_than_light(states: LoadStates, is_heavy: Bools)
 
     Args:
         states: manoeuvres of one load, weighed with the gain of each direction.
-        is_heavy: (units,) whether each manoeuvre was heavy before.
+        is_heavy: (manoeuvres,) whether each manoeuvre was heavy before.
     """
     spread = [
-        _variance_to_noise_ratio(states.level_kg[each], states.std_kg[each])
+        _variance_to_noise_ratio(states.manoeuvre_mass_kg[each], states.std_kg[each])
         for each in (is_heavy, ~is_heavy)
     ]
-    freedom = [int(each.sum()) - 1 for each in (is_heavy, ~is_heavy)]
-    if min(freedom) < 1 or not spread[1] > 0.0:
+    degrees_of_freedom = [int(each.sum()) - 1 for each in (is_heavy, ~is_heavy)]
+    if min(degrees_of_freedom) < 1 or not spread[1] > 0.0:
         return False
-    chance = float(fdtrc(freedom[0], freedom[1], spread[0] / spread[1]))
+    chance = float(fdtrc(degrees_of_freedom[0], degrees_of_freedom[1], spread[0] / spread[1]))
     return chance < LIMITS.payload_scatter_probability
 
 

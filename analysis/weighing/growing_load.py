@@ -47,33 +47,35 @@ _RESISTANCES: Final = ("direction", "quadratic")
 
 
 @dataclass(frozen=True, slots=True)
-class LoadGrowth:
+class LoadChangeInMotion:
     """Growth or fall of the load during one manoeuvre.
 
     Attributes:
-        unit: number of the manoeuvre in the samples.
+        manoeuvre_id: number of the manoeuvre in the samples.
         first: its first fitted sample.
-        kg: change of the load beyond the usual, from the first to the last fitted sample.
+        load_change_kg: change of the load beyond the usual, from the first to the last fitted
+            sample.
         std_kg: standard deviation of the change.
         is_possible: whether the machine carried so much: else the manoeuvre misses the model.
     """
 
-    unit: int
+    manoeuvre_id: int
     first: int
-    kg: float
+    load_change_kg: float
     std_kg: float
     is_possible: bool = True
 
 
 @dataclass(frozen=True, slots=True)
-class LoadFilling:
+class LoadGrowthAtEveryStart:
     """A load that grows at the same rate, in kg/s, during every start.
 
     Attributes:
         kg_s: growth rate, at least 0.
         deviations: z-score of the growth, including the residual common to all starts; NaN if
             undetermined.
-        moves_u: largest change of a mass or of the mean payload, in its standard uncertainties.
+        largest_mass_change_over_u: largest change of a mass or of the mean payload, in its standard
+            uncertainties.
         effect_kg: (masses,) change of each mass.
         is_possible: whether the machine may fill itself while it drives. If not, the log shows
             something else that changes evenly over every start: a force that is late, or an
@@ -82,7 +84,7 @@ class LoadFilling:
 
     kg_s: float
     deviations: float
-    moves_u: float = 0.0
+    largest_mass_change_over_u: float = 0.0
     effect_kg: Floats | float = 0.0
     is_possible: bool = True
 
@@ -95,9 +97,9 @@ class LoadFilling:
         """
         if not self.is_possible:
             return 0.0
-        if np.isnan(self.moves_u):
+        if np.isnan(self.largest_mass_change_over_u):
             return float("nan")
-        return self.deviations * float(self.moves_u > 1.0)
+        return self.deviations * float(self.largest_mass_change_over_u > 1.0)
 
     @property
     def significant_mass_changes_kg(self) -> Floats | float:
@@ -108,7 +110,7 @@ class LoadFilling:
 
 def refit_with_load_growing_at_starts(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, fit_rows: FitRows | None = None
-) -> LoadFilling:
+) -> LoadGrowthAtEveryStart:
     """Refit with a load that grows equally at every start, and with positive resistances.
 
     The z-score is from the likelihood ratio of zero growth and of growth of at least zero, each
@@ -131,7 +133,7 @@ def refit_with_load_growing_at_starts(
         np.isfinite(correlation).all()
         and np.linalg.eigvalsh(correlation)[0] > LIMITS.min_own_variance_fraction
     ):
-        return LoadFilling(0.0, float("nan"))
+        return LoadGrowthAtEveryStart(0.0, float("nan"))
     whitened = np.linalg.inv(np.linalg.cholesky(correlation))
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
@@ -146,26 +148,26 @@ def refit_with_load_growing_at_starts(
         list_coefficients_of_mean_payloads(fit),
     )
     moves_u = [abs(float(each @ moved)) / max(fit.mass_sum_u_kg(each), 1e-9) for each in of_sums]
-    return LoadFilling(
+    return LoadGrowthAtEveryStart(
         float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u))), moved
     )
 
 
 def list_coefficients_of_mean_payloads(fit: JointFit) -> list[Floats]:
     """(masses,) weights of the mean payload: heavy manoeuvres less light ones; none of one load."""
-    loads, states = fit.found.relative_loads, fit.states
+    loads, states = fit.previous_estimates.relative_loads, fit.states
     if loads is None or states is None:
         return []
-    loaded = loads.mark_loaded_manoeuvres_by_number(states.unit)
+    loaded = loads.mark_loaded_manoeuvres_by_number(states.manoeuvre_ids)
     if loaded.all() or not loaded.any():
         return []
     each = np.where(loaded, 1.0 / loaded.sum(), -1.0 / (~loaded).sum())
-    return [np.bincount(states.membership, each, fit.mass_count).astype(np.float64)]
+    return [np.bincount(states.state_of_manoeuvre, each, fit.mass_count).astype(np.float64)]
 
 
 def find_manoeuvres_with_growing_load(
     fit: JointFit, noise: ColumnNoiseModel, motion: MotionSamples | None = None
-) -> tuple[LoadGrowth, ...]:
+) -> tuple[LoadChangeInMotion, ...]:
     """Find the manoeuvres whose load changes by more than chance explains.
 
     Args:
@@ -176,19 +178,27 @@ def find_manoeuvres_with_growing_load(
     if fit.states is None or not np.isfinite(fit.solution.residual_rms):
         return ()
     motion = fit.motion if motion is None else motion
-    rows = average_and_weight_fit_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
-    unit = np.where(
+    rows = average_and_weight_fit_columns(
+        motion, noise, fit.terms, fit.mean_samples, fit.previous_estimates
+    )
+    manoeuvre_of_row = np.where(
         rows.group >= 0, find_manoeuvre_of_stretches(motion)[np.maximum(rows.group, 0)], -1
     )
-    by_unit = dict(zip(list_group_numbers(unit).tolist(), list_rows_by_group(unit), strict=True))
+    by_manoeuvre = dict(
+        zip(
+            list_group_numbers(manoeuvre_of_row).tolist(),
+            list_rows_by_group(manoeuvre_of_row),
+            strict=True,
+        )
+    )
     none = np.empty(0, np.int64)
     numbers = np.unique(find_manoeuvre_of_stretches(motion))
-    parts = [by_unit.get(each, none) for each in numbers.tolist()]
+    parts = [by_manoeuvre.get(each, none) for each in numbers.tolist()]
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = compute_residual_force_of_rows_newtons(fit, rows, unit)
-    usual = np.median(np.abs(left[unit >= 0]))
+    left = compute_residual_force_of_rows_newtons(fit, rows, manoeuvre_of_row)
+    usual = np.median(np.abs(left[manoeuvre_of_row >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
         most = (
@@ -206,7 +216,7 @@ def find_manoeuvres_with_growing_load(
         LIMITS.own_constant_fraction * fit.motion.force_95_percentile_newtons,
     )
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
-    if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
+    if not (np.isfinite(tied).all() and np.isfinite(left[manoeuvre_of_row >= 0]).all()):
         return ()  # of a fit that determines nothing
     slopes = np.array(
         [
@@ -231,7 +241,7 @@ def find_manoeuvres_with_growing_load(
     carried &= kg > -compute_max_plausible_load_loss_kg(fit)
     used, of_sample = np.flatnonzero(motion.is_fittable), find_manoeuvre_of_fitted_samples(motion)
     return tuple(
-        LoadGrowth(
+        LoadChangeInMotion(
             int(number[k]),
             int(used[np.argmax(of_sample == number[k])]),
             float(kg[k]),
@@ -246,8 +256,10 @@ def find_manoeuvres_with_growing_load(
 
 def look_up_load_states(states: LoadStates, manoeuvre_numbers: Ints) -> Ints:
     """Index of the load state of manoeuvres by their number, (n,); undefined beyond them."""
-    return states.membership[
-        np.searchsorted(states.unit, manoeuvre_numbers).clip(0, states.unit.size - 1)
+    return states.state_of_manoeuvre[
+        np.searchsorted(states.manoeuvre_ids, manoeuvre_numbers).clip(
+            0, states.manoeuvre_ids.size - 1
+        )
     ]
 
 
@@ -295,12 +307,16 @@ def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) 
     if states is None or fit.mass_count == 1:
         return float("inf")
     first, end = (
-        int(np.searchsorted(states.unit, manoeuvre_number, side)) for side in ("left", "right")
+        int(np.searchsorted(states.manoeuvre_ids, manoeuvre_number, side))
+        for side in ("left", "right")
     )
-    places = np.array([first] if end > first else [first - 1, first]).clip(0, states.unit.size - 1)
+    places = np.array([first] if end > first else [first - 1, first]).clip(
+        0, states.manoeuvre_ids.size - 1
+    )
     lightest = fit.make_mass_coefficients_of_state(int(np.argmin(fit.masses_kg)))
     loads = [
-        fit.make_mass_coefficients_of_state(int(k)) - lightest for k in states.membership[places]
+        fit.make_mass_coefficients_of_state(int(k)) - lightest
+        for k in states.state_of_manoeuvre[places]
     ]
     return max(float(each @ fit.masses_kg) + fit.mass_sum_u_kg(each) for each in loads)
 
@@ -312,21 +328,21 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
         fit: the joint fit of the log, with its load states.
 
     Returns:
-        (k,) numbers of the manoeuvres, as in `fit.states.unit`; empty if no load returns.
+        (k,) numbers of the manoeuvres, as in `fit.states.manoeuvre_ids`; empty if no load returns.
     """
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:
         return none
-    place = np.searchsorted(states.unit, find_manoeuvre_of_fitted_samples(fit.motion))
-    top_m_s = np.zeros(states.unit.size)
+    place = np.searchsorted(states.manoeuvre_ids, find_manoeuvre_of_fitted_samples(fit.motion))
+    top_m_s = np.zeros(states.manoeuvre_ids.size)
     np.maximum.at(top_m_s, place, np.abs(fit.motion.speed[fit.motion.is_fittable]))
     creeps = top_m_s < LIMITS.creep_speed_ratio * np.median(top_m_s)
     drives = np.flatnonzero(~creeps)
     after = np.searchsorted(drives, np.arange(creeps.size))
     between = creeps & (after > 0) & (after < drives.size)
-    loads = states.membership[drives]
+    loads = states.state_of_manoeuvre[drives]
     changes = loads[(after - 1).clip(0)] != loads[after.clip(0, drives.size - 1)]
-    return states.unit[between & changes]
+    return states.manoeuvre_ids[between & changes]
 
 
 def compute_residual_force_of_rows_newtons(

@@ -46,10 +46,14 @@ class HaulRoute:
             manoeuvre_numbers: (manoeuvres,) numbers of the manoeuvres, ascending.
             loaded: (manoeuvres,) whether each manoeuvre carries a load.
         """
-        last = motion.unit.size - 1
-        begins_m = motion.driven_m[np.searchsorted(motion.unit, manoeuvre_numbers).clip(0, last)]
+        last = motion.manoeuvre_of_sample.size - 1
+        begins_m = motion.driven_m[
+            np.searchsorted(motion.manoeuvre_of_sample, manoeuvre_numbers).clip(0, last)
+        ]
         ends_m = motion.driven_m[
-            (np.searchsorted(motion.unit, manoeuvre_numbers, "right") - 1).clip(0, last)
+            (np.searchsorted(motion.manoeuvre_of_sample, manoeuvre_numbers, "right") - 1).clip(
+                0, last
+            )
         ]
         fills_m = begins_m[1:][loaded[1:] & ~loaded[:-1]]
         dumps = ~loaded[1:] & loaded[:-1]
@@ -112,7 +116,7 @@ def add_missed_dump_visits(visit_positions_m: Floats, manoeuvre_starts_m: Floats
 
     Args:
         visit_positions_m: (visits,) known visits to one place, as driven distance, ascending.
-        manoeuvre_starts_m: (units,) driven distance at the start of the manoeuvres.
+        manoeuvre_starts_m: (manoeuvres,) driven distance at the start of the manoeuvres.
     """
     cycles_m = np.diff(visit_positions_m)
     if not cycles_m.size:
@@ -135,7 +139,7 @@ def add_missed_dump_visits(visit_positions_m: Floats, manoeuvre_starts_m: Floats
 
 
 def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
-    """Partitions into load states that the driving pattern suggests, (units,) each.
+    """Partitions into load states that the driving pattern suggests, (manoeuvres,) each.
 
     States that only follow the driving direction count only if something else shows that loads
     change; a machine with another response in reverse would have loads otherwise.
@@ -173,8 +177,8 @@ def mark_standstills_at_recurrent_stops(
     the same directions.
 
     Args:
-        start_positions_m: (units,) distance driven before each manoeuvre.
-        is_forward: (units,) whether each manoeuvre goes forwards.
+        start_positions_m: (manoeuvres,) distance driven before each manoeuvre.
+        is_forward: (manoeuvres,) whether each manoeuvre goes forwards.
     """
     turns = np.flatnonzero(np.diff(is_forward)) + 1
     if turns.size < 2:
@@ -213,7 +217,7 @@ def compute_medians_by_label(values: Floats, labels: Ints) -> Floats:
 
 
 def mark_loaded_manoeuvres(is_loading_stand: Bools, is_unloading_stand: Bools) -> Bools:
-    """Manoeuvres between a loading stand and the next unloading stand, (units,)."""
+    """Manoeuvres between a loading stand and the next unloading stand, (manoeuvres,)."""
     stand = np.arange(1, is_loading_stand.size + 1)
     last_on = np.maximum.accumulate(np.where(is_loading_stand, stand, 0))
     last_off = np.maximum.accumulate(np.where(is_unloading_stand, stand, 0))

@@ -66,7 +66,7 @@ class JointFitInputs:
         """
         noise = CachedNoise(noise)
         ground_variance_ratio_1_s = (
-            0.0 if earlier_fit is None else earlier_fit.found.ground_variance_ratio_1_s
+            0.0 if earlier_fit is None else earlier_fit.previous_estimates.ground_variance_ratio_1_s
         )
         known = None if earlier_fit is None else earlier_fit.kinematics
         wheels = estimate_wheel_kinematics(motion, noise, priors, known)
@@ -90,7 +90,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     part = whole.cut_to_first_stretches(LIMITS.pilot_stretches)
     part = part if part.motion.has_enough_motion else whole
     longest = (
-        int(np.median(np.bincount(motion.group[motion.is_fittable])))
+        int(np.median(np.bincount(motion.stretch_of_sample[motion.is_fittable])))
         / LIMITS.disjoint_means_per_stretch
     )
     means = {count_rows_in_duration(mean_s, motion.rate_hz) for mean_s in LIMITS.means_s}
@@ -150,11 +150,12 @@ def copy_task_with_updated_wheel_comparison(
     inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
     """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
-    if not (abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s or pilot_fit.found.load_transfer_s2_m):
+    known = pilot_fit.previous_estimates
+    if not (abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s or known.load_transfer_s2_m):
         return task
     # slip is of the force on the ground at that moment
     in_time = inputs.motion.advance_force(pilot_fit.force_lag_s)
-    acting = replace(in_time, force=pilot_fit.found.estimate_ground_force_newtons(in_time))
+    acting = replace(in_time, force=known.estimate_ground_force_newtons(in_time))
     wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
     return replace(task, wheels=wheels)
 
@@ -261,7 +262,7 @@ def refit_with_extra_terms(
     fitted = task.fit_over_sample_means(
         earlier_fit.mean_samples,
         rounds,
-        advance_force=earlier_fit.shifted,
+        advance_force=earlier_fit.is_force_advanced_by_lag,
         initial_fit=earlier_fit,
         fit_rows=fit_rows,
     )
@@ -284,7 +285,7 @@ def make_refit_rows(
     """Rows of the first round of a refit from `earlier_fit`, with additional terms if any."""
     terms = (*earlier_fit.terms, *extra_terms)
     return average_and_weight_fit_columns(
-        earlier_fit.motion, noise, terms, earlier_fit.mean_samples, earlier_fit.found
+        earlier_fit.motion, noise, terms, earlier_fit.mean_samples, earlier_fit.previous_estimates
     )
 
 
@@ -319,10 +320,8 @@ def refit_with_hysteresis_if_significant(
         The fit, and its `make_refit_rows` with the terms of the checks.
     """
     fit.solution.compute_uncertainty_and_release_samples()
-    found = replace(
-        fit.found, play=choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.mean_samples)
-    )
-    played = replace(fit, found=found)
+    play = choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.mean_samples)
+    played = replace(fit, previous_estimates=replace(fit.previous_estimates, play=play))
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
     tested = refit_with_extra_terms(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
     half_width_N = float(tested.theta[-1])
@@ -345,24 +344,25 @@ def refit_with_hysteresis_if_significant(
 
 def refit_with_gain_change_by_load(fit: JointFit, priors: PriorSettings) -> JointFit:
     """Add a change of the accelerometer's gain with the load, if the motion shows one."""
-    wheels, loads, states = fit.kinematics, fit.found.relative_loads, fit.states
+    wheels, loads, states = fit.kinematics, fit.previous_estimates.relative_loads, fit.states
     if wheels is None or loads is None or states is None:
         return fit
     squats = wheels.squat[0] > 0.0 or do_wheels_show_squat(wheels, fit.motion)
     told = fit.motion.without_gravity is None or squats
     if not (fit.motion.by_accelerometer and told):
         return fit
-    first = np.unique(states.membership, return_index=True)[1]
+    first = np.unique(states.state_of_manoeuvre, return_index=True)[1]
+    route = fit.previous_estimates.route
     for _ in range(LIMITS.squat_rounds):
         squat = estimate_load_squat(
-            fit.motion, wheels, loads, loads.value[first], priors.gain_by_load, fit.found.route
+            fit.motion, wheels, loads, loads.value[first], priors.gain_by_load, route
         )
         fit = replace(fit, squat=squat)
         # a squat that is not taken off makes loads of another size
         shares = loads.weight_shares
         loads = (
             RelativeMassDeviations.from_masses(
-                states.unit, fit.masses_kg[states.membership], shares
+                states.manoeuvre_ids, fit.masses_kg[states.state_of_manoeuvre], shares
             )
             or loads
         )
@@ -375,10 +375,10 @@ def add_mass_responses_to_motion_errors(
     """Compute the masses' responses to errors of the motion by a refit with each error."""
     if fit.kinematics is None or not fit.motion.by_accelerometer:
         return fit
-    known, count = fit.found, fit.mass_count
+    known, count = fit.previous_estimates, fit.mass_count
 
     def mass_response(changed: PreviousEstimates, step: float) -> Floats:
-        other = refit_with_extra_terms(replace(fit, found=changed), noise, priors)
+        other = refit_with_extra_terms(replace(fit, previous_estimates=changed), noise, priors)
         return (other.theta[:count] - fit.theta[:count]) / step
 
     later = replace(known, speed_delay_s=known.speed_delay_s + LIMITS.probe_delay_s)

@@ -70,8 +70,8 @@ class JointFit:
         motion: fitted samples.
         lag_shape_kg: (masses,) change of the masses if a lag were a low-pass instead of a delay, or
             vice versa; 0 if the shape is known.
-        found: estimates that the columns were last made with.
-        shifted: whether the force was advanced by the lag.
+        previous_estimates: estimates that the columns were last made with.
+        is_force_advanced_by_lag: whether the force was advanced by the lag.
         averaging_share: relative effect of a longer mean on the mass.
         prior_means: prior means with their uncertainty.
         by_motion: responses to errors of the motion; None if level ground is assumed.
@@ -89,8 +89,8 @@ class JointFit:
     mean_samples: int
     motion: MotionSamples
     lag_shape_kg: Floats
-    found: PreviousEstimates
-    shifted: bool
+    previous_estimates: PreviousEstimates
+    is_force_advanced_by_lag: bool
     prior_means: PriorMeans
     averaging_share: float = 0.0
     by_motion: MotionResponses | None = None
@@ -125,20 +125,19 @@ class JointFit:
         if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):
             return None
         found_N = self.theta[self.mass_count + 1 + np.array(own)]
-        columns = make_position_force_columns(self.motion.place_1)
+        columns = make_position_force_columns(self.motion.path_position_1)
         force = columns @ found_N[: columns.shape[1]]
-        loads, by_load_N = self.found.relative_loads, found_N[columns.shape[1] :]
+        loads, by_load_N = self.previous_estimates.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
             return force
-        return force + loads.look_up_relative_mass_deviations(self.motion.unit) * (
-            columns @ by_load_N
-        )
+        relative_1 = loads.look_up_relative_mass_deviations(self.motion.manoeuvre_of_sample)
+        return force + relative_1 * (columns @ by_load_N)
 
     @property
     def friction_and_term_estimates(self) -> Floats:
         """(1 + terms,) friction and terms, for columns whose force is advanced by its lag."""
         shared = self.theta[self.mass_count :].copy()
-        if self.shifted:
+        if self.is_force_advanced_by_lag:
             shared[1 + find_term_index("lag", self.terms)] = 0.0
         return shared
 
@@ -215,7 +214,8 @@ class JointFit:
     @property
     def most_frequent_state(self) -> int:
         """Index of the state with the most manoeuvres."""
-        return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
+        states = self.states
+        return 0 if states is None else int(np.bincount(states.state_of_manoeuvre).argmax())
 
     def make_mass_coefficients_of_state(self, state: int) -> Floats:
         """(masses,) weights that select one mass."""
@@ -267,7 +267,7 @@ class JointFit:
         if learnt_kg.any():
             parts["learnt"] = float(np.linalg.norm(learnt_kg))
         wheels = self.kinematics
-        if wheels is not None and wheels.gain_counts:
+        if wheels is not None and wheels.is_gain_significant:
             # a wrong wheel radius is in the force, and in a speed's derivative once more
             times = 1.0 if self.motion.by_accelerometer else 2.0
             moved_kg = 0.0 if by_motion is None else float(coefficients @ by_motion.gain_kg)
@@ -287,7 +287,7 @@ class JointFit:
         return self.kinematics.squat[1] * abs(float(coefficients @ (self.masses_kg * by_load)))
 
     @cached_property
-    def mass_changes_per_term_std_kg(self) -> Floats:
+    def mass_changes_by_one_std_of_each_term_kg(self) -> Floats:
         """(terms, masses) response to one standard deviation of each nuisance, in kg.
 
         Slip measured by the wheels narrows its prior.
@@ -346,7 +346,7 @@ class JointFit:
         """(masses,) masses corrected for the speed's delay and the accelerometer's gains."""
         late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.is_consistent and self.motion.by_accelerometer:
-            late = wheels.delay_s[0] - self.found.speed_delay_s
+            late = wheels.delay_s[0] - self.previous_estimates.speed_delay_s
         if wheels is not None and self.is_gain_corrected:
             gain = wheels.gain_by_prior[0]
         masses = self.theta[: self.mass_count]
@@ -364,7 +364,7 @@ class JointFit:
         wheels = self.kinematics
         if wheels is None or not self.motion.by_accelerometer:
             return False
-        return wheels.is_consistent and not wheels.gain_counts
+        return wheels.is_consistent and not wheels.is_gain_significant
 
     @property
     def u_kg(self) -> float:

@@ -44,7 +44,7 @@ class LearntErrors:
         The deviation of a term is divided between the error of its mean and the variation between
         logs by their variances. For wheels against accelerometer only the calibration counts.
         """
-        fit, learnt = weighing.informed, weighing.learnt
+        fit, learnt = weighing.fit_with_wide_learnt_priors, weighing.learnt
         assert fit is not None
         by_wheels = [
             term
@@ -97,7 +97,7 @@ def make_learnt_mean_frames(
         loads: the frame `loads`, for the empty ones.
         payloads: (masses,) weights of each payload, by the number of its cycle.
     """
-    if weighing is None or weighing.informed is None:
+    if weighing is None or weighing.fit_with_wide_learnt_priors is None:
         return {}
     fit, errors = weighing.fit, LearntErrors.estimate_from_weighing(weighing)
     empty = loads.filter("empty")["load_id"].to_list()

@@ -183,7 +183,7 @@ class _WheelComparison:
             return None
         lag = max(count_rows_in_duration(LIMITS.lever_lag_s, motion.rate_hz) // EVERY, 1)
         shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
-        bounds = find_stretch_spans(motion.group)
+        bounds = find_stretch_spans(motion.stretch_of_sample)
         spans = bounds[np.diff(bounds)[:, 0] >= shortest]
         if len(spans) < LIMITS.squat_min_stretches:
             return None

@@ -16,9 +16,9 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
     after it if only that border has no sign of a load change.
     """
-    unit = motion.unit[mark_stretch_starts(motion.group)]
-    number, of = np.unique(unit, return_inverse=True)
-    samples = np.bincount(of, weights=np.bincount(motion.group[motion.is_fittable]))
+    manoeuvre_of_stretch = motion.manoeuvre_of_sample[mark_stretch_starts(motion.stretch_of_sample)]
+    number, of = np.unique(manoeuvre_of_stretch, return_inverse=True)
+    samples = np.bincount(of, weights=np.bincount(motion.stretch_of_sample[motion.is_fittable]))
     tells = samples >= min(
         count_rows_in_duration(
             LIMITS.informative_manoeuvre_s, motion.rate_hz, LIMITS.informative_manoeuvre_samples
@@ -32,7 +32,7 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
     goes = np.where(before < 0, np.argmax(tells), before)
-    group = motion.group
+    group = motion.stretch_of_sample
     first, last = (np.flatnonzero(f(group)) for f in (mark_stretch_starts, mark_stretch_ends))
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
@@ -45,7 +45,7 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
 
 
 def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, count: int) -> Floats:
-    """Range of the speeds of each manoeuvre, (units,) in m/s.
+    """Range of the speeds of each manoeuvre, (manoeuvres,) in m/s.
 
     Args:
         motion: the samples.
@@ -53,7 +53,7 @@ def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, cou
         count: number of manoeuvres.
     """
     used = np.flatnonzero(motion.is_fittable)
-    of, speed = manoeuvre_of_stretch[motion.group[used]], motion.speed[used]
+    of, speed = manoeuvre_of_stretch[motion.stretch_of_sample[used]], motion.speed[used]
     least, most = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(least, of, speed)
     np.maximum.at(most, of, speed)
@@ -62,7 +62,7 @@ def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, cou
 
 def find_manoeuvre_of_fitted_samples(motion: MotionSamples) -> Ints:
     """Manoeuvre of each fitted sample, (used samples,)."""
-    return find_manoeuvre_of_stretches(motion)[motion.group[motion.is_fittable]]
+    return find_manoeuvre_of_stretches(motion)[motion.stretch_of_sample[motion.is_fittable]]
 
 
 def classify_load_change_evidence(motion: MotionSamples) -> Ints:
@@ -107,11 +107,14 @@ def classify_load_change(
         return NAMED
     if motion.empty is not None and motion.empty[end_row]:
         return 0
-    if motion.stood is not None and motion.stood[end_row] == motion.stood[begin_row]:
+    if (
+        motion.earlier_stop_count is not None
+        and motion.earlier_stop_count[end_row] == motion.earlier_stop_count[begin_row]
+    ):
         return 0
     moved = any(
         _range_without_nan(arm[boom_begin_row : boom_end_row + 1]) > LIMITS.arm_movement_rad
-        for arm in motion.arms
+        for arm in motion.boom_and_bucket_angles_rad
     )
     if moved:
         return HINTED

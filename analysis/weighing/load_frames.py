@@ -95,14 +95,14 @@ def _find_time_spans_of_states_ns(fit: JointFit, excitation: pl.DataFrame) -> li
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.is_fittable)
-    of = states.membership[index_manoeuvres_of_samples(fit, states)]
+    of = states.state_of_manoeuvre[index_manoeuvres_of_samples(fit, states)]
     inside = (used[of == state] for state in range(fit.mass_count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
 def index_manoeuvres_of_samples(fit: JointFit, states: LoadStates) -> Ints:
     """Index of each fitted sample's manoeuvre, (n,), among those with a load state."""
-    return np.searchsorted(states.unit, find_manoeuvre_of_fitted_samples(fit.motion))
+    return np.searchsorted(states.manoeuvre_ids, find_manoeuvre_of_fitted_samples(fit.motion))
 
 
 def find_load_change_rows(weighing: Weighing | None) -> list[int]:
@@ -110,7 +110,7 @@ def find_load_change_rows(weighing: Weighing | None) -> list[int]:
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.membership[index_manoeuvres_of_samples(fit, states)]
+    of = states.state_of_manoeuvre[index_manoeuvres_of_samples(fit, states)]
     used = np.flatnonzero(fit.motion.is_fittable)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
@@ -125,7 +125,7 @@ def average_fuel_since_ticket_and_u_kg(
     states = weighing.fit.states
     if fuel is None or states is None or not empty:
         return 0.0, 0.0
-    count = np.bincount(states.membership)[empty]
+    count = np.bincount(states.state_of_manoeuvre)[empty]
     middles_ns = np.mean([state_spans_ns[state] for state in empty], axis=1)
     return fuel.estimate_fuel_mass_beyond_ticket_and_u_kg(middles_ns, count / count.sum())
 
@@ -193,11 +193,11 @@ def _make_load_row(
         "load_id": state,
         "start_t_ns": times[0],
         "end_t_ns": times[1],
-        "manoeuvres": int((states.membership == state).sum()),
+        "manoeuvres": int((states.state_of_manoeuvre == state).sum()),
         **{name: None if withheld else value for name, value in numbers.items()},
         "payload_to": empty[0] if empty and not withheld else None,
         "empty": state in empty,
-        "scatter_kg": states.scatter_kg if states.freedom > 0 and not withheld else None,
+        "scatter_kg": states.scatter_kg if states.degrees_of_freedom > 0 and not withheld else None,
         "scatter_known": states.is_scatter_estimated,
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
@@ -253,10 +253,13 @@ def _describe_load_states(fit: JointFit, machine: Machine) -> str:
     states = fit.states
     assert states is not None
     said: list[str] = []
-    if states.other is not None:
-        others = int(states.other.membership.max()) + 1
+    if states.alternative_partition is not None:
+        others = int(states.alternative_partition.state_of_manoeuvre.max()) + 1
         readings = sorted(
-            [(fit.mass_count, states.scatter_kg), (others, states.other.scatter_kg)],
+            [
+                (fit.mass_count, states.scatter_kg),
+                (others, states.alternative_partition.scatter_kg),
+            ],
             key=lambda reading: reading[0],
         )
         texts = [
@@ -301,12 +304,12 @@ def _describe_manoeuvres_with_changing_load(weighing: Weighing, excitation: pl.D
     told = [
         (
             f"the load changes within the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s, by about "
-            f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: this manoeuvre is excluded"
+            f"{each.load_change_kg:+,.0f} ± {each.std_kg:,.0f} kg: this manoeuvre is excluded"
             if each.is_possible
             else f"no load explains the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s: this "
             "manoeuvre is excluded"
         )
-        for each in weighing.growing
+        for each in weighing.growing_load_manoeuvres
     ]
     more = (
         [f"and it changes within {len(told) - LIMITS.max_named_manoeuvres} more"]
@@ -336,10 +339,10 @@ def make_manoeuvre_frame(
     return build_frame(
         "manoeuvres",
         {
-            "load_id": states.membership,
+            "load_id": states.state_of_manoeuvre,
             "start_t_ns": t_ns[used[first]],
             "end_t_ns": t_ns[used[last]],
-            "mass_kg": states.level_kg + shift_kg[states.membership],
+            "mass_kg": states.manoeuvre_mass_kg + shift_kg[states.state_of_manoeuvre],
             "mass_std_kg": states.std_kg,
         },
     )

@@ -94,7 +94,7 @@ class LoadLimits:
     #: Manoeuvres disagree if the ratio of variances exceeds 1 by so many standard deviations.
     excess_scatter_std: float = 5.0
     #: Degrees of freedom from which the manoeuvres show how they scatter.
-    scatter_min_freedom: int = 4
+    scatter_min_degrees_of_freedom: int = 4
     #: Change of the load that the masses alone show, in repeatabilities, below which scatter may
     #: have made it: of buses whose load changes by less at every start payloads were 6 u off.
     small_change_repeatabilities: float = 5.0

@@ -76,7 +76,9 @@ def fit_with_searched_load_states(
         return settled
     return min(
         likely,
-        key=lambda each: alike.compute_akaike_criterion(_require_load_states(each).membership),
+        key=lambda each: alike.compute_akaike_criterion(
+            _require_load_states(each).state_of_manoeuvre
+        ),
     )
 
 
@@ -93,7 +95,7 @@ class _PartitionComparison:
     Attributes:
         task: the fit without load states.
         units: mass estimate of each manoeuvre by itself.
-        number: (units,) numbers of the manoeuvres.
+        number: (manoeuvres,) numbers of the manoeuvres.
         samples: length of the means.
         known: criterion of each membership that was compared, by its bytes.
     """
@@ -129,7 +131,7 @@ class _PartitionComparison:
         )
 
     def make_load_states(self, state_of_manoeuvre: Ints) -> LoadStates:
-        """Load states of a partition, with (units,) membership."""
+        """Load states of a partition, given the state of each manoeuvre, (manoeuvres,)."""
         return make_states_of_partition(self.units, self.number, state_of_manoeuvre)
 
     def compute_akaike_criterion(self, state_of_manoeuvre: Ints) -> float:
@@ -160,7 +162,9 @@ def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) ->
         units = _estimate_manoeuvre_masses(
             found, inputs, classify_load_change_evidence(found.motion)
         )
-        found = fit_jointly(inputs, make_states_of_partition(units, states.unit, states.membership))
+        found = fit_jointly(
+            inputs, make_states_of_partition(units, states.manoeuvre_ids, states.state_of_manoeuvre)
+        )
     return found
 
 
@@ -171,9 +175,9 @@ def _refit_with_scatter_of_own_states(
     if not np.isfinite(fit.theta).all():
         return fit
     units, states = _estimate_manoeuvre_masses(fit, inputs, change_kinds), _require_load_states(fit)
-    likeliest = find_load_states(units, states.unit, repeatability_kg)
+    likeliest = find_load_states(units, states.manoeuvre_ids, repeatability_kg)
     scattering = make_states_of_partition(
-        units, states.unit, states.membership, usual_scatter=False
+        units, states.manoeuvre_ids, states.state_of_manoeuvre, usual_scatter=False
     )
     states = replace(scattering, single_probability=likeliest.single_probability)
     return refit_with_extra_terms(
@@ -236,14 +240,14 @@ def search_states_and_refit_until_stable(
             key=lambda each: each.log_odds,
         )
         if fit_with_final_columns is not None and _is_partition_of_fit(
-            fit_with_final_columns, states.membership
+            fit_with_final_columns, states.state_of_manoeuvre
         ):
             return fit_with_final_columns
         if states.state_count == 1 and first_fit.mass_count == 1:
             return refit_with_extra_terms(
                 replace(first_fit, states=states), inputs.noise, inputs.priors, fit_rows=rows
             )
-        if _is_partition_of_fit(first_fit, states.membership):
+        if _is_partition_of_fit(first_fit, states.state_of_manoeuvre):
             # the same loads, whose scatter is known better now
             first_fit = replace(first_fit, states=states)
             first_fit = refit_with_extra_terms(
@@ -262,9 +266,9 @@ def search_states_and_refit_until_stable(
         first_fit = fit_jointly(inputs, states)
         if not np.isfinite(first_fit.theta).all():
             return _set_masses_to_unknown(first)
-        if any(np.array_equal(states.membership, each) for each in tried):
+        if any(np.array_equal(states.state_of_manoeuvre, each) for each in tried):
             break
-        tried.append(states.membership)
+        tried.append(states.state_of_manoeuvre)
         # each fit of a shift holds hundreds of megabytes
         if (
             best is None
@@ -285,8 +289,10 @@ def _set_masses_to_unknown(fit: JointFit) -> JointFit:
 
 
 def _is_partition_of_fit(fit: JointFit, state_of_manoeuvre: Ints) -> bool:
-    """Whether a fit has these load states, (units,)."""
-    return fit.states is not None and np.array_equal(fit.states.membership, state_of_manoeuvre)
+    """Whether a fit has these load states, (manoeuvres,)."""
+    return fit.states is not None and np.array_equal(
+        fit.states.state_of_manoeuvre, state_of_manoeuvre
+    )
 
 
 def _require_load_states(fit: JointFit) -> LoadStates:
@@ -308,5 +314,5 @@ def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFit
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     if not noise > 0.0:  # a fit that leaves nothing has no unevenness to tell
         return inputs
-    std_N = inputs.priors.ground_uneven_share * fit.motion.weight
+    std_N = inputs.priors.ground_uneven_share * fit.motion.empty_weight_N
     return replace(inputs, ground_variance_ratio_1_s=std_N**2 * a_second / noise)

@@ -23,14 +23,14 @@ class AlternativePartition:
     """The next likely partition into loads, if the log does not exclude it.
 
     Attributes:
-        membership: (units,) load state of each manoeuvre.
-        differs_kg: (units,) difference of each manoeuvre's mass.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre.
+        mass_difference_kg: (manoeuvres,) difference of each manoeuvre's mass.
         scatter_kg: standard deviation of manoeuvres about their state.
         probability: probability that the chosen states are wrong.
     """
 
-    membership: Ints
-    differs_kg: Floats
+    state_of_manoeuvre: Ints
+    mass_difference_kg: Floats
     scatter_kg: float
     probability: float
 
@@ -40,31 +40,31 @@ class LoadStates:
     """The load state of each manoeuvre.
 
     Attributes:
-        unit: (units,) numbers of the manoeuvres in the samples, ascending.
-        membership: (units,) load state of each manoeuvre, numbered by time.
-        level_kg: (units,) mass of each manoeuvre by itself, without the nuisances.
-        std_kg: (units,) its standard deviation from the manoeuvre alone.
+        manoeuvre_ids: (manoeuvres,) numbers of the manoeuvres in the samples, ascending.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre, numbered by time.
+        manoeuvre_mass_kg: (manoeuvres,) mass of each manoeuvre by itself, corrected for nuisances.
+        std_kg: (manoeuvres,) its standard deviation from the manoeuvre alone.
         scatter_kg: standard deviation of manoeuvres about their state.
-        freedom: degrees of freedom of the scatter; infinite if it is stated or assumed.
+        degrees_of_freedom: degrees of freedom of the scatter; infinite if it is stated or assumed.
         birge_ratio: deviation between manoeuvres over that within each; NaN if there is nothing to
             compare.
         single_probability: probability of a single state.
-        other: the alternative partition, if the log cannot decide; else None.
+        alternative_partition: the alternative partition, if the log cannot decide; else None.
         load_returns: whether a load recurs after another one, such as the empty machine.
         log_odds: log odds of these states against a single one.
-        assumes_scatter: whether the scatter is the usual one, since the changes of the load that
-            the masses alone show are too small to tell it.
+        assumes_scatter: whether the usual scatter is assumed, since the masses alone show too small
+            load changes to estimate it.
     """
 
-    unit: Ints
-    membership: Ints
-    level_kg: Floats
+    manoeuvre_ids: Ints
+    state_of_manoeuvre: Ints
+    manoeuvre_mass_kg: Floats
     std_kg: Floats
     scatter_kg: float
-    freedom: float
+    degrees_of_freedom: float
     birge_ratio: float
     single_probability: float = 1.0
-    other: AlternativePartition | None = None
+    alternative_partition: AlternativePartition | None = None
     load_returns: bool = False
     log_odds: float = 0.0
     assumes_scatter: bool = False
@@ -72,52 +72,57 @@ class LoadStates:
     @property
     def state_count(self) -> int:
         """Number of states."""
-        return int(self.membership.max()) + 1
+        return int(self.state_of_manoeuvre.max()) + 1
 
     @property
     def means_kg(self) -> Floats:
         """(states,) mean mass of each state's manoeuvres, in kg."""
         weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
-        return compute_weighted_mean_mass_by_state_kg(self.level_kg, weight, self.membership)
+        return compute_weighted_mean_mass_by_state_kg(
+            self.manoeuvre_mass_kg, weight, self.state_of_manoeuvre
+        )
 
     @property
     def bayesian_information_criterion(self) -> float:
         """Bayesian information criterion of the states (Schwarz 1978)."""
         variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
-        return self.membership.size * float(np.log(variance)) + self.state_count * float(
-            np.log(self.membership.size)
+        return self.state_of_manoeuvre.size * float(np.log(variance)) + self.state_count * float(
+            np.log(self.state_of_manoeuvre.size)
         )
 
     @property
     def has_excess_scatter(self) -> bool:
         """Whether manoeuvres disagree by more than chance explains."""
-        if not 0 < self.freedom < np.inf:
+        if not 0 < self.degrees_of_freedom < np.inf:
             return self.scatter_kg > float(np.median(self.std_kg))
         return self.birge_ratio**2 > 1.0 + LIMITS.excess_scatter_std * float(
-            np.sqrt(2.0 / self.freedom)
+            np.sqrt(2.0 / self.degrees_of_freedom)
         )
 
     @property
     def is_scatter_estimated(self) -> bool:
         """Whether the scatter is estimated rather than assumed."""
-        return self.freedom >= LIMITS.scatter_min_freedom and not self.assumes_scatter
+        return (
+            self.degrees_of_freedom >= LIMITS.scatter_min_degrees_of_freedom
+            and not self.assumes_scatter
+        )
 
     def reassign_to_manoeuvres_of_motion(self, motion: MotionSamples) -> "LoadStates":
         """These states for a motion with other manoeuvres, numbered again."""
-        unit = np.unique(find_manoeuvre_of_stretches(motion))
-        place = np.searchsorted(self.unit, unit, "right") - 1
-        place = place.clip(0, self.unit.size - 1)
+        new_ids = np.unique(find_manoeuvre_of_stretches(motion))
+        place = np.searchsorted(self.manoeuvre_ids, new_ids, "right") - 1
+        place = place.clip(0, self.manoeuvre_ids.size - 1)
         return replace(
             self,
-            unit=unit,
-            membership=np.unique(self.membership[place], return_inverse=True)[1],
-            level_kg=self.level_kg[place],
+            manoeuvre_ids=new_ids,
+            state_of_manoeuvre=np.unique(self.state_of_manoeuvre[place], return_inverse=True)[1],
+            manoeuvre_mass_kg=self.manoeuvre_mass_kg[place],
             std_kg=self.std_kg[place],
-            other=self.other
+            alternative_partition=self.alternative_partition
             and replace(
-                self.other,
-                membership=self.other.membership[place],
-                differs_kg=self.other.differs_kg[place],
+                self.alternative_partition,
+                state_of_manoeuvre=self.alternative_partition.state_of_manoeuvre[place],
+                mass_difference_kg=self.alternative_partition.mass_difference_kg[place],
             ),
         )
 
@@ -129,21 +134,32 @@ class LoadStates:
         Args:
             coefficients: (states,) weight of each mass.
         """
-        if self.other is None:
+        if self.alternative_partition is None:
             return 0.0
-        count = np.bincount(self.membership)
-        mean_kg = np.bincount(self.membership, weights=self.other.differs_kg) / count
+        count = np.bincount(self.state_of_manoeuvre)
+        mean_kg = (
+            np.bincount(
+                self.state_of_manoeuvre, weights=self.alternative_partition.mass_difference_kg
+            )
+            / count
+        )
         within = np.bincount(
-            self.membership, weights=(self.other.differs_kg - mean_kg[self.membership]) ** 2
+            self.state_of_manoeuvre,
+            weights=(
+                self.alternative_partition.mass_difference_kg - mean_kg[self.state_of_manoeuvre]
+            )
+            ** 2,
         )
         variance = float(coefficients @ mean_kg) ** 2 + float(coefficients**2 @ (within / count))
-        return float(np.sqrt(self.other.probability * variance))
+        return float(np.sqrt(self.alternative_partition.probability * variance))
 
     def assign_random_intercepts_to_stretches(self, motion: MotionSamples) -> RandomIntercepts:
         """Random intercepts of the motion's stretches: load state and manoeuvre of each."""
-        number = np.searchsorted(self.unit, find_manoeuvre_of_stretches(motion))
-        scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
-        return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
+        number = np.searchsorted(self.manoeuvre_ids, find_manoeuvre_of_stretches(motion))
+        scatter_kg = self.scatter_kg if self.degrees_of_freedom > 0 else 0.0
+        return RandomIntercepts(
+            self.state_of_manoeuvre[number], number, scatter_kg, self.degrees_of_freedom
+        )
 
 
 def find_load_states(
@@ -153,7 +169,7 @@ def find_load_states(
 
     Args:
         masses: mass estimate of each manoeuvre.
-        manoeuvre_ids: (units,) number of each manoeuvre in the log.
+        manoeuvre_ids: (manoeuvres,) number of each manoeuvre in the log.
         repeatability_kg: scatter of manoeuvres of one load, if the machine file states it.
     """
     if not (np.isfinite(masses.y).all() and (masses.variance > 0.0).all()):
@@ -168,41 +184,49 @@ def find_load_states(
     best = (
         found.best if _is_load_state_partition_credible(found, repeatability_kg) else found.single
     )
-    other = found.several if best.level_stretch_count == 1 else found.single
+    other = found.several if best.stretch_count == 1 else found.single
     states = _make_load_states(masses, manoeuvre_ids, best)
     if repeatability_kg is not None:
-        states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf, assumes_scatter=False)
+        states = replace(
+            states, scatter_kg=repeatability_kg, degrees_of_freedom=np.inf, assumes_scatter=False
+        )
     probability = (
-        found.single_probability if best.level_stretch_count > 1 else 1.0 - found.single_probability
+        found.single_probability if best.stretch_count > 1 else 1.0 - found.single_probability
     )
     return replace(
         states,
         single_probability=found.single_probability,
-        other=find_alternative_partition(masses, best, other, probability),
+        alternative_partition=find_alternative_partition(masses, best, other, probability),
         log_odds=best.log_posterior - found.single.log_posterior,
     )
 
 
 def make_states_of_partition(
-    masses: GroupEffects, manoeuvre_ids: Ints, membership: Ints, *, usual_scatter: bool = True
+    masses: GroupEffects,
+    manoeuvre_ids: Ints,
+    state_of_manoeuvre: Ints,
+    *,
+    usual_scatter: bool = True,
 ) -> LoadStates:
     """Load states of a given partition.
 
     Args:
         masses: mass estimate of each manoeuvre.
-        manoeuvre_ids: (units,) number of each manoeuvre in the log.
-        membership: (units,) load state of each manoeuvre, numbered by time.
+        manoeuvre_ids: (manoeuvres,) number of each manoeuvre in the log.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre, numbered by time.
         usual_scatter: whether to assume the usual scatter, if `masses` are of other loads.
     """
     typical_kg = compute_median_manoeuvre_mass_kg(masses)
     posterior = PartitionPosterior(masses, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
     partition = posterior.evaluate_partition_posterior(
-        Stretches.from_boundaries(membership, masses.kind)
+        Stretches.from_boundaries(state_of_manoeuvre, masses.kind)
     )
     states = _make_load_states(masses, manoeuvre_ids, partition)
     if not usual_scatter:
         return states
-    return replace(states, scatter_kg=LIMITS.repeatability_fraction * typical_kg, freedom=np.inf)
+    return replace(
+        states, scatter_kg=LIMITS.repeatability_fraction * typical_kg, degrees_of_freedom=np.inf
+    )
 
 
 def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
@@ -216,10 +240,10 @@ def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition
         level_kg,
         np.sqrt(masses.variance),
         scatter.scatter_kg,
-        scatter.freedom,
+        scatter.degrees_of_freedom,
         scatter.birge_ratio,
-        load_returns=np.unique(best.level).size < best.level_stretch_count
-        or _count_mass_reversals_of_states(best) >= LIMITS.load_return_reversals,
+        load_returns=np.unique(best.level).size < best.stretch_count
+        or _count_load_reversals(best) >= LIMITS.load_return_reversals,
         assumes_scatter=scatter.is_assumed,
     )
 
@@ -229,7 +253,7 @@ def compute_median_manoeuvre_mass_kg(masses: GroupEffects) -> float:
     return float(max(np.median(np.abs(masses.y)), np.median(np.sqrt(masses.variance))))
 
 
-def _count_mass_reversals_of_states(states: Partition) -> int:
+def _count_load_reversals(states: Partition) -> int:
     """Number of increases followed by a decrease of the load, or vice versa."""
     rises = np.sign(np.diff(states.levels))
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
@@ -240,7 +264,7 @@ def find_alternative_partition(
 ) -> AlternativePartition | None:
     """The alternative partition that the manoeuvres allow; None if the log determines one."""
     doubted = LIMITS.single_load_min_probability
-    if best.level_stretch_count == 1:
+    if best.stretch_count == 1:
         doubted = LIMITS.several_loads_min_probability
     if other is None or other_probability < doubted:
         return None
@@ -262,7 +286,7 @@ def _is_load_state_partition_credible(
     posterior: Partitions, repeatability_kg: float | None
 ) -> bool:
     """Whether to accept the most probable partition rather than a single state."""
-    few = posterior.best.degrees_of_freedom < LIMITS.scatter_min_freedom
+    few = posterior.best.degrees_of_freedom < LIMITS.scatter_min_degrees_of_freedom
     doubted = posterior.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
 
@@ -273,9 +297,9 @@ def compute_weighted_mean_mass_by_state_kg(
     """Weighted means by state, (states,).
 
     Args:
-        mass_kg: (units,) mass of each manoeuvre.
-        statistical_weight: (units,) weight of each manoeuvre.
-        state_of_manoeuvre: (units,) state of each manoeuvre, from 0.
+        mass_kg: (manoeuvres,) mass of each manoeuvre.
+        statistical_weight: (manoeuvres,) weight of each manoeuvre.
+        state_of_manoeuvre: (manoeuvres,) state of each manoeuvre, from 0.
     """
     return np.bincount(state_of_manoeuvre, weights=statistical_weight * mass_kg) / np.bincount(
         state_of_manoeuvre, weights=statistical_weight
@@ -286,7 +310,7 @@ class ScatterAboutStates(NamedTuple):
     """Scatter of masses about their states, as `LoadStates` has it."""
 
     scatter_kg: float
-    freedom: float
+    degrees_of_freedom: float
     birge_ratio: float
     is_assumed: bool = False
 
@@ -307,34 +331,34 @@ def estimate_or_assume_mass_scatter_about_states(
     is_new = np.isin(np.arange(begins.size + 1), np.unique(partition.level, return_index=True)[1])
     by_masses = ~np.isin(change_kinds, (HINTED, FILLED)).any() & (change_kinds[begins - 1] == 1)
     small_changes = int(np.count_nonzero(is_small & is_new[1:] & by_masses))
-    freedom = partition.degrees_of_freedom - small_changes
-    if not small_changes or freedom >= LIMITS.scatter_min_freedom:
-        return estimate_scatter_and_birge_ratio(mass_kg, variance, partition, freedom)
+    degrees_of_freedom = partition.degrees_of_freedom - small_changes
+    if not small_changes or degrees_of_freedom >= LIMITS.scatter_min_degrees_of_freedom:
+        return estimate_scatter_and_birge_ratio(mass_kg, variance, partition, degrees_of_freedom)
     found = estimate_scatter_and_birge_ratio(
         mass_kg, variance, partition, partition.degrees_of_freedom
     )
     if found.scatter_kg > usual_kg:
-        return found._replace(freedom=float(max(freedom, 1)))
+        return found._replace(degrees_of_freedom=float(max(degrees_of_freedom, 1)))
     return ScatterAboutStates(usual_kg, np.inf, found.birge_ratio, is_assumed=True)
 
 
 def estimate_scatter_and_birge_ratio(
-    mass_kg: Floats, variance: Floats, partition: Partition, freedom: int
+    mass_kg: Floats, variance: Floats, partition: Partition, degrees_of_freedom: int
 ) -> ScatterAboutStates:
     """Scatter about the states (Paule & Mandel 1982), degrees of freedom and Birge ratio."""
     state = partition.level[partition.state]
-    if freedom < 1:
+    if degrees_of_freedom < 1:
         return ScatterAboutStates(0.0, 0.0, float("nan"))
 
-    def reduced_chi_square(tau: float) -> float:
+    def compute_reduced_chi_square(tau: float) -> float:
         weight = 1.0 / (variance + tau**2)
         mean = compute_weighted_mean_mass_by_state_kg(mass_kg, weight, state)
-        return float(weight @ (mass_kg - mean[state]) ** 2) / freedom
+        return float(weight @ (mass_kg - mean[state]) ** 2) / degrees_of_freedom
 
-    if (ratio := float(np.sqrt(reduced_chi_square(0.0)))) <= 1.0:
-        return ScatterAboutStates(0.0, float(freedom), ratio)
+    if (ratio := float(np.sqrt(compute_reduced_chi_square(0.0)))) <= 1.0:
+        return ScatterAboutStates(0.0, float(degrees_of_freedom), ratio)
     low, high = 0.0, float(np.ptp(mass_kg)) + 1e-9
     for _ in range(LIMITS.scatter_rounds):
         middle = (low + high) / 2.0
-        low, high = (middle, high) if reduced_chi_square(middle) > 1.0 else (low, middle)
-    return ScatterAboutStates(high, float(freedom), ratio)
+        low, high = (middle, high) if compute_reduced_chi_square(middle) > 1.0 else (low, middle)
+    return ScatterAboutStates(high, float(degrees_of_freedom), ratio)

@@ -51,18 +51,20 @@ class MostProbableEffects:
     Attributes:
         left_out: effects that the choice excludes.
         probability: (choices,) probabilities of the other choices.
-        moved_kg: (choices, masses) change of the masses by each other choice.
+        mass_change_by_choice_kg: (choices, masses) change of the masses by each other choice.
         response_kg: (masses, terms) response of the masses to one unit of each term.
-        widened: (choices, terms, terms) additional covariance of each other choice.
-        removed_kg: (masses,) change of the masses without each included effect, by effect.
+        added_covariance_by_choice: (choices, terms, terms) additional covariance of each other
+            choice.
+        mass_change_without_effect_kg: (masses,) change of the masses without each included effect,
+            by effect.
     """
 
     left_out: tuple[str, ...]
     probability: Floats
-    moved_kg: Floats
+    mass_change_by_choice_kg: Floats
     response_kg: Floats
-    widened: Floats
-    removed_kg: Mapping[str, Floats]
+    added_covariance_by_choice: Floats
+    mass_change_without_effect_kg: Mapping[str, Floats]
 
     @classmethod
     def from_fit(
@@ -131,8 +133,11 @@ class MostProbableEffects:
         Args:
             coefficients: (masses,) weight of each mass.
         """
-        moved, by_term = self.moved_kg @ coefficients, coefficients @ self.response_kg
-        wider = np.einsum("i,cij,j->c", by_term, self.widened, by_term)
+        moved, by_term = (
+            self.mass_change_by_choice_kg @ coefficients,
+            coefficients @ self.response_kg,
+        )
+        wider = np.einsum("i,cij,j->c", by_term, self.added_covariance_by_choice, by_term)
         return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
 
 

@@ -252,8 +252,8 @@ def list_uncertainty_by_failed_checks_kg(
     # what is wrong with the equation is as wrong with every mass
     share = abs(float(coefficients @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0
     found: dict[str, float] = {}
-    if fit.effects is not None and BY_GROUND in fit.effects.removed_kg:
-        moved_kg = float(coefficients @ fit.effects.removed_kg[BY_GROUND])
+    if fit.effects is not None and BY_GROUND in fit.effects.mass_change_without_effect_kg:
+        moved_kg = float(coefficients @ fit.effects.mass_change_without_effect_kg[BY_GROUND])
         found["ground_shape"] = LIMITS.ground_shape_u_1 * abs(moved_kg)
     if fit.effects is not None and "gain" not in fit.effects.left_out:
         drift_kg = fit.estimate_of_term("gain_drift") * float(coefficients @ fit.masses_kg)

@@ -89,25 +89,25 @@ class MotionSamples:
         acceleration: factor of the mass, in m/s².
         speed: in m/s.
         force: in N.
-        group: stretch number of each sample that may be fitted; -1 elsewhere.
+        stretch_of_sample: stretch number of each sample that may be fitted; -1 elsewhere.
         direction: 1 forwards, -1 in reverse, by manoeuvre.
-        unit: manoeuvre number: motion between two stands, or a part of a long drive.
+        manoeuvre_of_sample: manoeuvre number: motion between two stands, or a part of a long drive.
         rate_hz: rate of the grid.
         specific_force: accelerometer along x in m/s²; None without one.
         without_gravity: the same without gravity's component by the pitch.
         wheel_acceleration: derivative of the wheel speed in m/s², if it is the acceleration.
         progress: from -1/2 to 1/2 over the log.
         driven_m: distance driven since the log began, in either direction.
-        place_1: position on the path, from -1/2 to 1/2 where fitted.
+        path_position_1: position on the path, from -1/2 to 1/2 where fitted.
         path_m: length of the path.
         by_accelerometer: whether the acceleration is from the accelerometer.
         force_share: fraction of the force at the measured wheels.
-        weight: weight of the empty machine in N, estimated if it is not stated.
-        arms: measured angles of boom and bucket in rad, as hints of a load change.
+        empty_weight_N: weight of the empty machine in N, estimated if it is not stated.
+        boom_and_bucket_angles_rad: measured angles, as hints of a load change.
         is_digging: whether each sample lies in a digging start; None if unknown.
         empty: whether each sample is named as empty machine; None if none is.
-        stood: number of earlier stops or gaps, the only places where a load changes; None if `unit`
-            says so.
+        earlier_stop_count: number of earlier stops or gaps, the only places where a load changes;
+            None if `manoeuvre_of_sample` says so.
         long_gap_count: number of earlier gaps as long as between files.
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
@@ -117,24 +117,24 @@ class MotionSamples:
     acceleration: Floats
     speed: Floats
     force: Floats
-    group: Ints
+    stretch_of_sample: Ints
     direction: Floats
-    unit: Ints
+    manoeuvre_of_sample: Ints
     rate_hz: float
     specific_force: Floats | None
     without_gravity: Floats | None
     wheel_acceleration: Floats | None
     progress: Floats
     driven_m: Floats
-    place_1: Floats
+    path_position_1: Floats
     path_m: float
     by_accelerometer: bool
     force_share: float
-    weight: float
-    arms: tuple[Floats, ...] = ()
+    empty_weight_N: float
+    boom_and_bucket_angles_rad: tuple[Floats, ...] = ()
     is_digging: Bools | None = None
     empty: Bools | None = None
-    stood: Ints | None = None
+    earlier_stop_count: Ints | None = None
     long_gap_count: Ints | None = None
     wheel_radius_u_1: float | None = None
     relative_gear_ratio: Floats | None = None
@@ -142,9 +142,9 @@ class MotionSamples:
 
     def cut_to_first_stretches(self, stretch_count: int) -> "MotionSamples":
         """Cut the samples to the first stretches."""
-        if not self.is_fittable.any() or int(self.group.max()) < stretch_count:
+        if not self.is_fittable.any() or int(self.stretch_of_sample.max()) < stretch_count:
             return self
-        end = int(np.argmax(self.group >= stretch_count))
+        end = int(np.argmax(self.stretch_of_sample >= stretch_count))
         return replace(self._select_samples(slice(0, end)), progress=make_centred_ramp(end))
 
     def drop_samples_far_from_fitted(self, reach_s: float) -> "MotionSamples":
@@ -159,45 +159,45 @@ class MotionSamples:
     def _select_samples(self, selection: slice | Ints) -> "MotionSamples":
         """Select a subset of the samples."""
         own = select_rows_of_array_fields(self, selection)
-        return replace(self, arms=tuple(each[selection] for each in self.arms), **own)
+        angles_rad = tuple(each[selection] for each in self.boom_and_bucket_angles_rad)
+        return replace(self, boom_and_bucket_angles_rad=angles_rad, **own)
 
     @cached_property
     def pieces_split_between_stretches(self) -> tuple["MotionSamples", ...]:
         """Split into pieces of whole stretches, with the samples around that their means need."""
-        spans = find_stretch_spans(self.group)
+        spans = find_stretch_spans(self.stretch_of_sample)
         whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
         for stretches in np.split(np.arange(len(spans)), whole):
             begin, end = int(spans[stretches[0], 0]), int(spans[stretches[-1], 1])
             piece = self._select_samples(slice(max(begin - reach, 0), end + reach))
-            own = (piece.group >= stretches[0]) & (piece.group <= stretches[-1])
-            found.append(replace(piece, group=np.where(own, piece.group, -1)))
+            stretch = piece.stretch_of_sample
+            own = (stretch >= stretches[0]) & (stretch <= stretches[-1])
+            found.append(replace(piece, stretch_of_sample=np.where(own, stretch, -1)))
         return tuple(found)
 
     def exclude_samples(self, is_excluded: Bools) -> "MotionSamples":
         """Exclude some of the samples and renumber the stretches."""
-        group = np.where(is_excluded, -1, self.group)
+        group = np.where(is_excluded, -1, self.stretch_of_sample)
         left = group >= 0
         group[left] = np.unique(group[left], return_inverse=True)[1]
-        return replace(self, group=group)
+        return replace(self, stretch_of_sample=group)
 
     def advance_force(self, lag_s: float) -> "MotionSamples":
         """Advance the force by its delay."""
-        return replace(
-            self, force=advance_signal_by_delay(self.force, self.group, lag_s * self.rate_hz)
-        )
+        force = advance_signal_by_delay(self.force, self.stretch_of_sample, lag_s * self.rate_hz)
+        return replace(self, force=force)
 
     def advance_speed(self, delay_s: float) -> "MotionSamples":
         """Advance the speed by its delay."""
-        return replace(
-            self, speed=advance_signal_by_delay(self.speed, self.group, delay_s * self.rate_hz)
-        )
+        speed = advance_signal_by_delay(self.speed, self.stretch_of_sample, delay_s * self.rate_hz)
+        return replace(self, speed=speed)
 
     @cached_property
     def index_in_stretch(self) -> Ints:
         """Number of earlier samples in the same stretch, (n,)."""
-        return compute_index_in_stretch(self.group)
+        return compute_index_in_stretch(self.stretch_of_sample)
 
     @cached_property
     def travelled_m(self) -> Floats:
@@ -208,7 +208,7 @@ class MotionSamples:
     @cached_property
     def is_fittable(self) -> Bools:
         """Whether each sample may be fitted, (n,)."""
-        return self.group >= 0
+        return self.stretch_of_sample >= 0
 
     @cached_property
     def force_95_percentile_newtons(self) -> float:
@@ -239,14 +239,14 @@ class MotionSamples:
     @cached_property
     def manoeuvre_count(self) -> int:
         """Number of manoeuvres that may be fitted."""
-        return int(np.unique(self.unit[self.is_fittable]).size)
+        return int(np.unique(self.manoeuvre_of_sample[self.is_fittable]).size)
 
     @cached_property
     def separate_drive_count(self) -> int:
         """Number of drives that may be fitted between which a load may change."""
-        return int(
-            np.unique((self.unit if self.stood is None else self.stood)[self.is_fittable]).size
-        )
+        stops = self.earlier_stop_count
+        drive = self.manoeuvre_of_sample if stops is None else stops
+        return int(np.unique(drive[self.is_fittable]).size)
 
     @cached_property
     def record_count(self) -> int:
@@ -329,19 +329,19 @@ def collect_motion_samples(
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = count_standstills_so_far(excitation)
-    unit = number_manoeuvres_and_split_long_drives(
+    manoeuvre = number_manoeuvres_and_split_long_drives(
         stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
     )
     longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
     long_gap_count = count_gaps_so_far(known, longest_hole)
-    group = split_stretches_at_manoeuvres(group, unit)
+    group = split_stretches_at_manoeuvres(group, manoeuvre)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
         speed,
         np.where(known, force, 0.0),
         group,
         find_manoeuvre_direction_of_samples(group, speed),
-        unit,
+        manoeuvre,
         settings.align.rate_hz,
         measured,
         level,

@@ -30,7 +30,7 @@ def make_nuisance_frame(weighing: Weighing | None) -> pl.DataFrame:
 
 def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
     """Rows of the terms of the fit."""
-    fit, own = weighing.fit, weighing.alone
+    fit, own = weighing.fit, weighing.fit_without_learnt_priors_or_none
     parts_kg = fit.compute_u_by_cause_kg(
         fit.make_mass_coefficients_of_state(fit.most_frequent_state)
     )
@@ -64,9 +64,9 @@ def _make_term_rows(weighing: Weighing) -> pl.DataFrame:
 
 def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
     """Rows of the comparison of wheels and accelerometer, if they are consistent."""
-    fit, own = weighing.fit, weighing.alone
+    fit, own = weighing.fit, weighing.fit_without_learnt_priors_or_none
     wheels = fit.kinematics
-    if wheels is None or not wheels.is_consistent or wheels.gain_counts:
+    if wheels is None or not wheels.is_consistent or wheels.is_gain_significant:
         return pl.DataFrame()
     parts_kg = fit.compute_u_by_cause_kg(
         fit.make_mass_coefficients_of_state(fit.most_frequent_state)
@@ -75,7 +75,9 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
     rows: dict[str, object] = {
         "term": TERMS,
         "unit": [unit for unit, _ in _OF_WHEELS],
-        "prior_mean": [0.0] * len(TERMS) if wheels.own is None else [mean for mean, _ in said],
+        "prior_mean": [0.0] * len(TERMS)
+        if wheels.estimates_of_this_log is None
+        else [mean for mean, _ in said],
         "prior_std": wheels.prior_std,
         "posterior": [value for value, _ in said],
         "posterior_std": np.hypot([std for _, std in said], wheels.mean_u),
@@ -84,7 +86,7 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
         "meaning": [meaning for _, meaning in _OF_WHEELS],
     }
     if own is not None:
-        alone = wheels if wheels.own is None else wheels.own
+        alone = wheels if wheels.estimates_of_this_log is None else wheels.estimates_of_this_log
         rows |= {
             "prior_mean_u": wheels.mean_u,
             "alone": [value for value, _ in alone.estimates_by_prior_name.values()],

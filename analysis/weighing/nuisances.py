@@ -65,7 +65,10 @@ def constant_force_prior_std_newtons(
 def friction_prior_std_newtons(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
-    """Prior standard deviation of Coulomb friction and rolling resistance in N, likewise."""
+    """Prior standard deviation of Coulomb friction and rolling resistance in N.
+
+    It is a share of the driving force and a share of the weight.
+    """
     by_weight_N = priors.direction_weight_share * weight_N
     return float(np.hypot(priors.direction_share * largest_force_N, by_weight_N))
 
@@ -75,13 +78,15 @@ def constant_force_prior_std_of_motion_newtons(
 ) -> float:
     """Prior standard deviation of the term `const`, in N."""
     return constant_force_prior_std_newtons(
-        motion.force_95_percentile_newtons, motion.weight, priors
+        motion.force_95_percentile_newtons, motion.empty_weight_N, priors
     )
 
 
 def friction_prior_std_of_motion_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
     """Prior standard deviation of the Coulomb term, in N."""
-    return friction_prior_std_newtons(motion.force_95_percentile_newtons, motion.weight, priors)
+    return friction_prior_std_newtons(
+        motion.force_95_percentile_newtons, motion.empty_weight_N, priors
+    )
 
 
 def split_constant_prior_into_error_and_force(
@@ -98,7 +103,7 @@ def split_constant_prior_into_error_and_force(
     coulomb = (
         0.0 if motion.drives_both_ways else friction_prior_std_of_motion_newtons(motion, priors)
     )
-    acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
+    acts = float(np.hypot(priors.const_weight_share * motion.empty_weight_N, coulomb))
     both = float(np.hypot(wrong, acts))
     return ((wrong / both) ** 2, wrong * acts / both) if both else (0.0, 0.0)
 
@@ -130,12 +135,12 @@ def estimate_load_proportional_share_of_constant(
 ) -> LoadProportionalShare:
     """Split the constant force; it includes Coulomb friction if all driving is one way."""
     newtons = priors.const_share * motion.force_95_percentile_newtons
-    of_weight = priors.const_weight_share * motion.weight
+    of_weight = priors.const_weight_share * motion.empty_weight_N
     if motion.drives_both_ways:
         return LoadProportionalShare.from_parts(newtons, of_weight)
     return LoadProportionalShare.from_parts(
         float(np.hypot(newtons, priors.direction_share * motion.force_95_percentile_newtons)),
-        float(np.hypot(of_weight, priors.direction_weight_share * motion.weight)),
+        float(np.hypot(of_weight, priors.direction_weight_share * motion.empty_weight_N)),
     )
 
 
@@ -145,7 +150,7 @@ def estimate_load_proportional_share_of_coulomb(
     """Split the friction force."""
     return LoadProportionalShare.from_parts(
         priors.direction_share * motion.force_95_percentile_newtons,
-        priors.direction_weight_share * motion.weight,
+        priors.direction_weight_share * motion.empty_weight_N,
     )
 
 
@@ -153,7 +158,7 @@ def weight_proportional_force_prior_std_newtons(
     motion: MotionSamples, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of `weight_const` in N: its split, and a sagging body."""
-    sags = priors.sag_weight_share * motion.weight
+    sags = priors.sag_weight_share * motion.empty_weight_N
     return float(np.hypot(estimate_load_proportional_share_of_constant(motion, priors).std_N, sags))
 
 
@@ -328,7 +333,7 @@ NUISANCES: Final = (
         "weight_viscous",
         "N·s/m",
         lambda m: m.speed * m.relative_load,
-        lambda e, s: s.viscous_weight_share_s_m * e.weight,
+        lambda e, s: s.viscous_weight_share_s_m * e.empty_weight_N,
         "viscous friction that is proportional to the weight with its load: rolling resistance "
         "that grows with the speed",
         "cruising at several speeds with each load",

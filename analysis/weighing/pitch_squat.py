@@ -45,7 +45,7 @@ def sum_products_of_pitch_gravity_and_speed(
     first: list[int] = []
     products: list[Floats] = []
     channels = (motion.without_gravity, motion.force / motion.force_95_percentile_newtons, gravity)
-    for part in list_rows_by_group(motion.group):
+    for part in list_rows_by_group(motion.stretch_of_sample):
         travelled_m = np.cumsum(np.abs(motion.speed[part])) / motion.rate_hz
         near = part[travelled_m < LIMITS.grade_reach_m]
         if near.size < MEAN + EVERY * (LIMITS.pitch_min_rows + 2 * LIMITS.pitch_rate_means):

@@ -38,17 +38,17 @@ def align_paths_of_bench_records(motion: MotionSamples) -> MotionSamples:
             np.ones(record.size),
         )
     )
-    force, place_1 = motion.force[used], motion.place_1[used]
+    force, place_1 = motion.force[used], motion.path_position_1[used]
     off_1 = estimate_record_position_offsets(straight, force, place_1, of_record)
     number = np.searchsorted(np.unique(motion.long_gap_count[used]), motion.long_gap_count).clip(
         0, records - 1
     )
-    place_1 = motion.place_1 + off_1[number]
+    place_1 = motion.path_position_1 + off_1[number]
     first, last = float(place_1[used].min()), float(place_1[used].max())
     length_1 = last - first
     return replace(
         motion,
-        place_1=(place_1 - (first + last) / 2.0) / length_1,
+        path_position_1=(place_1 - (first + last) / 2.0) / length_1,
         path_m=motion.path_m * length_1,
     )
 
@@ -108,7 +108,7 @@ def make_load_search_rows(fit: JointFit, fit_rows: FitRows) -> tuple[FitRows, ..
             fit_rows, place, theta[place] / fit.mass_kg
         )
     grows = [n for n, term in enumerate(fit.terms) if term.source == BY_PLACE and term.by_load]
-    usual_kg = float(np.mean(fit.masses_kg[states.membership]))
+    usual_kg = float(np.mean(fit.masses_kg[states.state_of_manoeuvre]))
     taken = add_gravity_by_position_to_mass_column(fit_rows, place, theta[grows] / usual_kg)
     taken.A[:, 2 + np.array(grows)] = 0.0
     return (taken,)

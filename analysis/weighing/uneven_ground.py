@@ -101,7 +101,7 @@ class _DrivingDirection:
 
     @staticmethod
     def _prior_std_at_loading_place_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
-        return priors.ground_share * motion.weight
+        return priors.ground_share * motion.empty_weight_N
 
     def _does_motion_drive_in_direction(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.is_fittable] == self.sign
@@ -158,11 +158,11 @@ def make_random_walk_prior_std_function(
     length_m: float,
 ) -> Callable[[MotionSamples, PriorSettings], float]:
     """Make the function that gives the prior std of the change over a way: a random walk."""
-    share = relative_random_walk_std(length_m)
-    return lambda motion, priors: priors.ground_change_share * share * motion.weight
+    share = compute_relative_random_walk_std(length_m)
+    return lambda motion, priors: priors.ground_change_share * share * motion.empty_weight_N
 
 
-def relative_random_walk_std(length_m: float) -> float:
+def compute_relative_random_walk_std(length_m: float) -> float:
     """Standard deviation of a random walk over a length, relative to ten metres."""
     return float(np.sqrt(length_m / LIMITS.ground_change_m))
 
@@ -172,14 +172,14 @@ def _make_route_term(route_part: int) -> Nuisance:
     begin, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
 
     def route_column(m: ColumnInputs) -> Floats:
-        ratio = relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
+        ratio = compute_relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
         return evaluate_scaled_ramp(m.direction_times_relative_weight, m.route_1, begin, end, ratio)
 
     return Nuisance(
         f"ground_route_{route_part + 1}_of_{LIMITS.route_parts}",
         "N",
         route_column,
-        lambda e, s: s.ground_route_share * e.weight,
+        lambda e, s: s.ground_route_share * e.empty_weight_N,
         "how rolling resistance changes along the route, over ten metres",
         "more cycles; even ground",
         applies=lambda e: e.manoeuvre_count >= LIMITS.ground_min_manoeuvres,

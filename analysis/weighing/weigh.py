@@ -21,8 +21,8 @@ from analysis.weighing.gain_by_direction import (
     estimate_force_gain_by_driving_direction,
 )
 from analysis.weighing.growing_load import (
-    LoadFilling,
-    LoadGrowth,
+    LoadChangeInMotion,
+    LoadGrowthAtEveryStart,
     find_creeping_load_changes,
     find_manoeuvres_with_growing_load,
     refit_with_load_growing_at_starts,
@@ -80,15 +80,16 @@ class Weighing:
             alone cannot contradict it.
         curvature: test of a term in a·|a|.
         filling: test of a load that grows equally at every start, from this log alone.
-        growing: manoeuvres whose load changes in motion; they are not fitted.
+        growing_load_manoeuvres: manoeuvres whose load changes in motion; they are not fitted.
         missing_terms: significant terms that the model does not have, the largest effect first.
         by_direction: gain of the force by direction with which one load explains the log, if there
             is one and the log does not tell its loads from it.
         other_motion: change of the mass with the other acceleration, if wheels and accelerometer
             disagree by more than the settings allow.
-        alone: the fit without learnt priors; None if that is the answer.
-        informed: the fit with learnt priors as wide as their means are uncertain; None if `alone`
-            is.
+        fit_without_learnt_priors_or_none: the fit without learnt priors; None if that is the
+            answer.
+        fit_with_wide_learnt_priors: the fit with learnt priors as wide as their means are
+            uncertain; None if `fit_without_learnt_priors_or_none` is.
         learnt: priors learnt by a calibration.
     """
 
@@ -99,19 +100,19 @@ class Weighing:
     braking_left_out: bool
     braking_doubted: bool
     curvature: ForceCurvature
-    filling: LoadFilling
-    growing: tuple[LoadGrowth, ...]
+    filling: LoadGrowthAtEveryStart
+    growing_load_manoeuvres: tuple[LoadChangeInMotion, ...]
     missing_terms: tuple[MissingTerm, ...] = ()
     by_direction: DirectionGain | None = None
     other_motion: AlternativeMotion | None = None
-    alone: JointFit | None = None
-    informed: JointFit | None = None
+    fit_without_learnt_priors_or_none: JointFit | None = None
+    fit_with_wide_learnt_priors: JointFit | None = None
     learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
 
     @property
     def has_corrected_learnt_means(self) -> bool:
         """Whether the answer's fit already corrects the errors of learnt means."""
-        return self.informed is self.fit
+        return self.fit_with_wide_learnt_priors is self.fit
 
     @cached_property
     def significant_empty_mass_drift(self) -> EmptyMassDrift | None:
@@ -122,7 +123,11 @@ class Weighing:
     @property
     def fit_without_learnt_priors(self) -> JointFit:
         """The fit from this log alone, without learnt priors."""
-        return self.fit if self.alone is None else self.alone
+        return (
+            self.fit
+            if self.fit_without_learnt_priors_or_none is None
+            else self.fit_without_learnt_priors_or_none
+        )
 
     @property
     def viscous_friction_t_value(self) -> float:
@@ -203,7 +208,7 @@ def weigh(
             aligned, excitation, gated, noise, machine, widen_learnt_priors_by_mean_u(priors)
         )
         if found is not None and found.fit.mass_count > 1:
-            return replace(found, informed=found.fit, learnt={**priors.learnt})
+            return replace(found, fit_with_wide_learnt_priors=found.fit, learnt={**priors.learnt})
     return _weigh_with_priors(aligned, excitation, gated, noise, machine, priors)
 
 
@@ -251,13 +256,14 @@ def _weigh_with_priors(
     grown = find_manoeuvres_with_growing_load(fit, columns)
     if grown:
         # one mass says nothing of them, and would say something wrong of the others' friction
-        excluded += [each.unit for each in grown]
+        excluded += [each.manoeuvre_id for each in grown]
         fit = fit_load_states(_exclude_manoeuvres(whole, excluded), fit)
         # what the others say of friction and drifts shows how much it is
         better = {
-            each.unit: each for each in find_manoeuvres_with_growing_load(fit, columns, whole)
+            each.manoeuvre_id: each
+            for each in find_manoeuvres_with_growing_load(fit, columns, whole)
         }
-        grown = tuple(better.get(each.unit, each) for each in grown)
+        grown = tuple(better.get(each.manoeuvre_id, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _exclude_manoeuvres(select_motion(braking=False), excluded)
@@ -334,7 +340,7 @@ def _has_enough_samples(motion: MotionSamples) -> bool:
 
 def _exclude_manoeuvres(motion: MotionSamples, excluded_manoeuvres: Sequence[int]) -> MotionSamples:
     """Exclude manoeuvres by their numbers."""
-    return motion.exclude_samples(np.isin(motion.unit, excluded_manoeuvres))
+    return motion.exclude_samples(np.isin(motion.manoeuvre_of_sample, excluded_manoeuvres))
 
 
 def refit_without_learnt_priors(
@@ -344,7 +350,11 @@ def refit_without_learnt_priors(
     if not priors.learnt:
         return None
     wheels = fit.kinematics
-    own = fit if wheels is None or wheels.own is None else replace(fit, kinematics=wheels.own)
+    own = (
+        fit
+        if wheels is None or wheels.estimates_of_this_log is None
+        else replace(fit, kinematics=wheels.estimates_of_this_log)
+    )
     return refit_with_extra_terms(own, noise, _drop_learnt_priors(priors))
 
 

@@ -105,7 +105,7 @@ def compare_wheels_with_or_without_gravity(
     told = (
         None
         if earlier_kinematics is None or not earlier_kinematics.is_usable_as_initial_comparison
-        else earlier_kinematics.own or earlier_kinematics
+        else earlier_kinematics.estimates_of_this_log or earlier_kinematics
     )
     found = _fit_wheel_comparison(motion.specific_force, motion, noise, priors, told)
     if found is None:
@@ -117,7 +117,7 @@ def compare_wheels_with_or_without_gravity(
     level = _fit_wheel_comparison(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
-    pitch_explains_gain = found.gain_counts and not level.gain_counts
+    pitch_explains_gain = found.is_gain_significant and not level.is_gain_significant
     excess = (-found.gain[0], found.gain[1]) if pitch_explains_gain else None
     squat = estimate_pitch_gravity_per_acceleration_and_std(
         motion.specific_force - motion.without_gravity, motion, excess
@@ -144,7 +144,7 @@ def compare_wheels_with_or_without_gravity(
 def do_wheels_show_squat(wheel_kinematics: WheelKinematics, motion: MotionSamples) -> bool:
     """Whether wheels of known radius show that the accelerometer reads too much, as squat does."""
     radius_u_1 = motion.wheel_radius_u_1
-    if radius_u_1 is None or not wheel_kinematics.gain_counts:
+    if radius_u_1 is None or not wheel_kinematics.is_gain_significant:
         return False
     return -wheel_kinematics.gain[0] > LIMITS.gain_min_std * radius_u_1
 
@@ -172,7 +172,7 @@ def compare_wheels_after_squat_correction(
     even = _fit_wheel_comparison(
         measured_acceleration * (1.0 - share), motion, noise, priors, earlier_kinematics
     )
-    if even is None or even.gain_counts:
+    if even is None or even.is_gain_significant:
         return comparison
     unexplained_m_s = LIMITS.squat_residual_ratio * comparison.disagreement_m_s
     if not even.is_consistent and even.disagreement_m_s > unexplained_m_s:
@@ -276,7 +276,7 @@ def _fit_wheel_comparison(
         gain_by_prior=values[0],
         slip_1_N=values[1],
         delay_s=(delay_s + values[2][0], values[2][1]),
-        gain_counts=counts,
+        is_gain_significant=counts,
         covariance=covariance[np.ix_([1, 0, 2], [1, 0, 2])],
         mismatch=mismatch,
         disagreement_m_s=float(np.sqrt(max(free.residual_rms**2 - noise_m_s**2, 0.0))),
@@ -303,7 +303,7 @@ def _make_comparison_rows(
     measured_acceleration: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> ComparisonRows | None:
     """Columns and response without each manoeuvre's line, and the noise in them."""
-    spans = find_stretch_spans(motion.group)
+    spans = find_stretch_spans(motion.stretch_of_sample)
     spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
     if not spans.size:
         return None

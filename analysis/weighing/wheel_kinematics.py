@@ -24,10 +24,10 @@ class WheelKinematics:
 
     Attributes:
         gain: relative excess of the wheel speed's change over the accelerometer's.
-        gain_by_prior: the same with its prior; it corrects the mass unless `gain_counts`.
+        gain_by_prior: the same with its prior; it corrects the mass unless `is_gain_significant`.
         delay_s: delay of the speed.
         slip_1_N: 1 / C, slip per newton as a fraction of the speed.
-        gain_counts: whether the gain exceeds what its prior and the noise allow.
+        is_gain_significant: whether the gain exceeds what its prior and the noise allow.
         covariance: (3, 3) covariance of slip, gain (with its prior) and delay.
         mismatch: residuals over the speed's noise; above 3, slip and delay are not used.
         disagreement_m_s: r.m.s. residual beyond the speed's noise.
@@ -38,14 +38,14 @@ class WheelKinematics:
         pitch_shows_squat: whether the squat is the pitch's, not the wheels'.
         swing: swing of an accelerometer above the pitch axis.
         springs: springs of the body; None if nothing tells them.
-        own: estimates of this log alone, if a calibration replaces them.
+        estimates_of_this_log: estimates of this log alone, if a calibration replaces them.
     """
 
     gain: tuple[float, float]
     gain_by_prior: tuple[float, float]
     delay_s: tuple[float, float]
     slip_1_N: tuple[float, float]
-    gain_counts: bool
+    is_gain_significant: bool
     covariance: Floats
     mismatch: float
     disagreement_m_s: float
@@ -55,7 +55,7 @@ class WheelKinematics:
     pitch_shows_squat: bool = False
     swing: BodySwing = NO_SWING
     springs: BodySwing | None = None
-    own: "WheelKinematics | None" = None
+    estimates_of_this_log: "WheelKinematics | None" = None
 
     @property
     def estimates_by_prior_name(self) -> dict[str, tuple[float, float]]:
@@ -76,10 +76,11 @@ class WheelKinematics:
         """Replace slip, gain and delay by those learnt by a calibration.
 
         The three are correlated, so they are replaced together. This log's own values stay if its
-        gain exceeds its prior or wheels and accelerometer are inconsistent.
+        gain exceeds what its prior and the noise allow, if wheels and accelerometer are
+        inconsistent, or if a term is not learnt.
         """
         terms = [priors.learnt[name] for name in TERMS if name in priors.learnt]
-        if len(terms) < len(TERMS) or not self.is_consistent or self.gain_counts:
+        if len(terms) < len(TERMS) or not self.is_consistent or self.is_gain_significant:
             return self
         slip, gain, delay = ((term.mean, term.std) for term in terms)
         return replace(
@@ -90,7 +91,7 @@ class WheelKinematics:
             covariance=np.diag([term.std**2 for term in terms]),
             prior_std=np.array([term.std for term in terms]),
             mean_u=np.array([term.mean_u for term in terms]),
-            own=self,
+            estimates_of_this_log=self,
         )
 
 
@@ -101,7 +102,7 @@ ComparisonRows = tuple[Floats, Floats, Ints, NoiseMoments]
 def estimate_gain_that_noise_mimics(
     rows: ComparisonRows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> float:
-    """Size of the gain by which noise in the integrated accelerometer shrinks what it tells.
+    """Size of the apparent gain that noise in the integrated accelerometer causes.
 
     A column with noise of its own has too small a coefficient (Fuller, Measurement Error Models,
     section 1.1). The integral of white noise walks; without its line, N steps leave a mean square

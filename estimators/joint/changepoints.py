@@ -111,7 +111,7 @@ def find_best_partitions(
     best = single
     if several.log_posterior > single.log_posterior:
         best = _drop_uncertain_changes(several, posterior)
-    return Partitions(best, single, best if best.level_stretch_count > 1 else several, probability)
+    return Partitions(best, single, best if best.stretch_count > 1 else several, probability)
 
 
 def move_changes_to_nearest_record_ends(
@@ -141,7 +141,7 @@ def move_changes_to_nearest_record_ends(
 
 def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior) -> Partition:
     """Drop uncertain changes, the least certain first."""
-    while partition.level_stretch_count > 1:
+    while partition.stretch_count > 1:
         first = np.flatnonzero(np.diff(partition.state)) + 1
         least = np.argsort(np.abs(np.diff(partition.levels)), kind="stable")[
             : LIMITS.removable_changes

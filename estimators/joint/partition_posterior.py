@@ -49,8 +49,8 @@ class Partition:
     log_posterior: float
 
     @property
-    def level_stretch_count(self) -> int:
-        """Number of stretches of units at one level."""
+    def stretch_count(self) -> int:
+        """Number of stretches."""
         return self.levels.size
 
     @property

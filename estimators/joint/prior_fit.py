@@ -92,7 +92,7 @@ class _SolvedSamples:
         return [i for i, part in enumerate(rows) if part.size >= self.grouping.shortest]
 
     @property
-    def residual_signs(self) -> Floats:
+    def residual_signs_by_direction(self) -> Floats:
         """(n,) signs that make the groups' residuals comparable."""
         given = self.grouping.direction
         return np.ones(self.solved.residual.size) if given is None else given
@@ -100,7 +100,9 @@ class _SolvedSamples:
     def common_residual(self) -> CommonResidual | None:
         """Residual common to the groups that are compared; None if there are fewer than three."""
         rows = [self.sums.rows[i] for i in self.compared_group_numbers]
-        return CommonResidual.average_groups(rows, self.solved.residual, self.residual_signs)
+        return CommonResidual.average_groups(
+            rows, self.solved.residual, self.residual_signs_by_direction
+        )
 
     def to_posterior_fit(self) -> PosteriorFit:
         """The estimates with all parts of their uncertainty."""
@@ -130,7 +132,7 @@ class _SolvedSamples:
         spread = shape.expand_group_rows(np.einsum("gij,gj->gi", turns, scores))[told]
         scatter = gain.propagate_covariance(turned.scatter)
         if levels is not None:
-            scatter *= compute_student_to_normal_ratio(levels.freedom) ** 2
+            scatter *= compute_student_to_normal_ratio(levels.degrees_of_freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
         count = shape.levels.level_count
         grown, ratio = estimate_between_group_covariance_and_birge_ratio(
@@ -142,7 +144,7 @@ class _SolvedSamples:
             A,
             self.common_residual(),
             _InformativeGroups([sums.rows[i] for i in told], turns[told] / self.scale, shape, told),
-            self.residual_signs,
+            self.residual_signs_by_direction,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
         doubt = gain.apply_to_vector(turned.taken, compute_uncertain_fraction_of_noise(kept))
@@ -352,19 +354,21 @@ def estimate_between_group_covariance_and_birge_ratio(
 ) -> tuple[Floats, float]:
     """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
     count = len(scores)
-    freedom = count - levels
-    if freedom < 1:
+    degrees_of_freedom = count - levels
+    if degrees_of_freedom < 1:
         return np.zeros_like(covariance), float("nan")
     moved = gain.apply_to_rows(scores)
-    between = (moved[:, :levels] ** 2).sum(axis=0) * count / freedom
+    between = (moved[:, :levels] ** 2).sum(axis=0) * count / degrees_of_freedom
     own = np.diag(covariance)[:levels]
     if not (own > 0.0).all():
         return np.zeros_like(covariance), float("nan")
     ratio = float((between / own).mean())
-    if ratio <= 1.0 + LIMITS.disagreeing_std * np.sqrt(2.0 / freedom):
+    if ratio <= 1.0 + LIMITS.disagreeing_std * np.sqrt(2.0 / degrees_of_freedom):
         return np.zeros_like(covariance), float(np.sqrt(ratio))
     # every parameter grows as the first does: a full matrix of few groups is no covariance
-    grown = covariance * (ratio * compute_student_to_normal_ratio(float(freedom)) ** 2 - 1.0)
+    grown = covariance * (
+        ratio * compute_student_to_normal_ratio(float(degrees_of_freedom)) ** 2 - 1.0
+    )
     return grown, float(np.sqrt(ratio))
 
 

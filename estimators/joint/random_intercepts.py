@@ -18,13 +18,13 @@ class RandomIntercepts:
         unit: (groups,) unit of each group, from 0; the groups of a unit scatter together at one
             level.
         scatter: standard deviation of the units about their level.
-        freedom: degrees of freedom of the scatter.
+        degrees_of_freedom: degrees of freedom of the scatter.
     """
 
     membership: Ints
     unit: Ints
     scatter: float = 0.0
-    freedom: float = np.inf
+    degrees_of_freedom: float = np.inf
 
     @property
     def level_count(self) -> int:

@@ -207,8 +207,8 @@ def compute_homoscedastic_stds(
     G: Floats, p: int, rss: Floats, samples: int, mean_samples: int
 ) -> Floats:
     """Textbook standard deviations (p,), with `mean_samples` residual samples counted as one."""
-    freedom = samples - p * mean_samples
-    variance = rss[0] / freedom * mean_samples if freedom > 0 else np.nan
+    degrees_of_freedom = samples - p * mean_samples
+    variance = rss[0] / degrees_of_freedom * mean_samples if degrees_of_freedom > 0 else np.nan
     return np.sqrt(variance * np.diagonal(invert_positive_definite(unpack_leading_block(G, p, p))))
 
 

@@ -167,8 +167,12 @@ def estimate_pooled_autocorrelation(
     both_sides = np.where(np.arange(limit) > 0, 2.0, 1.0) * taper
     long_run = max(float(both_sides @ restored), 0.0)
     growth = max(long_run / max(float(both_sides @ found), 1e-3 * found[0]), 1.0)
-    freedom = n / float(both_sides @ taper) / growth**2
-    allowed = (compute_student_to_normal_ratio(freedom) ** 2 - 1.0) * long_run / both_sides.sum()
+    degrees_of_freedom = n / float(both_sides @ taper) / growth**2
+    allowed = (
+        (compute_student_to_normal_ratio(degrees_of_freedom) ** 2 - 1.0)
+        * long_run
+        / both_sides.sum()
+    )
     corrected = (taper * (restored + allowed))[taper > 0.0]
     return corrected / corrected[0], float(corrected[0])
 
@@ -251,12 +255,12 @@ def _fill_window_residuals(
                     residual[k] -= A[k, c] * theta[row, c]
 
 
-def compute_student_to_normal_ratio(dof: float) -> float:
+def compute_student_to_normal_ratio(degrees_of_freedom: float) -> float:
     """Student's t over the normal quantile at 95 %, by the Cornish-Fisher expansion.
 
     The error is below 0.5 % from 3 degrees of freedom on; fewer count as 3.
     """
-    x = 1.0 / max(dof, LIMITS.min_degrees_of_freedom)
+    x = 1.0 / max(degrees_of_freedom, LIMITS.min_degrees_of_freedom)
     return 1.0 + x * (1.2104 + x * (1.4335 + x * (1.2904 + x * 0.89)))
 
 

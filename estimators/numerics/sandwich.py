@@ -215,11 +215,11 @@ def compute_larger_of_sandwich_and_textbook_stds(
     From inverses (p, p, m), packed meats (entries, m) and RSS (m,).
     """
     p = len(bread)
-    freedom = samples - compute_product_traces(bread, meats)
-    freedom = np.where(freedom > 0.5, freedom, np.nan)
-    cover = rss / freedom * compute_sandwich_variances(bread, meats)
+    degrees_of_freedom = samples - compute_product_traces(bread, meats)
+    degrees_of_freedom = np.where(degrees_of_freedom > 0.5, degrees_of_freedom, np.nan)
+    cover = rss / degrees_of_freedom * compute_sandwich_variances(bread, meats)
     textbook = rss / max(samples - p, 1.0) * np.array([bread[i, i] for i in range(p)])
-    return np.sqrt(np.where(cover > textbook, cover, textbook + 0.0 * freedom))
+    return np.sqrt(np.where(cover > textbook, cover, textbook + 0.0 * degrees_of_freedom))
 
 
 def compute_product_traces(bread: Floats, meats: Floats) -> Floats:

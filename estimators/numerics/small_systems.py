@@ -323,7 +323,7 @@ def make_noise_bound_in_each_direction(noise: Floats, gram: Floats, max_fraction
         max_fraction: the largest fraction.
     """
     try:
-        root, whitened = _whiten_noise(noise, gram)
+        root, whitened = _compute_gram_root_and_whitened_noise(noise, gram)
     except np.linalg.LinAlgError:
         return np.eye(len(gram))
     fractions, directions = np.linalg.eigh(whitened)
@@ -339,13 +339,13 @@ def compute_largest_noise_fraction(noise: Floats, gram: Floats) -> float:
     if not noise.any():
         return 0.0
     try:
-        _, whitened = _whiten_noise(noise, gram)
+        _, whitened = _compute_gram_root_and_whitened_noise(noise, gram)
     except np.linalg.LinAlgError:
         return np.inf
     return float(np.linalg.eigvalsh(whitened)[-1])
 
 
-def _whiten_noise(noise: Floats, gram: Floats) -> tuple[Floats, Floats]:
+def _compute_gram_root_and_whitened_noise(noise: Floats, gram: Floats) -> tuple[Floats, Floats]:
     """Root L of G = L Lᵀ, and L⁻¹ N L⁻ᵀ.
 
     Raises:

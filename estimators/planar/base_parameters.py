@@ -359,14 +359,19 @@ def compute_sandwich_covariance(
     ) * np.outer(size, size)
     plain = bread @ white @ bread
     samples = float(fitted_parameters.samples * k)
-    freedom = samples - float(fitted_parameters.lasting.max()) * float(np.trace(bread @ B))
+    degrees_of_freedom = samples - float(fitted_parameters.lasting.max()) * float(
+        np.trace(bread @ B)
+    )
     if q:
         # what a prior holds is not lost, however few independent residuals there are
-        freedom = max(freedom, LIMITS.min_freedom_fraction * samples)
-    if not freedom > 0.5:
+        degrees_of_freedom = max(
+            degrees_of_freedom, LIMITS.min_degrees_of_freedom_fraction * samples
+        )
+    if not degrees_of_freedom > 0.5:
         return np.full((r, r), np.nan)
     variance = np.maximum(
-        np.diagonal(cover) * samples / freedom, np.diagonal(plain) * samples / max(samples - r, 1.0)
+        np.diagonal(cover) * samples / degrees_of_freedom,
+        np.diagonal(plain) * samples / max(samples - r, 1.0),
     )
     # of what its prior alone tells the log says nothing, to rounding
     std = np.sqrt(np.maximum(variance, 0.0)) * compute_std_widening_factor(

@@ -80,7 +80,10 @@ def find_identifiable_parameters(
     elif noise.shape == (p,) and (noise[length > 0.0] > 0.0).all():
         scale = noise * np.sqrt(max(n, 1))
     else:
-        raise DataError(f"the noise of {p} columns is asked for, each above zero; got {noise}")
+        raise DataError(
+            f"noise must hold {p} values, above zero for every column that is not all zero; "
+            f"got {noise}"
+        )
     scale = np.where(length > 0.0, scale, 1.0)
     # R has A's singular values and is at most p rows high, however long the log
     R: Floats = np.asarray(np.linalg.qr(rows / scale, mode="r"))

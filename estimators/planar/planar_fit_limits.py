@@ -20,7 +20,7 @@ class PlanarFitLimits:
     #: and the rounds after which they are taken as they are.
     weight_max_rounds: int = 30
     #: Degrees of freedom that the residuals of a fit with priors keep at least, over their number.
-    min_freedom_fraction: float = 0.1
+    min_degrees_of_freedom_fraction: float = 0.1
     #: Largest fraction of a column's sum of squares that is noise: its size is known to a tenth or
     #: so.
     max_noise_fraction: float = 0.9

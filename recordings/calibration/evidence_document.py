@@ -213,14 +213,14 @@ class EvidenceDocument(BaseModel):
     signer: Signer | None
     software: Software
     #: Settings that came later, at the default that they came with; no part of the bytes.
-    _put_in: dict[str, Any] = PrivateAttr(default_factory=dict[str, Any])
+    _filled_in_settings: dict[str, Any] = PrivateAttr(default_factory=dict[str, Any])
 
     @property
     def canonical_json_bytes(self) -> bytes:
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
-        return encode_canonical_json(remove_dotted_values(values, self._put_in))
+        return encode_canonical_json(remove_dotted_values(values, self._filled_in_settings))
 
     @property
     def settings_at_default(self) -> dict[str, Any]:
@@ -228,10 +228,10 @@ class EvidenceDocument(BaseModel):
         return {
             **list_settings_absent_in_evidence(self.machine, "machine."),
             **list_settings_absent_in_evidence(self.campaign, "campaign."),
-            **self._put_in,
+            **self._filled_in_settings,
         }
 
-    def copy_with_released_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
+    def copy_with_defaults_of_newer_settings(self, values: Mapping[str, Any]) -> "EvidenceDocument":
         """Fill in settings newer than the evidence at the default they were released with.
 
         Args:
@@ -245,7 +245,7 @@ class EvidenceDocument(BaseModel):
         document = EvidenceDocument.model_validate_json(
             encode_canonical_json(replace_dotted_values(values, changed))
         )
-        document._put_in = changed  # noqa: SLF001  its own
+        document._filled_in_settings = changed  # noqa: SLF001  its own
         return document
 
     @property
@@ -310,7 +310,7 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
         raise EvidenceError(
             f"{source}: holds a value of a type that the schema of evidence does not allow"
         )
-    return document.copy_with_released_defaults(values)
+    return document.copy_with_defaults_of_newer_settings(values)
 
 
 def find_version_of_other_payscope(document_values: Any) -> str:

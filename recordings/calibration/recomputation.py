@@ -349,22 +349,25 @@ def compare_fit_with_refitted(
     yield from compare_errors_of_previous_line(document, fitted.point_frame)
 
 
-class _Refit(NamedTuple):
+class _RefittedCampaign(NamedTuple):
     """Fit of a campaign, and the drift of a single-mass check."""
 
     fit: CampaignFit
     drift: DriftCheck | None
 
 
-def _refit_campaign_or_mass_check(document: EvidenceDocument, readings: pl.DataFrame) -> _Refit:
+def _refit_campaign_or_mass_check(
+    document: EvidenceDocument, readings: pl.DataFrame
+) -> _RefittedCampaign:
     """Refit the readings; for a single-mass check, under the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
-        return _Refit(
+        return _RefittedCampaign(
             *check_single_load_by_calibration(campaign, body, readings, document.calibration)
         )
     responses = () if document.learnt is None else document.learnt.responses
-    return _Refit(fit_campaign_line(campaign, body, readings, document.options, responses), None)
+    fit = fit_campaign_line(campaign, body, readings, document.options, responses)
+    return _RefittedCampaign(fit, None)
 
 
 def _convert_dataclass_to_json(value: Any) -> Any:

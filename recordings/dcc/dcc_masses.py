@@ -21,8 +21,11 @@ from recordings.dcc.dcc_quantity import (
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
-_REMEDY: Final = (
+_ASK_FOR_NAMES: Final = (
     "ask the laboratory for one that names them, or state the masses by value_kg and u_kg"
+)
+_ASK_FOR_CORRECTION: Final = (
+    "ask the laboratory for a corrected certificate, or state the masses by value_kg and u_kg"
 )
 
 #: An item with all that it may be called by.
@@ -74,14 +77,18 @@ def read_certified_masses(
         choices = ", ".join(names[0] for _, names in named if names)[:400] or "none with an id"
         raise EvidenceError(f"{certificate_name}: has no item '{item_id}'; its items: {choices}")
     if item_id and len(wanted) > 1:
-        raise EvidenceError(f"{certificate_name}: has {len(wanted)} items named '{item_id}'")
+        raise EvidenceError(
+            f"{certificate_name}: has {len(wanted)} items named '{item_id}'; {_ASK_FOR_CORRECTION}"
+        )
     core = admin.find(f"{{{DCC}}}coreData")
     assert core is not None
     certificate = read_leaf_text(core.find(f"{{{DCC}}}uniqueIdentifier")) or ""
     contact = f"{{{DCC}}}calibrationLaboratory/{{{DCC}}}contact/{{{DCC}}}name/{{{DCC}}}content"
     issuer = read_leaf_text(admin.find(contact)) or ""
     if not issuer:
-        raise EvidenceError(f"{certificate_name}: does not name its laboratory")
+        raise EvidenceError(
+            f"{certificate_name}: does not name its laboratory; {_ASK_FOR_CORRECTION}"
+        )
     found: list[CertifiedMass] = []
     masses = _CertificateMasses(root, named, certificate_name)
     for element, names in wanted:
@@ -120,7 +127,8 @@ class _CertificateMasses:
             ]
             if len(chosen) > 1:
                 raise EvidenceError(
-                    f"{item_label}: has {len(chosen)} quantities of the kind '{kind}'"
+                    f"{item_label}: has {len(chosen)} quantities of the kind '{kind}', so it is "
+                    f"not clear which is its mass; {_ASK_FOR_CORRECTION}"
                 )
             if chosen:
                 return read_mass_and_standard_u_kg(*chosen[0], item_label)
@@ -153,7 +161,9 @@ class _CertificateMasses:
         if find_length_of_list_quantity(quantity, self._what) is None:
             shared = [each for each, _ in self._items if each.get("id") in (item_ids or ())]
             if len(shared) > 1:
-                raise EvidenceError(f"{self._what}: has one mass for {len(shared)} items")
+                raise EvidenceError(
+                    f"{self._what}: has one mass for {len(shared)} items; {_ASK_FOR_CORRECTION}"
+                )
             return [None]
         if quantity not in self._weights:
             self._weights[quantity] = find_item_of_each_list_value(
@@ -210,7 +220,8 @@ def find_item_of_each_list_value(
         found = find_items_named_by_list(texts, scope, count, certificate_name)
         if found is not None and by_name is not None and found != by_name:
             raise EvidenceError(
-                f"{certificate_name}: a list of masses has two lists of names that disagree"
+                f"{certificate_name}: a list of masses has two lists of names that disagree; "
+                f"{_ASK_FOR_CORRECTION}"
             )
         by_name = found or by_name
     if by_name is not None:
@@ -219,14 +230,14 @@ def find_item_of_each_list_value(
         raise EvidenceError(
             f"{certificate_name}: a result has {format_count(len(scope), 'weight')} but a list has "
             f"{format_count(count, 'value')} without names, so it is not clear which mass "
-            f"belongs to which weight; {_REMEDY}"
+            f"belongs to which weight; {_ASK_FOR_NAMES}"
         )
     order = [each.get("id") for each, _ in scope]
     if item_ids is not None and [each for each in item_ids if each in order] != order:
         raise EvidenceError(
             f"{certificate_name}: a list of masses names no weights, and its refId has another "
-            "order than the "
-            f"items, so it is not clear which mass belongs to which weight; {_REMEDY}"
+            "order than the items, so it is not clear which mass belongs to which weight; "
+            f"{_ASK_FOR_NAMES}"
         )
     return [each for each, _ in scope]
 
@@ -265,18 +276,17 @@ def find_items_named_by_list(
         if len(items) != 1:
             raise EvidenceError(
                 f"{certificate_name}: a list of names beside a list of masses has '{text[:40]}', "
-                "which is the "
-                f"name of {len(items)} items of that result"
+                f"which is the name of {len(items)} items of that result; {_ASK_FOR_CORRECTION}"
             )
     weights = [items[0] for items in found]
     if len(weights) != value_count:
         raise EvidenceError(
             f"{certificate_name}: a list of masses has {value_count} values, and the number of its "
-            "names is "
-            f"{len(weights)}"
+            f"names is {len(weights)}; {_ASK_FOR_CORRECTION}"
         )
     if len(set(weights)) != value_count:
         raise EvidenceError(
-            f"{certificate_name}: a list of {value_count} masses names a weight twice"
+            f"{certificate_name}: a list of {value_count} masses names a weight twice; "
+            f"{_ASK_FOR_CORRECTION}"
         )
     return weights

@@ -62,7 +62,7 @@ def make_unsigned_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element
     """
     refuse_campaign_incomplete_for_dcc(document.campaign, document.id)
     if document.kind != "calibration" or document.calibration is None:
-        raise EvidenceError(f"{document.id}: has no calibration line, so there is no DCC of it")
+        raise EvidenceError(f"{document.id}: has no calibration line, so no DCC can be made of it")
     from lxml import etree
 
     root = etree.Element(
@@ -294,7 +294,10 @@ def fill_mass_quantity(
     k = fitted.coverage_k_1
     u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.later_mass_u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
-        raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
+        raise EvidenceError(
+            f"{document.id}: cannot be certified at {mass_kg:g} kg: its standard uncertainty is "
+            "not finite or its coverage factor is below 1"
+        )
     add_dsi_real_element(
         quantity_element,
         mass_kg,
@@ -347,11 +350,7 @@ def _add_reference_mass_elements(parent: "_Element", document: EvidenceDocument)
         )
         if mass.certificate:
             _add_identification_element(
-                identified,
-                "other",
-                mass.certificate,
-                "Certificate",
-                _CERTIFICATE,
+                identified, "other", mass.certificate, "Certificate", _CERTIFICATE
             )
         _add_reference_mass_quantity(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:

@@ -51,7 +51,7 @@ class FleetPage:
         charts: charts of `make_machine_charts`.
         calibrations: calibrations of all machines.
         changes: changes between successive calibrations.
-        looks: frame of `rank_recordings_by_concern`, with column `command`.
+        recordings_by_concern: frame of `rank_recordings_by_concern`, with column `command`.
         failed: recordings without a result, and why.
         today: last day of the fleet, against which expiry dates are checked.
         friction: sentences on when each machine's friction reaches a limit, if requested.
@@ -64,7 +64,7 @@ class FleetPage:
     charts: Sequence[MachineChart]
     calibrations: Sequence[FleetCalibration]
     changes: Sequence[LineChange]
-    looks: pl.DataFrame
+    recordings_by_concern: pl.DataFrame
     failed: Mapping[str, str]
     today: dt.date | None
     friction: Sequence[str] = ()
@@ -73,9 +73,9 @@ class FleetPage:
 def render_fleet_html(fleet_page: FleetPage) -> str:
     """HTML of the page, with all texts escaped and no external requests."""
     machines = sum_tonnes_by_group(fleet_page.results, ["machine"])
-    total = sum_daily_results_over_machines(machines)
+    total, recordings = sum_daily_results_over_machines(machines), fleet_page.recordings_by_concern
     flagged = sorted(
-        (chart for chart in fleet_page.charts if chart.chart.flagged is not None),
+        (chart for chart in fleet_page.charts if chart.chart.flagged_index is not None),
         key=_make_drift_sort_key,
     )
     by_week = _sum_weekly_tonnes_of_fleet(fleet_page.weeks)
@@ -99,9 +99,9 @@ def render_fleet_html(fleet_page: FleetPage) -> str:
         drifts_without_picture=max(len(flagged) - _MOST_FIGURES, 0),
         recordings_to_check=[
             {**row, "number": n, "at": f"{row['at_s']:,.0f}"}
-            for n, row in enumerate(fleet_page.looks.head(MOST_LOOKS).to_dicts(), start=1)
+            for n, row in enumerate(recordings.head(MOST_LOOKS).to_dicts(), start=1)
         ],
-        more_recordings_to_check=max(fleet_page.looks.height - MOST_LOOKS, 0),
+        more_recordings_to_check=max(recordings.height - MOST_LOOKS, 0),
         calibrations=_make_calibration_rows(fleet_page),
         changes=[_format_calibration_line_change(each) for each in fleet_page.changes],
         weeks=_make_tonnes_by_week_table(fleet_page.weeks),
@@ -155,7 +155,7 @@ def _make_fleet_name_value_rows(
         ),
         ("hours", f"{fleet_page.days['hours'].sum():,.0f} recorded"),
         ("drift", f"{format_count(flagged_charts, 'chart')} beyond the limit"),
-        ("to look at", format_count(fleet_page.looks.height, "recording")),
+        ("to look at", format_count(fleet_page.recordings_by_concern.height, "recording")),
     ]
 
 
@@ -197,7 +197,7 @@ def _make_machine_row(
     mine = fleet_page.days.filter(pl.col("machine") == name)
     latest = {c.signal.name: c for c in fleet_page.charts if c.machine == name}
     ends = max((c.expires for c in fleet_page.calibrations if c.machine == name), default=None)
-    looks = fleet_page.looks.filter(pl.col("machine") == name).height
+    looks = fleet_page.recordings_by_concern.filter(pl.col("machine") == name).height
     cells = [
         format_sortable_cell(machine_totals["recordings"], ",.0f"),
         format_sortable_cell(machine_totals["loads"], ",.0f"),
@@ -208,9 +208,9 @@ def _make_machine_row(
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
-        change = (
-            None if chart is None or chart.chart.flagged is None else chart.flagged_change_in_unit
-        )
+        change = None
+        if chart is not None and chart.chart.flagged_index is not None:
+            change = chart.flagged_change_in_unit
         cells.append(format_sortable_cell(change, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
     cells.append(format_sortable_cell(looks, ",.0f"))
@@ -240,16 +240,16 @@ def _make_drift_sort_key(drift_chart: MachineChart) -> tuple[float, str, str]:
 
 def _make_drift_cells(drift_chart: MachineChart) -> tuple[str, ...]:
     found = drift_chart.chart
-    assert found.flagged is not None
-    assert found.since is not None
+    assert found.flagged_index is not None
+    assert found.first_shifted_index is not None
     unit = drift_chart.signal.unit
     change, std = drift_chart.flagged_change_in_unit, drift_chart.flagged_change_std_in_unit
     return (
         drift_chart.machine,
         drift_chart.signal.name,
         f"{change:+,.1f} ± {K * std:,.1f} {unit}" if math.isfinite(change) else "–",
-        str(drift_chart.days[found.since]),
-        str(drift_chart.days[found.flagged]),
+        str(drift_chart.days[found.first_shifted_index]),
+        str(drift_chart.days[found.flagged_index]),
         drift_chart.signal.means,
     )
 
@@ -272,8 +272,8 @@ def _format_calibration_line_change(line_change: LineChange) -> tuple[str, ...]:
         line_change.after.machine,
         str(line_change.before.first),
         str(line_change.after.first),
-        f"{line_change.zero_kg:+,.1f} (± {line_change.zero_limit_kg:,.1f})",
-        f"{line_change.scale_1:+.2%} (± {line_change.scale_limit_1:.2%})",
+        f"{line_change.offset_change_kg:+,.1f} (± {line_change.offset_change_limit_kg:,.1f})",
+        f"{line_change.slope_change_1:+.2%} (± {line_change.slope_change_limit_1:.2%})",
         "beyond its limit" if line_change.has_line_moved else "within",
     )
 
@@ -341,7 +341,7 @@ def draw_weekly_tonnes(machine_weeks: pl.DataFrame) -> Drawing | None:
 
 def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawing:
     """Picture of a machine's quantity by week, with the limits of its baseline."""
-    flagged, since = machine_chart.chart.flagged, machine_chart.chart.since
+    flagged, since = machine_chart.chart.flagged_index, machine_chart.chart.first_shifted_index
     assert flagged is not None
     assert since is not None
     values = np.array(machine_chart.values)

@@ -196,7 +196,7 @@ def _make_error_reduction_claim_sentences(claims: Claims) -> str:
         f"{verdict}: "
         f"{'; '.join(each)}. Over a long cruise the gate saves RLS from forgetting while nothing "
         "happens, which directional forgetting does without a gate. "
-        f"{_SHORT_STARTS[claims.saved_by]}"
+        f"{_SHORT_STARTS[claims.rule_that_improves_rls]}"
     )
 
 

@@ -62,12 +62,10 @@ def make_mass_error_table_sentences(numbers: Table1) -> ItemSentences:
 def _make_printed_single_trials_sentence(numbers: Table1) -> str:
     return (
         f"Each printed number is one trial, ours are {numbers.frame['trials'].max()}: of the "
-        f"{numbers.beside} printed numbers {numbers.below_bound} lie below the bound, which only "
-        "luck "
-        f"can do, and {numbers.rare} are larger than {RARE} times ours, where chance alone would "
-        f"give {0.05 * numbers.beside:.0f}. The printed table scatters from one length to the "
-        "next; "
-        "the true error falls steadily."
+        f"{numbers.printed_count} printed numbers {numbers.below_bound} lie below the bound, which "
+        f"only luck can do, and {numbers.improbably_large_count} are larger than {RARE} times "
+        f"ours, where chance alone would give {0.05 * numbers.printed_count:.0f}. The printed "
+        "table scatters from one length to the next; the true error falls steadily."
     )
 
 
@@ -103,9 +101,9 @@ def _make_cramer_rao_bound_sentence(numbers: Table1) -> str:
 def _make_recursive_methods_sentence(numbers: Table1) -> str:
     last = numbers.longest
     return (
-        f"RLS forgets (λ = {numbers.forgetting_1:g}: half in {numbers.half_s:.1f} s), so a longer "
-        f"window helps it little: at {last['window_s']:g} s it is at {last['over_bound_1']:.1f} "
-        "times the bound."
+        f"RLS forgets (λ = {numbers.forgetting_1:g}: half in {numbers.memory_half_life_s:.1f} s), "
+        f"so a longer window helps it little: at {last['window_s']:g} s it is at "
+        f"{last['over_bound_1']:.1f} times the bound."
     )
 
 

@@ -37,7 +37,8 @@ def plot_run(
 ) -> Path:
     """Draw a run: one page of everything, or the figure of one question.
 
-    A run with a calibration gets its fit of (19) and residuals below the page.
+    A run with a calibration gets its calibration line, equation (19) of the paper, and residuals
+    below the page.
 
     Args:
         run: run, or part of one.

@@ -211,7 +211,7 @@ def _make_extreme_column_name(column: str, extreme: str) -> str:
 
 
 def _read_threshold_setting_of_view(run: Run, view: View) -> float:
-    return float(run.provenance.settings.value_of_setting(str(view.threshold)))
+    return float(run.provenance.settings.get_setting(str(view.threshold)))
 
 
 def should_draw_as_points(numbers: pl.Series) -> bool:

@@ -294,10 +294,14 @@ def _decode_base64_or_refuse(text: str, source: str) -> bytes:
     try:
         data = base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError, TypeError):
-        raise EvidenceError(f"{source} is not base64") from None
+        raise EvidenceError(
+            f"{source} is not base64; copy it again from the original file"
+        ) from None
     # several texts decode alike; one counts
     if base64.b64encode(data).decode() != text:
-        raise EvidenceError(f"{source} is not base64 in its one canonical form")
+        raise EvidenceError(
+            f"{source} is not canonical base64; copy it again from the original file"
+        )
     return data
 
 

@@ -191,7 +191,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             first = replay_campaign_logs(campaign, machine, find_path_of_log, None, on_log)
             refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)
             refuse_campaign.refuse_unaccounted_logs_of_list(campaign_file, campaign, first, stretch)
-            learnt = first.pool_priors_learnt_from_logs
+            learnt = first.priors_learnt_from_logs
         weighing = (
             machine if learnt is None else copy_machine_with_learnt_priors(machine, learnt.terms)
         )

@@ -70,7 +70,7 @@ class CampaignReplay:
     refusals: Mapping[str, str]
 
     @property
-    def pool_priors_learnt_from_logs(self) -> LearntPriors | None:
+    def priors_learnt_from_logs(self) -> LearntPriors | None:
         """Priors learnt from all logs; None if there are too few."""
         terms = pool_learnt_terms_over_logs(self.terms)
         return LearntPriors(terms=terms, logs=self.terms) if terms else None
@@ -159,7 +159,7 @@ def describe_why_log_cannot_weigh(replayed_run: Run) -> str:
 def copy_machine_with_single_load_if_stated(
     machine: Machine, runs: Sequence[CampaignRun]
 ) -> Machine:
-    """The machine, told that a log has one load if its runs say so of the whole log."""
+    """Copy of the machine with `single_load` if the runs state one load for the whole log."""
     whole = all(each.from_s is None and each.to_s is None for each in runs)
     is_empty_stated = machine.settings.loads.empty_from_s is not None
     if not whole or is_empty_stated or len({each.load_id for each in runs}) != 1:

@@ -110,7 +110,8 @@ def verify_bundles_and_chains(
         findings += wrong
         notes += said
     last = {
-        machine: max(map(_read_chain_counter, bundles)) for machine, bundles in by_machine.items()
+        machine: max(map(_get_chain_counter_or_zero, bundles))
+        for machine, bundles in by_machine.items()
     }
     return VerifiedChain(
         tuple(
@@ -122,7 +123,7 @@ def verify_bundles_and_chains(
     )
 
 
-def _read_chain_counter(checked_bundle: CheckedBundle) -> int:
+def _get_chain_counter_or_zero(checked_bundle: CheckedBundle) -> int:
     return 0 if checked_bundle.document is None else checked_bundle.document.chain.counter
 
 

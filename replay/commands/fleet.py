@@ -25,7 +25,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 Results = Annotated[
-    str, typer.Argument(metavar="DEST", help="Results of `fleet run`: a folder, or s3://….")
+    str, typer.Argument(metavar="RESULTS", help="Results of `fleet run`: a folder, or s3://….")
 ]
 Address = Annotated[
     str | None,
@@ -113,7 +113,7 @@ def run_command(
 
 @app.command(name="query")
 def query_command(
-    destination: Results,
+    results: Results,
     sql: Annotated[str, typer.Argument(metavar="SQL", help="A SELECT over the tables.")],
     output_format: FormatOption = None,
     output: OutputFile = None,
@@ -132,7 +132,7 @@ def query_command(
     chosen = choose_output_format(output_format and output_format.value, output)
     if output is not None:
         require_writable_output(output, force=force)
-    rows = query_fleet_tables(open_results_of_fleet(destination), sql)
+    rows = query_fleet_tables(open_results_of_fleet(results), sql)
     if chosen == "table" and output is None:
         print_frame_as_table(rows)
         return
@@ -143,7 +143,7 @@ def query_command(
 
 @app.command(name="report")
 def report_command(
-    destination: Results,
+    results: Results,
     output: Annotated[Path, typer.Option("-o", "--output", help="The page (.html).")],
     force: Annotated[bool, typer.Option(help="Replace an existing page.")] = False,
     friction_limit: FrictionLimit = None,
@@ -155,11 +155,11 @@ def report_command(
     from replay.fleet.gathered_tables import open_results_of_fleet
     from replay.fleet.write_fleet_page import write_fleet_report
 
-    results = open_results_of_fleet(destination)
+    fleet_results = open_results_of_fleet(results)
     made = write_fleet_report(
+        fleet_results,
         results,
-        destination,
-        results.last_run.fleet,
+        fleet_results.last_run.fleet,
         output,
         force=force,
         friction_limit_N_s_m=friction_limit,
@@ -249,7 +249,7 @@ def compare_command(
 
 @app.command(name="open")
 def open_command(
-    destination: Results,
+    results: Results,
     key: Annotated[str, typer.Argument(help="Key of the result, or its first characters.")],
     at_s: Annotated[
         float | None, typer.Option("--at", help="Move the time cursor to this second of the run.")
@@ -268,7 +268,7 @@ def open_command(
     from replay.fleet.recording_task import open_recording_of_result
     from replay.recording.view_recording import view_recording
 
-    with open_recording_of_result(open_results_of_fleet(destination), key) as recording:
+    with open_recording_of_result(open_results_of_fleet(results), key) as recording:
         if output is None:
             view_recording(recording, at_s=at_s)
             return

@@ -1,7 +1,7 @@
 """`payscope follow`: a log while it is recorded."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from analysis.model.machine import Machine
     from replay.follow.agreement import FollowedDigests
     from replay.follow.follow_logs import FollowedLogState
+
+_KEEPS_FOLLOWED_DATA: Final = "keeps what was recorded while following, without the final replay"
 
 
 def command(
@@ -186,7 +188,7 @@ def _record_and_compare_causal_replay(
 
     is_growing = following.is_interrupted
     if following.loss_reason:
-        how = "stays as it was recorded while following" if output.exists() else "is not written"
+        how = _KEEPS_FOLLOWED_DATA if output.exists() else "is not written"
         why = (
             f"{following.loss_reason}; " if following.is_interrupted else ""
         )  # else it is said above
@@ -202,7 +204,7 @@ def _record_and_compare_causal_replay(
     except PayscopeError as error:
         if not (output.is_file() and is_unfinished_recording(output)):
             raise
-        raise LogError(f"{error}; {output} stays as it was recorded while following") from error
+        raise LogError(f"{error}; {output} {_KEEPS_FOLLOWED_DATA}") from error
     for line in iter_agreement_lines(agreements, machine.settings, is_growing=is_growing):
         typer.echo(line, err=True)
     typer.echo(f"recorded: {output}", err=True)

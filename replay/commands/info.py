@@ -84,7 +84,7 @@ def command(
 
 
 def _show_reading_progress(*, is_log_checked: bool) -> AbstractContextManager[object]:
-    """Progress of reading everything; an index alone is read before it is seen."""
+    """Show progress while the whole log is read; reading an index alone takes no time."""
     if not is_log_checked:
         return nullcontext()
     from replay.commands.progress_bar import StageProgress

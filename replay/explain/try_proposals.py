@@ -318,7 +318,7 @@ def find_causes_explained_by_others(progress: ProposalProgress) -> dict[str, str
 
 
 class _FindingKey(NamedTuple):
-    """What tells findings apart: the cause and the channel."""
+    """Key of a finding: its cause and its channel."""
 
     cause: str
     channel: str | None

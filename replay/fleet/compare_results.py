@@ -113,7 +113,8 @@ def compare_fleets(
     )
     if found.logs.is_empty():
         raise FleetError(
-            f"{fleet_a.store.place} and {fleet_b.store.place}: have no log in common on these days"
+            f"{fleet_a.store.place} and {fleet_b.store.place}: have no log in common on these "
+            "days; compare results of the same logs, or choose other days"
         )
     return found
 

@@ -53,10 +53,10 @@ class FleetReport:
             "sum": dict(sum_daily_results_over_machines(machines)),
             "machines": machines.to_dicts(),
             "drifts": [
-                _convert_drift_to_dict(c) for c in page.charts if c.chart.flagged is not None
+                _convert_drift_to_dict(c) for c in page.charts if c.chart.flagged_index is not None
             ],
             "friction": {name: trend._asdict() for name, trend in self.friction.items()},
-            "to_look_at": page.looks.to_dicts(),
+            "to_look_at": page.recordings_by_concern.to_dicts(),
             "without_a_result": dict(page.failed),
         }
 
@@ -107,7 +107,7 @@ def make_fleet_page(results: FleetResults, destination: str, fleet_name: str) ->
         charts=make_machine_charts(days),
         calibrations=calibrations,
         changes=find_line_changes(calibrations),
-        looks=add_column_of_open_commands(
+        recordings_by_concern=add_column_of_open_commands(
             rank_recordings_by_concern(
                 rows, cycles, results.scan_rows_of_selected_results("findings")
             ),
@@ -131,16 +131,16 @@ def add_column_of_open_commands(recordings: pl.DataFrame, destination: str) -> p
 def _convert_drift_to_dict(drift_chart: MachineChart) -> dict[str, Any]:
     """Flagged change of a chart as JSON-compatible values."""
     found = drift_chart.chart
-    assert found.flagged is not None
-    assert found.since is not None
+    assert found.flagged_index is not None
+    assert found.first_shifted_index is not None
     return {
         "machine": drift_chart.machine,
         "of": drift_chart.signal.name,
         "change": drift_chart.flagged_change_in_unit,
         "change_std": drift_chart.flagged_change_std_in_unit,
         "unit": drift_chart.signal.unit,
-        "since": str(drift_chart.days[found.since]),
-        "flagged": str(drift_chart.days[found.flagged]),
+        "since": str(drift_chart.days[found.first_shifted_index]),
+        "flagged": str(drift_chart.days[found.flagged_index]),
     }
 
 

@@ -83,7 +83,7 @@ class BackgroundReplays:
         self._newest: ReplayReport | None = None
 
     def __enter__(self) -> Self:
-        """Begin with what is recorded already, which is sooner replayed than followed."""
+        """Start with a replay of a large recorded part, which is faster than following it."""
         if (
             sum(size for size, _ in read_log_sizes_and_change_times(self._logs).values())
             >= LIMITS.worth_replaying_bytes
@@ -106,7 +106,7 @@ class BackgroundReplays:
         return self._process.pid if self._process else None
 
     def request_replay_of_log_so_far(self) -> None:
-        """Ask for a replay of what is recorded by now, as soon as the share allows it."""
+        """Request a replay of the log so far, as soon as the share of the processor allows it."""
         self._is_wanted = True
 
     def take_result_and_start_next(self) -> ReplayReport | None:
@@ -341,7 +341,7 @@ def serve_replay_requests() -> None:
 
 
 def serve_replay_request(request_json: Mapping[str, Any]) -> ReplayReport:
-    """Replay as asked; the report of a replay that fails says why."""
+    """Replay as requested; the report of a failed replay states the reason."""
     try:
         result = replay_log_so_far(
             [Path(path) for path in request_json["logs"]],

@@ -141,7 +141,7 @@ def follow_logs(
 
 
 def must_following_end_quickly(following: FollowedLogState, interrupts: InterruptCounter) -> bool:
-    """Whether ctrl-C asks for the end of what is left to do when following has ended, or must."""
+    """Whether a ctrl-C beyond the one that ends following asks to skip the remaining work."""
     return interrupts.count > (following.is_interrupted or not following.end_reason)
 
 
@@ -229,7 +229,7 @@ def process_new_log_data(
 
 
 class MachineFileChange:
-    """The text of a machine file, and whether another one has been told."""
+    """Text of a machine file, to notice when the file changes."""
 
     def __init__(self, path: Path) -> None:
         """Read it; one that is missing or no file is for those to refuse who load it."""
@@ -238,7 +238,7 @@ class MachineFileChange:
         self._text = self._read_file_or_empty()
 
     def has_file_changed(self) -> bool:
-        """Whether it has another text since the last question. One that is gone has none."""
+        """Whether the text has changed since the last call; a missing file has not changed."""
         signature = read_file_time_size_and_inode(self._path)
         if signature in (None, self._signature):
             return False

@@ -64,7 +64,7 @@ class ReportFile:
         require_writable_output(path, force=force or is_empty or size > 0)
         self.path = path
         self.until_unix_ns, self.replayed = 0, (0, False)
-        self._stream = _Stream(AppendOnlyFile(path, size))
+        self._stream = _ResumedStream(AppendOnlyFile(path, size))
         # a chunk would be as late as it is long
         self._writer = Writer(self._stream, compression=CompressionType.NONE, use_chunking=False)
         self._writer.start("", "payscope")
@@ -139,7 +139,7 @@ class ReportFile:
         self._channels[topic] = self._writer.register_channel(topic, "json", number)
 
 
-class _Stream(BytesIO):
+class _ResumedStream(BytesIO):
     """File object for the MCAP writer that skips existing bytes."""
 
     def __init__(self, file: AppendOnlyFile) -> None:

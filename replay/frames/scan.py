@@ -266,7 +266,7 @@ def expand_log_paths(logs: Logs) -> ExpandedLogs:
         else:
             found.append(Path(each))
     if not found:
-        raise LogError("no log is named")
+        raise LogError("no log is named; give at least one")
     paths = expand_log_folders(found)
     return ExpandedLogs(paths, not isinstance(logs, str | Path) or paths != [Path(logs)])
 

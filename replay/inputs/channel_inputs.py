@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
-from analysis.model.physical_units import gain_and_offset_to_si
+from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
 from analysis.stages.signals.derive import find_unit_in_name
@@ -130,7 +130,7 @@ def _refuse_contradicting_units(log: Log, machine: Machine) -> None:
         if stated is None or channel.unit is not None or channel.scale != 1.0 or channel.offset:
             continue
         try:
-            gain, offset = gain_and_offset_to_si(stated, find_unit_in_name(name))
+            gain, offset = find_gain_and_offset_to_si(stated, find_unit_in_name(name))
         except MachineError:  # of another dimension: it is called after something else
             continue
         if gain != 1.0 or offset:

@@ -100,7 +100,9 @@ def _make_type_from_ros_definition(connection: Connection) -> MessageType:
     if _is_empty_message_type(connection):
         return MessageType(RecordType(connection.type, ()), ros1=False, decode=lambda _: None)
     store = _make_typestore_of_connection(connection)
-    record = _Records(store, ros1=connection.encoding == "ros1").make_record_type(connection.type)
+    record = _DefinitionConverter(store, ros1=connection.encoding == "ros1").make_record_type(
+        connection.type
+    )
     return MessageType(
         record, connection.encoding == "ros1", _make_bytes_decoder(store, connection)
     )
@@ -171,7 +173,7 @@ def _find_typestore_with_type(name: str) -> Typestore:
     )
 
 
-class _Records:
+class _DefinitionConverter:
     """Converts definitions with their references into records."""
 
     def __init__(self, store: Typestore, *, ros1: bool) -> None:

@@ -50,7 +50,7 @@ def make_message_type_from_protobuf(name: str, descriptors: bytes) -> MessageTyp
         except DecodeError as error:
             raise BrokenBytesError(error) from error
 
-    record = _Types().make_record_type(descriptor, ())
+    record = _DescriptorConverter().make_record_type(descriptor, ())
     return MessageType(record, ros1=False, decode=decode_message, library=PROTOBUF)
 
 
@@ -79,7 +79,7 @@ def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
     return pool
 
 
-class _Types:
+class _DescriptorConverter:
     """Converts descriptors with their references into records."""
 
     def __init__(self) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from analysis.model.machine import LogSection, Machine
-from analysis.model.physical_units import gain_and_offset_to_si
+from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.settings import Settings
 from analysis.stages.signals.derive import find_unit_in_name, parse_derivation_in_si
 from estimators.errors import MachineError
@@ -51,7 +51,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
             if channel.expression is not None:
                 parse_derivation_in_si(name, machine)
             elif channel.unit is not None:
-                gain_and_offset_to_si(channel.unit, find_unit_in_name(name))
+                find_gain_and_offset_to_si(channel.unit, find_unit_in_name(name))
         except MachineError as error:
             said = str(error)
             where = "" if said.startswith("channels.") else f"channels.{name}: "

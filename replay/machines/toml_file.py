@@ -123,7 +123,9 @@ def set_dotted_key_in_content(
     """
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
-        raise error_type(f"--set {override}: write it as key=value, as settings.align.rate_hz=50")
+        raise error_type(
+            f"--set {override}: write it as key=value, such as settings.align.rate_hz=50"
+        )
     value = parse_toml_value(text)
     key = key.strip()
     if key in OLD_NAMES:

@@ -61,8 +61,11 @@ class NamedTables:
         else:
             self.tables[name] = table
 
-    def add_single_word_aliases(self) -> None:
-        """Add single-word names of tables."""
+    def add_unquoted_table_aliases(self) -> None:
+        """Add table names that need no quotes in SQL.
+
+        Anything but letters, digits and _ becomes _. Ambiguous aliases are omitted.
+        """
         words: dict[str, list[str]] = {}
         for name in self.tables:
             words.setdefault(re.sub(r"\W+", "_", name).strip("_"), []).append(name)
@@ -120,7 +123,7 @@ def open_named_tables(
             found.add_table_or_query_error_if_name_taken(
                 name, partial(add_start_time_column_in_unix_s, table), fleet
             )
-    found.add_single_word_aliases()
+    found.add_unquoted_table_aliases()
     return found
 
 
@@ -183,7 +186,7 @@ def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _To
         for topic in open_or_reuse_log(path, options.time).topic_names():
             topics.setdefault(topic, []).append(path)
     if not topics:
-        raise LogError(f"{', '.join(map(str, paths))}: no topics to query")
+        raise LogError(f"{', '.join(map(str, paths))}: the logs hold no topics to query")
 
     def rows_of_topic(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
         chosen = named if len(paths) == 1 else of_logs

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import polars as pl
 
-from analysis.model.physical_units import split_unit_from_name, unit_registry
+from analysis.model.physical_units import get_unit_registry, split_unit_from_name
 from estimators.errors import LogError
 from replay.logs import TABLE, Log
 from replay.recognise.proposals import LogColumn
@@ -223,7 +223,7 @@ def _choose_field_name_with_side_first(topic: str | None, field: str) -> str:
 
 
 def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:
-    """Meaning of a field with what its topic says and its own name leaves open."""
+    """Complete the meaning of a field from the name of its topic."""
     for segment in reversed((topic or "").strip("/").split("/")[-2:]):
         around = interpret_column_name(segment)
         column_meaning = replace(
@@ -279,8 +279,8 @@ def choose_quantity_permitted_by_unit(quantity_of_name: str | None, unit: str | 
 @cache
 def find_quantity_of_unit(unit: str) -> str | None:
     """Quantity that a unit alone determines."""
-    dimension = unit_registry().parse_units(unit).dimensionality
+    dimension = get_unit_registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():
-        if unit_registry().parse_units(each).dimensionality == dimension:
+        if get_unit_registry().parse_units(each).dimensionality == dimension:
             return quantity
     return None

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.model.physical_units import gain_and_offset_to_si
+from analysis.model.physical_units import find_gain_and_offset_to_si
 from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import TABLE, Log
@@ -151,7 +151,7 @@ def find_accelerations_without_gravity(
             return set()
         total += (
             _compute_median_of_column(reader, column)
-            * gain_and_offset_to_si(column.unit, "m/s²")[0]
+            * find_gain_and_offset_to_si(column.unit, "m/s²")[0]
         ) ** 2
     return set(axes) if total < (LIMITS.gravity_m_s2[0] / 2) ** 2 else set()
 
@@ -172,7 +172,7 @@ def do_columns_hold_same_readings(
         or other_column.unit is None
     ):
         return False
-    y = y * gain_and_offset_to_si(other_column.unit, column.unit)[0]
+    y = y * find_gain_and_offset_to_si(other_column.unit, column.unit)[0]
     return float(np.std(x - np.interp(t, at, y))) < LIMITS.same_reading_fraction * float(np.std(x))
 
 
@@ -280,7 +280,7 @@ def add_question_if_units_contradict_derivative(
     if min(t.size, at.size) < LIMITS.correlation_min_rows:
         return
     gains = [
-        gain_and_offset_to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
+        find_gain_and_offset_to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
         for each in (rate_proposal, integral_proposal)
     ]
     x, change = x * gains[0], compute_slope_at_times(t, at, y * gains[1]) / LIMITS.slope_span_s

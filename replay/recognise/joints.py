@@ -120,7 +120,7 @@ def _propose_torque_and_speed_of_side(
     efforts = select_array_fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in recognition.recognised_channels:
-        parts = fill_one_or_numbered_channels(recognition, topic, efforts, torque)
+        parts = fill_channel_of_each_joint(recognition, topic, efforts, torque)
         if len(parts) > 1:
             _propose_formula_as_comment(
                 recognition, torque, " + ".join(parts), f"the {side} wheels' torques"
@@ -132,7 +132,7 @@ def _propose_torque_and_speed_of_side(
         _fill_channel_with_joint_field(recognition, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
-    parts = fill_one_or_numbered_channels(recognition, topic, velocities, source)
+    parts = fill_channel_of_each_joint(recognition, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
     _propose_formula_as_comment(
         recognition, speed, f"{mean} * wheel_radius_m", "a wheel's angular speed; needs its radius"
@@ -148,7 +148,7 @@ def _propose_torque_and_speed_of_side(
     )
 
 
-def fill_one_or_numbered_channels(
+def fill_channel_of_each_joint(
     recognition: Recognition, topic: str, joint_fields: Sequence[str], channel: str
 ) -> list[str]:
     """Fill a channel with one field, or numbered channels with several; return their names."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Final
 
-from analysis.model.physical_units import gain_and_offset_to_si
+from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.stages.signals.derive import find_unit_in_name
 from estimators.errors import MachineError
 from replay.recognise.words import ColumnMeaning
@@ -73,7 +73,7 @@ def _split_by_axle(
 def has_same_dimension(unit_a: str, unit_b: str) -> bool:
     """Whether a unit has the dimension of another."""
     try:
-        gain_and_offset_to_si(unit_a, unit_b)
+        find_gain_and_offset_to_si(unit_a, unit_b)
     except MachineError:
         return False
     return True
@@ -188,4 +188,6 @@ def drop_unit_if_si(unit: str | None, channel: str) -> str | None:
     """Unit that a channel must state; None if it is SI."""
     if unit is None:
         return None
-    return None if gain_and_offset_to_si(unit, find_unit_in_name(channel)) == (1.0, 0.0) else unit
+    return (
+        None if find_gain_and_offset_to_si(unit, find_unit_in_name(channel)) == (1.0, 0.0) else unit
+    )

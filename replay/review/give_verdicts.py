@@ -335,7 +335,7 @@ def iter_verdicts_of_label_spans(
 
 
 def _format_label_value(value: object) -> str:
-    """Text of a message's value; whole numbers without decimals."""
+    """Text of a label's value; whole numbers without decimals."""
     if value is None:
         return ""
     if isinstance(value, float) and value.is_integer():

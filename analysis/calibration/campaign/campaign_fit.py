@@ -250,8 +250,8 @@ def tabulate_reference_masses_and_covariance(
             lacks = "empty_mass_kg" if body.empty_mass_kg is None else "empty_mass_u_kg"
             raise CampaignError(
                 f"neither the campaign nor the machine file has machine.{lacks}, but the reference "
-                "mass of each run is the load and the empty machine; give it, or calibrate payload "
-                'with method.estimator = "joint_payload"'
+                "mass of each run is the load plus the empty machine; give it, or calibrate "
+                'payload with method.estimator = "joint_payload"'
             )
         reference_kg = reference_kg + body.empty_mass_kg
         covariance_kg2 = covariance_kg2 + body.empty_mass_u_kg**2

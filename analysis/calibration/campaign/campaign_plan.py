@@ -58,7 +58,7 @@ class CampaignRun(BaseModel):
 
     @property
     def load_id(self) -> str:
-        """The name of what is on board."""
+        """Name of the loads on board."""
         return "+".join(sorted(self.loads)) or EMPTY
 
     def contains_middle_of_span(self, start_s: float, end_s: float) -> bool:
@@ -69,7 +69,7 @@ class CampaignRun(BaseModel):
     @model_validator(mode="after")
     def _refuse_end_before_start(self) -> Self:
         if self.to_s is not None and self.to_s <= (self.from_s or 0.0):
-            raise ValueError(f"run '{self.id}': to_s is not after from_s")
+            raise ValueError(f"run '{self.id}': to_s is not after from_s; correct one of them")
         if len(set(self.loads)) < len(self.loads):
             raise ValueError(f"run '{self.id}': lists the same mass twice; remove one")
         return self
@@ -161,7 +161,9 @@ class NotaryStretch(BaseModel):
     @model_validator(mode="after")
     def _refuse_reversed_range_and_left_out_beyond_it(self) -> Self:
         if self.last < self.first:
-            raise ValueError(f"notary: last is {self.last}, before first, {self.first}")
+            raise ValueError(
+                f"notary: last is {self.last}, before first, {self.first}; correct one"
+            )
         numbers = [each.number for each in self.left_out]
         for number in numbers:
             if not self.first <= number <= self.last:
@@ -214,7 +216,7 @@ class CalibrationCampaign(BaseModel):
         ):
             twice = sorted({each for each in ids if ids.count(each) > 1})
             if twice:
-                raise ValueError(f"two of the {what}s have the same id '{twice[0]}'")
+                raise ValueError(f"two of the {what}s have the same id '{twice[0]}'; rename one")
         known = {each.id for each in self.masses}
         for run in self.runs:
             for load in run.loads:
@@ -233,7 +235,9 @@ class CalibrationCampaign(BaseModel):
         )
         for (log, _, end, first), (other, begin, _, second) in pairwise(spans):
             if log == other and begin < end:
-                raise ValueError(f"runs '{first}' and '{second}' overlap in {log}")
+                raise ValueError(
+                    f"runs '{first}' and '{second}' overlap in {log}; correct from_s or to_s"
+                )
 
     @property
     def does_learn_priors(self) -> bool:

@@ -253,7 +253,7 @@ class Calibration:
 
     @property
     def day_count_with_unknown_scatter(self) -> int:
-        """Days of the runs where these are too few to tell how the machine changes; else 0."""
+        """Number of days of the runs, if too few to estimate the scatter between days; else 0."""
         if self.day_kg is not None and self.day_freedom is None:
             return 0
         days = len({point.day for point in self.points if point.readings})
@@ -276,7 +276,9 @@ class Calibration:
             extra_kg2=sum_variance_not_in_scatter_of_points_kg2(
                 self.stated, self.common_kg if self.common_counts else 0.0
             ),
-            few_dof={} if self.few_days is None else {DAY: self.few_days},
+            degrees_of_freedom_by_scarce_effect={}
+            if self.few_days is None
+            else {DAY: self.few_days},
             most_readings=self.most_readings,
         )
 

@@ -70,7 +70,7 @@ def make_calibration_budget(
     """
     mass_kg, readings = mass_kg_and_readings
     anew = clip_negative_variances_to_stds_kg(
-        inversion.later_mass_variances_kg2(readings), components
+        inversion.compute_later_mass_variance_by_effect_kg2(readings), components
     )
     size = abs(inversion.slope_1)
     rows = [
@@ -285,6 +285,6 @@ def make_line_inversion_for_points(calibration: Calibration, points: list[Point]
         calibration.inversion,
         on_line=np.array([effect.on_line for effect in effects]),
         covariance=variances.covariance,
-        few_dof={DAY: len(days) - 1} if several_days else {},
+        degrees_of_freedom_by_scarce_effect={DAY: len(days) - 1} if several_days else {},
         most_readings=int(readings.max()),
     )

@@ -103,7 +103,9 @@ def _refuse_inconsistent_references(
         )
     largest = float(np.abs(covariance_kg2).max(initial=0.0))
     if not np.allclose(covariance_kg2, covariance_kg2.T, rtol=0.0, atol=1e-9 * largest):
-        raise DataError("calibration: the references' covariance is not symmetric")
+        raise DataError(
+            "calibration: the references' covariance is not symmetric; give a symmetric matrix"
+        )
     if loads and np.linalg.eigvalsh(covariance_kg2).min() < -1e-9 * largest:
         raise DataError("calibration: the references' covariance has a negative variance")
     unknown = set(readings["load_id"]) - set(references["load_id"])

@@ -22,7 +22,7 @@ class StraightLine:
         slope: slope of the line.
         covariance: (2, 2) of intercept and slope.
         chi2: weighted sum of squared distances at the solution.
-        freedom: number of points minus two.
+        degrees_of_freedom: number of points minus two.
         x: (points,) adjusted abscissae.
         residual: (points,) y minus the line at the given x.
     """
@@ -31,7 +31,7 @@ class StraightLine:
     slope: float
     covariance: Floats
     chi2: float
-    freedom: int
+    degrees_of_freedom: int
     x: Floats
     residual: Floats
 
@@ -100,7 +100,7 @@ def fit_line_by_generalised_distance(
         slope=slope,
         covariance=np.asarray(shift @ covariance @ shift.T, np.float64),
         chi2=float(residual @ weight @ residual),
-        freedom=x.size - 2,
+        degrees_of_freedom=x.size - 2,
         x=adjusted + x0,
         residual=residual,
     )

@@ -69,7 +69,10 @@ def compute_lack_of_fit_test(points: Points, known_day_std_kg: float | None) -> 
     below = count - loads - (points.day_count - 1 if DAY in names else 0)
     against = "run to run, at the same load"
     if RUN not in names:
-        below, against = points.within.freedom, "repeatability; run to run would look the same"
+        below, against = (
+            points.within.degrees_of_freedom,
+            "repeatability; run to run would look the same",
+        )
     if above < 1 or below < 1 or not names:
         return LackOfFit(
             None,
@@ -165,15 +168,16 @@ def fit_calibration_line(
         centre_kg=line.centre_kg,
         level_kg=line.level_kg,
         chi2_1=line.chi2,
-        freedom=line.freedom,
+        freedom=line.degrees_of_freedom,
         repeatability_kg=by_name[REPEATABILITY].std_kg if REPEATABILITY in by_name else None,
-        repeatability_freedom=points.within.freedom,
+        repeatability_freedom=points.within.degrees_of_freedom,
         run_kg=by_name[RUN].std_kg if RUN in by_name else None,
-        run_freedom=line.freedom - (points.day_count - 1 if day and day.estimated else 0),
+        run_freedom=line.degrees_of_freedom
+        - (points.day_count - 1 if day and day.estimated else 0),
         day_kg=day.std_kg if day else None,
         day_freedom=points.day_count - 1 if day and day.estimated else None,
         components=components,
-        few_days=line.few_days,
+        few_days=line.day_degrees_of_freedom,
         most_readings=line.most_readings,
         variance_covariance=tuple(tuple(map(float, row)) for row in line.variances.covariance),
         stated=options.stated,
@@ -254,7 +258,7 @@ def count_degrees_of_freedom_of_variance(
 ) -> float:
     """Degrees of freedom of an estimated variance; those of readings are counted."""
     if effect_name == REPEATABILITY:
-        return float(campaign.points.within.freedom)
+        return float(campaign.points.within.degrees_of_freedom)
     uncertain = float(line.variances.covariance[effect_index, effect_index])
     return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0
 

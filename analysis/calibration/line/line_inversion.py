@@ -42,9 +42,9 @@ class LineInversion:
         estimated: (estimated,) effects whose variances are estimated.
         covariance: (estimated, estimated) covariance of these variances.
         extra_kg2: variance of every later value that the points do not show.
-        few_dof: effects with few degrees of freedom, by name, with these: each has its own Student
-            factor. Welch and Satterthwaite's single one trusts an estimate of one or two degrees of
-            freedom when it happens to be small.
+        degrees_of_freedom_by_scarce_effect: effects with few degrees of freedom, by name, with
+            these: each has its own Student factor. Welch and Satterthwaite's single one trusts an
+            estimate of one or two degrees of freedom when it happens to be small.
         most_readings: largest number of readings of a run of the campaign.
     """
 
@@ -58,7 +58,7 @@ class LineInversion:
     estimated: Ints
     covariance: Floats
     extra_kg2: float
-    few_dof: Mapping[str, int]
+    degrees_of_freedom_by_scarce_effect: Mapping[str, int]
     most_readings: int
 
     @classmethod
@@ -76,7 +76,9 @@ class LineInversion:
             estimated=np.flatnonzero([effect.estimated for effect in effects]).astype(np.int64),
             covariance=line.variances.covariance,
             extra_kg2=unobserved_variance_kg2,
-            few_dof={} if line.few_days is None else {DAY: line.few_days},
+            degrees_of_freedom_by_scarce_effect={}
+            if line.day_degrees_of_freedom is None
+            else {DAY: line.day_degrees_of_freedom},
             most_readings=line.most_readings,
         )
 
@@ -118,7 +120,7 @@ class LineInversion:
         half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
-    def later_mass_variances_kg2(self, reading_count: float) -> Floats:
+    def compute_later_mass_variance_by_effect_kg2(self, reading_count: float) -> Floats:
         """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
         return (
             self._make_effect_factors_of_later_value(np.array([reading_count]))[0]
@@ -271,12 +273,14 @@ class LineInversion:
         """
         rest = gradient.copy()
         squared = np.zeros_like(gradient)
-        for name, freedom in self.few_dof.items():
+        for name, degrees_of_freedom in self.degrees_of_freedom_by_scarce_effect.items():
             k = self.effects[name]
             if self.variance_kg2[k] > 0.0:
                 rest[:, k] = 0.0
                 squared[:, k] = (
-                    compute_two_sided_student_factor(confidence_1, np.array([float(freedom)]))[0]
+                    compute_two_sided_student_factor(
+                        confidence_1, np.array([float(degrees_of_freedom)])
+                    )[0]
                     ** 2
                 )
         common = compute_two_sided_student_factor(
@@ -294,14 +298,16 @@ class LineInversion:
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)
         return np.array(
             [
-                variances.compute_satterthwaite_dof(row[self.estimated], float(all_kg2))
+                variances.compute_satterthwaite_degrees_of_freedom(
+                    row[self.estimated], float(all_kg2)
+                )
                 for row, all_kg2 in zip(gradients, total_variances, strict=True)
             ]
         )
 
 
-def compute_two_sided_student_factor(confidence_1: float, dof: Floats) -> Floats:
-    """Student's factor of a two-sided interval, by element; normal for infinite `dof`."""
+def compute_two_sided_student_factor(confidence_1: float, degrees_of_freedom: Floats) -> Floats:
+    """Student's factor of a two-sided interval, by element; that of a normal for infinite ones."""
     level = 0.5 + 0.5 * confidence_1
-    finite = np.isfinite(dof)
-    return np.where(finite, stdtrit(np.where(finite, dof, 1.0), level), ndtri(level))
+    finite = np.isfinite(degrees_of_freedom)
+    return np.where(finite, stdtrit(np.where(finite, degrees_of_freedom, 1.0), level), ndtri(level))

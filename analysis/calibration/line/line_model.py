@@ -101,11 +101,11 @@ class FittedLine:
     effects: tuple[Effect, ...]
     variances: Variances
     chi2: float
-    freedom: int
+    degrees_of_freedom: int
     residual_kg: Floats
     point_covariance_kg2: Floats
     adjusted_kg: Floats
-    few_days: int | None
+    day_degrees_of_freedom: int | None
     most_readings: int
 
 
@@ -119,7 +119,7 @@ def choose_estimable_random_effects(
     """
     names: list[str] = []
     count, days = points.y_kg.size, points.day_count
-    if points.within.freedom:
+    if points.within.degrees_of_freedom:
         names.append(REPEATABILITY)
     if count > parameter_count:
         names.append(RUN)
@@ -135,8 +135,9 @@ def choose_estimable_random_effects(
 def make_mean_square_to_variance_matrix(points: Points, effect_names: tuple[str, ...]) -> Floats:
     """(effects, effects) matrix from mean squares, which cannot be negative, to variances.
 
-    If means of runs scatter by chance less than their readings imply, their own variance is
-    negative; cut off at 0, it would widen every interval by the factor of few degrees of freedom.
+    Run means may scatter by chance less than their readings imply; the variance between runs is
+    then negative. Cut off at 0, it would leave few degrees of freedom, and their Student factor
+    would widen every interval.
     The mean squares of a run's mean, with the largest number of readings, and of a day's mean stay
     positive.
     """
@@ -270,11 +271,11 @@ def fit_line_and_variances(
         effects=scatter.describe_effects_on_line(variances, design, slope, x_cov),
         variances=variances,
         chi2=line.chi2,
-        freedom=line.freedom,
+        degrees_of_freedom=line.degrees_of_freedom,
         residual_kg=line.residual,
         point_covariance_kg2=scatter.combine_effect_covariances(variances.value) + slope**2 * x_cov,
         adjusted_kg=line.x + centre_kg,
-        few_days=points.day_count - 1
+        day_degrees_of_freedom=points.day_count - 1
         if DAY in names and points.day_count < LIMITS.enough_days
         else None,
         most_readings=int(points.readings.max()),

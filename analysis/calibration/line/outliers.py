@@ -78,14 +78,14 @@ def find_outlying_readings_and_runs(campaign: Campaign, line: FittedLine) -> tup
         number = part["reading"][place] if "reading" in part.columns else place
         found.append(Outlier("Grubbs", f"reading {number} of run '{run_id}'", distance, p))
     found = [Outlier(one.test, one.about, one.value_1, min(tested * one.p_1, 1.0)) for one in found]
-    freedom = line.freedom
-    if freedom > 1:
+    degrees_of_freedom = line.degrees_of_freedom
+    if degrees_of_freedom > 1:
         for place, residual in zip(
             campaign.fitted, compute_studentised_residuals(line), strict=True
         ):
-            left = freedom - residual**2
-            t = abs(residual) * np.sqrt((freedom - 1) / left) if left > 0.0 else np.inf
-            p = min(2.0 * line.residual_kg.size * float(stdtr(freedom - 1, -t)), 1.0)
+            left = degrees_of_freedom - residual**2
+            t = abs(residual) * np.sqrt((degrees_of_freedom - 1) / left) if left > 0.0 else np.inf
+            p = min(2.0 * line.residual_kg.size * float(stdtr(degrees_of_freedom - 1, -t)), 1.0)
             about = f"run '{runs[int(place)]}'"
             found.append(Outlier("studentised residual", about, float(residual), p))
     return tuple(one for one in found if one.p_1 < LIMITS.outlier_probability)
@@ -123,8 +123,8 @@ def find_runs_with_swapped_loads(calibration: Calibration) -> RunsWithSwappedLoa
     runs better than leaving out any one of them.
     """
     points = [each for each in calibration.points if each.mean_kg is not None and each.readings]
-    freedom = len(points) - 2
-    if freedom < 2:
+    degrees_of_freedom = len(points) - 2
+    if degrees_of_freedom < 2:
         return None
     whiten = _compute_whitening_matrix(calibration, points)
     x_kg = np.array([point.reference_kg for point in points])
@@ -143,8 +143,8 @@ def find_runs_with_swapped_loads(calibration: Calibration) -> RunsWithSwappedLoa
     taken = _compute_squares_removed_by_columns(along[first] - along[second], size)
     # of readings that rounding alone scatters nothing is told
     floor = np.finfo(float).eps * float(y @ y)
-    variance = np.maximum(squares - taken, floor) / (freedom - 1)
-    p = first.size * stdtr(freedom - 1, -np.sqrt(taken / variance))
+    variance = np.maximum(squares - taken, floor) / (degrees_of_freedom - 1)
+    p = first.size * stdtr(degrees_of_freedom - 1, -np.sqrt(taken / variance))
     best: int | None = None
     for n in np.flatnonzero(p < LIMITS.swap_probability).tolist():
         swapped_kg = x_kg.copy()
@@ -156,7 +156,7 @@ def find_runs_with_swapped_loads(calibration: Calibration) -> RunsWithSwappedLoa
         return None
     n, exchanged = best, least
     beyond = max(exchanged - float(squares - taken[n]), 0.0) / float(variance[n])
-    if float(fdtrc(1, freedom - 1, beyond)) <= LIMITS.swap_size_probability:
+    if float(fdtrc(1, degrees_of_freedom - 1, beyond)) <= LIMITS.swap_size_probability:
         return None
     return RunsWithSwappedLoads(
         (points[first[n]].run_id, points[second[n]].run_id),
@@ -179,7 +179,7 @@ def _compute_whitening_matrix(calibration: Calibration, points: list[Point]) -> 
 
 
 def _compute_residual_projector(whitening_matrix: Floats, x_kg: Floats) -> Floats:
-    """(points, points) projection of whitened points on what a line leaves of them."""
+    """(points, points) projector of whitened points onto their residuals about a line."""
     q = np.linalg.qr(whitening_matrix @ np.column_stack([np.ones_like(x_kg), x_kg - x_kg.mean()]))[
         0
     ]
@@ -189,7 +189,7 @@ def _compute_residual_projector(whitening_matrix: Floats, x_kg: Floats) -> Float
 def _compute_squares_removed_by_columns(
     products_with_residual: Floats, squared_norms: Floats
 ) -> Floats:
-    """(columns,) sum of squares that each column alone takes off a residual.
+    """(columns,) decrease of a residual's sum of squares by each column alone.
 
     Args:
         products_with_residual: (columns,) its scalar products with the residual.

@@ -14,11 +14,11 @@ class WithinRunVariance:
 
     Attributes:
         squares: sum of squares, in kg².
-        freedom: number of readings minus number of means.
+        degrees_of_freedom: number of readings minus number of means.
     """
 
     squares: float
-    freedom: int
+    degrees_of_freedom: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,9 @@ class Variances:
         """Variances of the linear combinations `coefficients` @ value."""
         return Variances(coefficients @ self.value, coefficients @ self.covariance @ coefficients.T)
 
-    def compute_satterthwaite_dof(self, weights: Floats, total_variance: float) -> float:
+    def compute_satterthwaite_degrees_of_freedom(
+        self, weights: Floats, total_variance: float
+    ) -> float:
         """Degrees of freedom of `total_variance`, whose estimated part is `weights` @ value.
 
         Source:
@@ -64,7 +66,7 @@ def estimate_variances_by_reml(
         residual: (points,) observations minus any combination of the design's columns.
         design: (points, parameters) regressors that are fitted with them.
         effects: (effects, points, points) structure of each; the first is that of readings if
-            `within.freedom` is not 0.
+            `within.degrees_of_freedom` is not 0.
         known_covariance: (points, points) known covariance.
         within_run: scatter of the readings, for the first effect.
         initial_variances: (effects,) initial variances; None uses those of least squares.
@@ -100,11 +102,11 @@ def guess_initial_variances(
 ) -> Floats:
     """Initial variances (effects,): equal shares of the residual, and the readings' own."""
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
-    freedom = max(residual.size - design.shape[1], 1)
-    spread = max(float(left @ left) / freedom, 1e-300)
+    degrees_of_freedom = max(residual.size - design.shape[1], 1)
+    spread = max(float(left @ left) / degrees_of_freedom, 1e-300)
     value = np.full(len(effects), spread / len(effects))
-    if within_run.freedom:
-        value[0] = max(within_run.squares / within_run.freedom, 1e-300)
+    if within_run.degrees_of_freedom:
+        value[0] = max(within_run.squares / within_run.degrees_of_freedom, 1e-300)
     return value
 
 
@@ -145,8 +147,8 @@ def compute_fisher_information(
 ) -> Floats:
     """Expected information (effects, effects) on the variances; readings add to the first."""
     information = 0.5 * np.einsum("kij,lji->kl", projected_effects, projected_effects)
-    if within_run.freedom:
-        information[0, 0] += 0.5 * within_run.freedom / variances[0] ** 2
+    if within_run.degrees_of_freedom:
+        information[0, 0] += 0.5 * within_run.degrees_of_freedom / variances[0] ** 2
     return information
 
 
@@ -165,8 +167,10 @@ def compute_reml_score_and_information(
     score = 0.5 * (
         np.einsum("i,kij,j->k", projected, effects, projected) - np.trace(through, 0, 1, 2)
     )
-    if within_run.freedom:
-        score[0] += 0.5 * (within_run.squares / variances[0] - within_run.freedom) / variances[0]
+    if within_run.degrees_of_freedom:
+        score[0] += (
+            0.5 * (within_run.squares / variances[0] - within_run.degrees_of_freedom) / variances[0]
+        )
     return score, compute_fisher_information(through, within_run, variances)
 
 

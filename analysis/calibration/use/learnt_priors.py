@@ -154,11 +154,11 @@ def estimate_between_log_variance(
     """Variance between logs; 0 if the differences are not significant at this level."""
     weight = 1.0 / variances
     mean = float(weight @ estimates / weight.sum())
-    squares, freedom = float(weight @ (estimates - mean) ** 2), estimates.size - 1
-    if float(chdtrc(freedom, squares)) > significance_level:
+    squares, degrees_of_freedom = float(weight @ (estimates - mean) ** 2), estimates.size - 1
+    if float(chdtrc(degrees_of_freedom, squares)) > significance_level:
         return 0.0
     spare = float(weight.sum() - (weight @ weight) / weight.sum())
-    return max(squares - freedom, 0.0) / spare
+    return max(squares - degrees_of_freedom, 0.0) / spare
 
 
 def copy_machine_with_learnt_priors(

@@ -190,7 +190,8 @@ class TrialDriver(MachineDriver):
             )
             if not self._moved:
                 raise ScenarioError(
-                    f"campaign.throttle_force_N: {full_N:.0f} N do not move {body.mass_kg:g} kg"
+                    f"campaign.throttle_force_N: {full_N:.0f} N do not move {body.mass_kg:g} kg; "
+                    "raise it"
                 )
             if leg.stand_s is not None:
                 shut = stage._replace(begin_s=self.time_s, pedal_N_s_m=0.0, one_way=0.0)

@@ -19,7 +19,10 @@ from analysis.simulation.plant.integrated_motion import (
     RowBuffer,
 )
 from analysis.simulation.plant.plant_inputs import DriveStage, make_machine_and_ground_of_scenario
-from analysis.simulation.plant.resistance import cold_friction_fraction, rolling_resistance
+from analysis.simulation.plant.resistance import (
+    cold_friction_fraction,
+    compute_rolling_resistance_newtons,
+)
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_random_generator
@@ -99,9 +102,7 @@ class MachineDriver:
         drivetrain, chassis = scenario.drivetrain, scenario.chassis
         self._swings = bool(drivetrain.resonance_hz or chassis.squat_hz or chassis.boom_kg)
         self._step_s = min(
-            LIMITS.step_s,
-            1.0 / (LIMITS.steps_per_swing * fastest),
-            lag_s / LIMITS.steps_per_lag,
+            LIMITS.step_s, 1.0 / (LIMITS.steps_per_swing * fastest), lag_s / LIMITS.steps_per_lag
         )
 
     @property
@@ -222,9 +223,7 @@ class MachineDriver:
         filled_kg += start_order.fill_kg_s * (cruise_s - lead_s)
         braking_s = self.time_s
         braked = stage_from_now(keeping)._replace(
-            fill_kg_s=0.0,
-            gentle_m_s2=brakes.gentle_m_s2,
-            gentle_from_s=braking_s,
+            fill_kg_s=0.0, gentle_m_s2=brakes.gentle_m_s2, gentle_from_s=braking_s
         )
         if lead_s:
             self.integrate_stage(BRAKING, braked, lead_s)
@@ -291,7 +290,8 @@ class MachineDriver:
         )
         if np.abs(rows[:kept, 1 + plant.WHEEL]).max() > LIMITS.top_speed_m_s:
             raise ScenarioError(
-                f"campaign.throttle_force_N: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
+                "campaign.throttle_force_N: drives the machine beyond "
+                f"{LIMITS.top_speed_m_s:g} m/s; lower it"
             )
         self.kept.commit_rows(kept, stage_kind)
         return rows[:kept]
@@ -369,7 +369,7 @@ class MachineDriver:
     ) -> float:
         """Rolling resistance of a mass at the machine's position, in N."""
         slope_rad = float(self.scenario.terrain.compute_slope_rad(self.position_m))
-        return rolling_resistance(
+        return compute_rolling_resistance_newtons(
             self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._machine
         )
 

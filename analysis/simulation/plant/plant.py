@@ -18,9 +18,9 @@ import numpy as np
 from analysis.simulation.plant.plant_inputs import DriveStage, MachineAndGround
 from analysis.simulation.plant.resistance import (
     cold_friction_fraction,
-    coulomb_friction_force,
-    gentle_brake_force,
-    rolling_resistance,
+    compute_coulomb_friction_newtons,
+    compute_gentle_brake_force_newtons,
+    compute_rolling_resistance_newtons,
 )
 from estimators.arrays import Floats
 from estimators.compiled import compiled, compiled_inline
@@ -138,10 +138,10 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     force = limit_motor_force(y[DRIVE], wheel, machine)
     ground = force / machine.efficiency if force * wheel < 0.0 else force * machine.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
-    capacity = coulomb_friction_force(t, turn, machine, stage)
-    capacity += rolling_resistance(
+    capacity = compute_coulomb_friction_newtons(t, turn, machine, stage)
+    capacity += compute_rolling_resistance_newtons(
         y[POSITION], wheel, turn, mass, slope, machine
-    ) + gentle_brake_force(t, grip, mass, gravity, machine, stage)
+    ) + compute_gentle_brake_force_newtons(t, grip, mass, gravity, machine, stage)
     # material that stood takes up the body's speed
     filling = stage.fill_kg_s * body
     soft = machine.resonance_rad_s > 0.0

@@ -19,7 +19,7 @@ def cold_friction_fraction(time_s: float, cold_excess_fraction: float, warming_s
 
 
 @compiled_inline
-def coulomb_friction_force(
+def compute_coulomb_friction_newtons(
     time_s: float, turn_rad_s: float, machine: MachineAndGround, stage: DriveStage
 ) -> float:
     """Coulomb friction at a time and yaw rate, in N: its limit at rest, its force in motion."""
@@ -37,7 +37,7 @@ def coulomb_friction_force(
 
 
 @compiled_inline
-def gentle_brake_force(
+def compute_gentle_brake_force_newtons(
     time_s: float,
     grip: float,
     mass_kg: float,
@@ -53,7 +53,7 @@ def gentle_brake_force(
 
 
 @compiled_inline
-def rolling_resistance(
+def compute_rolling_resistance_newtons(
     position_m: float,
     speed_m_s: float,
     turn_rad_s: float,

@@ -144,7 +144,7 @@ class Travel(_Manoeuvre):
             ("stand_least_s", "stand_most_s"),
         ):
             if getattr(self, least) > getattr(self, most):
-                raise ValueError(f"{least!r} is greater than {most!r}")
+                raise ValueError(f"{least!r} is greater than {most!r}; correct one of them")
         return self
 
 

@@ -147,9 +147,9 @@ class _TrialLimits:
             where = f"in {scenario_key or 'campaign'}.start_s"
             raise ScenarioError(
                 f"{scenario_key or 'campaign.throttle_force_N'}: "
-                f"reaches {reached_N:.0f} N {where}, but "
-                f"slope and friction hold {self.heaviest.mass_kg:g} kg with "
-                f"{resistance_N:.0f} N"
+                f"the driving force reaches {reached_N:.0f} N {where}, but "
+                f"slope and friction resist {self.heaviest.mass_kg:g} kg with "
+                f"{resistance_N:.0f} N; raise the force or reduce slope or friction"
             )
         light = self.lightest
         downhill = self._largest_uphill_deceleration_m_s2(sign)
@@ -159,7 +159,8 @@ class _TrialLimits:
         ):
             raise ScenarioError(
                 f"{scenario_key or 'campaign.throttle_force_N'}: drives the machine beyond "
-                f"{LIMITS.top_speed_m_s:g} m/s in {scenario_key or 'campaign'}.start_s"
+                f"{LIMITS.top_speed_m_s:g} m/s in {scenario_key or 'campaign'}.start_s; "
+                "lower one of them"
             )
         self._refuse_brakes_weaker_than_slope(downhill)
 
@@ -172,15 +173,15 @@ class _TrialLimits:
         resistance_N_m = self.heaviest.coulomb_z_N_m + self._largest_slope_torque_newton_metres()
         if reached_N_m <= resistance_N_m:
             raise ScenarioError(
-                f"{scenario_key}: reaches {reached_N_m:.0f} N·m in start_s, "
-                f"but slope and Coulomb friction "
-                f"hold it with {resistance_N_m:.0f} N·m"
+                f"{scenario_key}: the driving torque reaches {reached_N_m:.0f} N·m in start_s, but "
+                f"slope and Coulomb friction resist with {resistance_N_m:.0f} N·m; raise the "
+                "torque or reduce slope or friction"
             )
         slowest = max(self.lightest.friction_z_N_m_s, self.lightest.inertia_z_kg_m2 / spin.start_s)
         if full_N_m > LIMITS.top_yaw_rate_rad_s * slowest:
             raise ScenarioError(
                 f"{scenario_key}: turns the machine faster than "
-                f"{LIMITS.top_yaw_rate_rad_s:g} rad/s in start_s"
+                f"{LIMITS.top_yaw_rate_rad_s:g} rad/s in start_s; lower throttle or start_s"
             )
         self._refuse_brakes_weaker_than_slope(0.0)
 
@@ -193,13 +194,14 @@ class _TrialLimits:
         slow = max(light.friction_x_N_s_m, light.mass_kg / excitation.duration_s)
         if force and push_N > LIMITS.top_speed_m_s * slow:
             raise ScenarioError(
-                f"{scenario_key}.force: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s"
+                f"{scenario_key}.force: drives the machine beyond {LIMITS.top_speed_m_s:g} m/s; "
+                "lower it"
             )
         slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excitation.duration_s)
         if highest_N_m > LIMITS.top_yaw_rate_rad_s * slow:
             raise ScenarioError(
                 f"{scenario_key}.torque: turns the machine faster than "
-                f"{LIMITS.top_yaw_rate_rad_s:g} rad/s"
+                f"{LIMITS.top_yaw_rate_rad_s:g} rad/s; lower it"
             )
         self._refuse_brakes_weaker_than_slope(-abs(light.uphill_m_s2))
 

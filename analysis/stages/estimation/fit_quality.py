@@ -33,7 +33,7 @@ def fit_ungated(A: Floats, f: Floats, is_moving: Bools) -> UngatedFit:
     return UngatedFit(float(traced.theta[0, 0]), float(traced.std[0, 0]), r_squared)
 
 
-def partial_correlation(A: Floats, f: Floats, is_moving: Bools) -> float:
+def compute_partial_correlation(A: Floats, f: Floats, is_moving: Bools) -> float:
     """Correlation of a and F after regressing both on the other columns and a constant."""
     if not has_enough_moving_samples(A, is_moving):
         return float("nan")

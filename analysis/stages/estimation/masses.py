@@ -202,15 +202,16 @@ def explain_why_gate_accepted_nothing(
         if longest_s < window_s:
             return (
                 f"the longest stretch without {what} is {longest_s:.2f} s, "
-                f"the window {window_s:.2f} s{_describe_braking_remedy(what)}"
+                f"the window {window_s:.2f} s{_describe_remedy_if_rejected_for_braking(what)}"
             )
     reasons = gated["reason_x"].cast(pl.String)
     counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
     often = counts["reason_x"][0]
-    return f"no window was accepted, most often for: {often}{_describe_braking_remedy(often)}"
+    remedy = _describe_remedy_if_rejected_for_braking(often)
+    return f"no window was accepted, most often for: {often}{remedy}"
 
 
-def _describe_braking_remedy(rejection_reason: str) -> str:
+def _describe_remedy_if_rejected_for_braking(rejection_reason: str) -> str:
     if rejection_reason != "braking":
         return ""
     return "; if the force sensor measures the brakes, set settings.gate.exclude_braking = false"

@@ -66,7 +66,7 @@ def _make_gate_columns(
     complete[: window - 1] = False
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
-    known = collect_axis_noise(axis, settings, noise).mean
+    known = collect_axis_noise(axis, settings, noise).moving_mean_covariance
     for whole, part in zip(
         seen, ls.compute_window_statistics(A, f, window, rows, known), strict=True
     ):

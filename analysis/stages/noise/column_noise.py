@@ -174,10 +174,10 @@ def estimate_attenuation_errors_of_windows(
         settings: settings with the window.
         noise: noise of the axis.
     """
-    if noise.mean is None:
+    if noise.moving_mean_covariance is None:
         return np.zeros_like(theta)
     drawn = compute_attenuation_corrections_of_windows(
-        A, f, settings.gate.window_samples, index, theta, noise.mean
+        A, f, settings.gate.window_samples, index, theta, noise.moving_mean_covariance
     )
     return METHOD_LIMITS.uncertain_correction_fraction * drawn if method.takes_noise_off else drawn
 
@@ -189,7 +189,7 @@ def estimate_window_stds_by_column_noise(
 
     The residuals of a window may be tiny by chance, or if the force is a function of the speed.
     """
-    if noise.mean is None or noise.lasting is None:
+    if noise.moving_mean_covariance is None or noise.long_sum_variance is None:
         return np.zeros_like(theta)
     p = A.shape[1]
     grams = np.ascontiguousarray(solve_windows(A, f, window, index).grams.T)
@@ -197,7 +197,7 @@ def estimate_window_stds_by_column_noise(
     each = np.ascontiguousarray(theta.T)
     # slow columns add up what lasts; no sample has less than its own
     variance = np.maximum(
-        compute_residual_noise_variance(each, noise.mean),
-        compute_residual_noise_variance(each, noise.lasting),
+        compute_residual_noise_variance(each, noise.moving_mean_covariance),
+        compute_residual_noise_variance(each, noise.long_sum_variance),
     )
     return np.sqrt(np.array([bread[i, i] for i in range(p)]) * variance).T

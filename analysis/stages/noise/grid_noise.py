@@ -149,11 +149,11 @@ def simulate_noise_covariances_on_grid(
     """
     settings = machine.settings.align
     std = {
-        name: estimate_white_noise_std(t, x, filters.gap_threshold_ns(t, settings))
+        name: estimate_white_noise_std(t, x, filters.compute_gap_threshold_ns(t, settings))
         for name, (t, x) in channels.items()
         if name not in UNFILTERED
     }
-    longest_ns = max(filters.gap_threshold_ns(t, settings) for t, _ in channels.values())
+    longest_ns = max(filters.compute_gap_threshold_ns(t, settings) for t, _ in channels.values())
     part = repeat_short_log_stamps(
         select_stamps_of_simulated_rows(channels, settings.rate_hz), settings.rate_hz, longest_ns
     )
@@ -226,7 +226,7 @@ def estimate_white_noise_std(t_ns: Ints, readings: Floats, max_gap_ns: float) ->
     """
     whole = np.ones(t_ns.size, np.bool_)
     whole[1:] = np.diff(t_ns) <= max_gap_ns
-    fast, top = choose_relative_noise_band(1e9 / filters.median_period_ns(t_ns))
+    fast, top = choose_relative_noise_band(1e9 / filters.compute_median_period_ns(t_ns))
     power = compute_mean_block_spectrum(readings, choose_overlapping_block_ends(whole), fast)
     if power is None:
         second = np.diff(readings, 2)[whole[1:-1] & whole[2:]]

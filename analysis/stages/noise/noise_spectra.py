@@ -300,7 +300,9 @@ def limit_noise_covariances_in_place(
     is_moving: Bools,
     derivative_of: list[int],
 ) -> None:
-    """Reduce covariances that exceed their limit, in place, with those of derivatives.
+    """Reduce the covariances of columns whose noise exceeds its limit, in place.
+
+    The covariances of the columns that these are the derivative of are reduced with them.
 
     Args:
         covariances: (columns, columns, LAGS) covariances.

@@ -242,7 +242,10 @@ def choose_grid_latency_ns(series: Mapping[str, ChannelSeries], machine: Machine
         return round(given * 1e9)
     names = frozenset[str]().union(*rates.list_channel_sets_of_equations(machine)) & set(series)
     return round(
-        max(filters.median_period_ns(series[n].t_ns) + series[n].typical_lag_ns for n in names)
+        max(
+            filters.compute_median_period_ns(series[n].t_ns) + series[n].typical_lag_ns
+            for n in names
+        )
     )
 
 

@@ -17,10 +17,10 @@ from analysis.expressions.parse import (
     iter_differentiated_channels,
 )
 from analysis.expressions.values import evaluate_and_count_near_zero_divisors
+from analysis.model import physical_units
 from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
 from analysis.model.machine_body import BODY_NUMBERS
-from analysis.model.physical_units import gain_and_offset_to_si, split_unit_from_name, unit_registry
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters, mounting
@@ -61,7 +61,7 @@ def derive_channels_in_si(
         channel = machine.channels[name]
         if channel.differentiated_channel:
             t, x = series[channel.differentiated_channel]
-            longest_ns = filters.gap_threshold_ns(t, settings.align)
+            longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
             t, x = filters.differentiate_signal(t, x, longest_ns, causal=settings.filter.causal)
         elif channel.averaged_channels:
             first, second = channel.averaged_channels
@@ -77,9 +77,7 @@ def derive_channels_in_si(
     # the sign of a standing machine's noise is a regressor of pure noise
     moves = np.abs(speed) > settings.forces.direction_deadband_m_s
     series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
-    columns = {
-        name: [pl.Series("unix_ns", t), pl.Series(name, x)] for name, (t, x) in series.items()
-    }
+    columns = {n: [pl.Series("unix_ns", t), pl.Series(n, x)] for n, (t, x) in series.items()}
     if settings.filter.causal:
         known = find_known_times_of_samples_ns(measured, picked, whole, machine)
         for name, each in columns.items():
@@ -98,8 +96,9 @@ def parse_derivation_in_si(name: str, machine: Machine) -> Expression:
     assert tree is not None
     try:
         units = {each: find_unit_in_name(each) for each in iter_channel_names(tree)}
-        found, dimension = convert_to_si(tree, units, unit_registry())
-        _, wanted = convert_to_si(Name(name), {name: find_unit_in_name(name)}, unit_registry())
+        registry = physical_units.get_unit_registry()
+        found, dimension = convert_to_si(tree, units, registry)
+        _, wanted = convert_to_si(Name(name), {name: find_unit_in_name(name)}, registry)
     except (ExpressionError, MachineError) as error:
         raise MachineError(f"channels.{name}: {error}") from None
     if dimension != wanted:
@@ -119,7 +118,7 @@ def find_unit_in_name(name: str) -> str:
     """
     if name in _SI:
         return "" if _SI[name] == "1" else _SI[name]
-    _, unit = split_unit_from_name(name)
+    _, unit = physical_units.split_unit_from_name(name)
     if unit is None and name not in BODY_NUMBERS and not name.endswith("_1"):
         raise MachineError(
             f"'{name}' does not end in its unit; call it {name}_A, or {name}_1 for a pure number"
@@ -139,19 +138,19 @@ def compute_arithmetic_channel(
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
     for each in iter_differentiated_channels(tree):
         t, x = series[each]
-        longest_ns = filters.gap_threshold_ns(t, settings.align)
+        longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
         own[f"{SLOPE} {each}"] = filters.differentiate_signal(
             t, x, longest_ns, causal=settings.filter.causal
         )
     steps = {each for each in own if machine.is_piecewise_constant(each)}
     at = max(
         (t for each, (t, _) in own.items() if each not in steps or len(steps) == len(own)),
-        key=lambda t: (filters.median_period_ns(t), -t.size),
+        key=lambda t: (filters.compute_median_period_ns(t), -t.size),
     )
     values: dict[str, filters.Floats] = {}
     for each, (t, x) in own.items():
         read = interpolate_between_steps if each in steps else filters.interpolate_in_stretches
-        longest_ns = filters.gap_threshold_ns(t, settings.align)
+        longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
         values[each] = x if np.array_equal(t, at) else read(t, x, at, longest_ns)
     for each in BODY_NUMBERS:
         number = getattr(machine.machine, each)
@@ -218,15 +217,12 @@ def low_pass_fast_channels(
     settings = machine.settings
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
     rates_hz = {
-        n: 1e9 / filters.median_period_ns(t)
+        n: 1e9 / filters.compute_median_period_ns(t)
         for n, (t, _) in measured.items()
         if n not in UNFILTERED and not machine.is_piecewise_constant(n)
     }
-    slow = {
-        name: hz
-        for name, hz in rates_hz.items()
-        if cutoff_hz > LIMITS.cutoff_max_rate_fraction * hz
-    }
+    most = LIMITS.cutoff_max_rate_fraction
+    slow = {name: hz for name, hz in rates_hz.items() if cutoff_hz > most * hz}
     notes += [
         f"{name}: low-pass of {cutoff_hz:g} Hz not applied, its topic has only {hz:.4g} Hz"
         for name, hz in slow.items()
@@ -237,10 +233,9 @@ def low_pass_fast_channels(
     out = dict(measured)
     for name in (each for each in rates_hz if each not in slow):
         t, x = measured[name]
-        longest_ns = filters.gap_threshold_ns(t, settings.align)
-        out[name] = _zero_unresolved_samples(
-            name, *filters.apply_low_pass(t, x, cutoff_hz, longest_ns, causal=causal)
-        )
+        longest_ns = filters.compute_gap_threshold_ns(t, settings.align)
+        filtered = filters.apply_low_pass(t, x, cutoff_hz, longest_ns, causal=causal)
+        out[name] = _zero_unresolved_samples(name, *filtered)
     return out
 
 
@@ -260,9 +255,10 @@ def read_field_of_channel(
 ) -> tuple[filters.Ints, filters.Floats]:
     """Stamps and values of a channel's field in SI units, (n,) each."""
     field = str(channel.field)
-    gain, offset = (
-        gain_and_offset_to_si(channel.unit, find_unit_in_name(name)) if channel.unit else (1.0, 0.0)
-    )
+    gain, offset = 1.0, 0.0
+    if channel.unit:
+        si_unit = find_unit_in_name(name)
+        gain, offset = physical_units.find_gain_and_offset_to_si(channel.unit, si_unit)
     with np.errstate(over="ignore"):  # what does not fit is no reading
         x = _read_field_numbers(name, channel, field, frame) * channel.scale + channel.offset
         x = x * gain + offset
@@ -326,7 +322,7 @@ def select_usable_readings(
         )
     t, readings = t[told][last], readings[told][last]
     if t.size < 2:
-        raise DataError(f"{name}: {where} holds a single sample")
+        raise DataError(f"{name}: {where} holds a single sample, but at least two are needed")
     return t - delay_ns, set_values_below_resolution_to_zero(readings)
 
 
@@ -351,9 +347,11 @@ def average_two_channels(
 
     The slower one's stamps are used if interpolation would low-pass it, else the first one's.
     """
-    if filters.median_period_ns(b[0]) > LIMITS.other_rate_ratio * filters.median_period_ns(a[0]):
+    period_ns = filters.compute_median_period_ns
+    if period_ns(b[0]) > LIMITS.other_rate_ratio * period_ns(a[0]):
         a, b = b, a
-    t, other = filters.interpolate_linearly(*b, a[0], filters.gap_threshold_ns(b[0], settings))
+    longest_ns = filters.compute_gap_threshold_ns(b[0], settings)
+    t, other = filters.interpolate_linearly(*b, a[0], longest_ns)
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 

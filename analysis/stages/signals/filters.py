@@ -11,7 +11,7 @@ from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 
-def median_period_ns(t_ns: Ints) -> float:
+def compute_median_period_ns(t_ns: Ints) -> float:
     """Median period of ascending stamps in ns; NaN below two samples."""
     if t_ns.size < 2:
         return float("nan")
@@ -24,12 +24,14 @@ def median_period_ns(t_ns: Ints) -> float:
     return float(usual if is_median else np.median(steps))
 
 
-def gap_threshold_ns(t_ns: Ints, settings: AlignSettings) -> float:
+def compute_gap_threshold_ns(t_ns: Ints, settings: AlignSettings) -> float:
     """Longest step in ns that is not a gap: `gap_periods` of the topic's or grid's period.
 
     Log times come in bursts, so the topic's own period would make every pause a gap.
     """
-    return settings.gap_periods * float(np.fmax(median_period_ns(t_ns), 1e9 / settings.rate_hz))
+    return settings.gap_periods * float(
+        np.fmax(compute_median_period_ns(t_ns), 1e9 / settings.rate_hz)
+    )
 
 
 def find_slices_between_gaps(t_ns: Ints, max_gap_ns: float) -> list[slice]:
@@ -59,7 +61,7 @@ def apply_low_pass(
     # late: it takes as long to import as all else that a run imports, and few logs need it
     from scipy.signal import butter
 
-    period = median_period_ns(t_ns)
+    period = compute_median_period_ns(t_ns)
     sos = cast("Floats", butter(LIMITS.low_pass_order, cutoff_hz, fs=1e9 / period, output="sos"))
     settle = 3 * (2 * sos.shape[0] + 1)
     stretches = [

@@ -49,7 +49,7 @@ def choose_grid_rate_by_log(
         chosen["gate.window_samples"] = count_rows_in_duration(_WINDOW_S, rate_hz, readings)
     if "samples" not in settings.smooth.model_fields_set:
         chosen["smooth.samples"] = count_rows_in_duration(_MEAN_S, rate_hz)
-    differs = any(settings.value_of_setting(name) != value for name, value in chosen.items())
+    differs = any(settings.get_setting(name) != value for name, value in chosen.items())
     settings = settings.copy_with_changes(chosen)
     said = f"{slowest} comes at {own_hz:.4g} Hz, so without a setting " + ", ".join(
         {

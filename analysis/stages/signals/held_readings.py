@@ -76,7 +76,7 @@ def find_held_channels(channels: Mapping[str, mounting.Series]) -> dict[str, Hel
         channels: channels from `read_measured_channels`.
     """
     found = {
-        name: HeldReadings.from_readings(x, 1e9 / filters.median_period_ns(t))
+        name: HeldReadings.from_readings(x, 1e9 / filters.compute_median_period_ns(t))
         for name, (t, x) in channels.items()
         if name not in HINTS
     }
@@ -99,7 +99,9 @@ def list_held_reading_notes(
     channels: Mapping[str, mounting.Series], held_channels: Mapping[str, HeldReadings]
 ) -> list[str]:
     """Notes on channels that are held, as they were read."""
-    rates_hz = {name: 1e9 / filters.median_period_ns(channels[name][0]) for name in held_channels}
+    rates_hz = {
+        name: 1e9 / filters.compute_median_period_ns(channels[name][0]) for name in held_channels
+    }
     return [
         f"{name} holds each reading for {each.rows:.3g} rows of {rates_hz[name]:.4g} Hz: it is "
         f"taken at {rates_hz[name] / each.rows:.4g} Hz, without the rows that repeat a reading"

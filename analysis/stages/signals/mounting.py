@@ -94,7 +94,7 @@ def _interpolate_series_at_stamps(
     series: Series, stamps_ns: Ints, settings: AlignSettings
 ) -> Series:
     return filters.interpolate_linearly(
-        *series, stamps_ns, filters.gap_threshold_ns(series[0], settings)
+        *series, stamps_ns, filters.compute_gap_threshold_ns(series[0], settings)
     )
 
 

@@ -82,7 +82,7 @@ def make_channel_series(name: str, frame: pl.DataFrame, machine: Machine) -> Cha
         x = np.unwrap(x, period=_WHOLE_TURN[name])
     known_ns = frame["known_ns"].to_numpy() if "known_ns" in frame.columns else t_ns
     step_ns = 1e9 / settings.rate_hz
-    longest_ns = filters.gap_threshold_ns(t_ns, settings)
+    longest_ns = filters.compute_gap_threshold_ns(t_ns, settings)
     period_ns = compute_mean_step_up_to_max_gap_ns(t_ns, longest_ns, step_ns)
     faster = period_ns * LIMITS.other_rate_ratio < step_ns
     return ChannelSeries(
@@ -99,7 +99,7 @@ def make_channel_series(name: str, frame: pl.DataFrame, machine: Machine) -> Cha
 def compute_mean_period_without_gaps_ns(t_ns: Ints, step_ns: float) -> float:
     """Mean of a channel's steps that are not gaps on a grid of `step_ns`."""
     gap_periods: float = AlignSettings.model_fields["gap_periods"].default
-    longest_ns = gap_periods * float(np.fmax(filters.median_period_ns(t_ns), step_ns))
+    longest_ns = gap_periods * float(np.fmax(filters.compute_median_period_ns(t_ns), step_ns))
     return compute_mean_step_up_to_max_gap_ns(t_ns, longest_ns, step_ns)
 
 

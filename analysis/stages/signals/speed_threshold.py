@@ -66,7 +66,7 @@ def drop_zero_readings_beside_motion(
         t, x = channels[name]
         beside_ns = max(
             LIMITS.threshold_gap_s * NS_PER_S,
-            LIMITS.threshold_gap_readings * filters.median_period_ns(t),
+            LIMITS.threshold_gap_readings * filters.compute_median_period_ns(t),
         )
         kept = (x != 0.0) | (compute_time_to_nearest_motion_ns(t, x) > beside_ns)
         out[name] = t[kept], x[kept]

@@ -29,7 +29,7 @@ const unbase64 = (text, what) => {
   }
   let back = "";
   for (const byte of bytes) back += String.fromCharCode(byte);
-  if (btoa(back) !== text) throw new Fault(`${what} is not base64 in its one canonical form`);
+  if (btoa(back) !== text) throw new Fault(`${what} is not canonical base64; copy it again from the original file`);
   return bytes;
 };
 

@@ -5,13 +5,13 @@ from typing import Final
 
 from estimators.errors import format_count
 from replay.logs.blocks.block import Block
-from replay.logs.storage import Damage
+from replay.logs.storage import FileDamage
 
 #: More damaged blocks than this are told in one sentence.
 _MOST_SINGLE: Final = 20
 
 
-class BlockDamage(Damage):
+class BlockDamage(FileDamage):
     """Damaged blocks, gaps without records, and other damage."""
 
     def __init__(self, source: str) -> None:

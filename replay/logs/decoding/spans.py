@@ -31,12 +31,14 @@ class Span:
         return offset
 
 
-def alignment_of_type_bytes(field_type: str, wire: Wire) -> int:
+def get_alignment_bytes(field_type: str, wire: Wire) -> int:
     """Alignment of a number or stamp, in bytes."""
-    return min(4 if field_type == "stamp" else size_of_scalar_bytes(field_type), wire.max_alignment)
+    return min(
+        4 if field_type == "stamp" else get_scalar_size_bytes(field_type), wire.max_alignment
+    )
 
 
-def size_of_scalar_bytes(scalar_type: str) -> int:
+def get_scalar_size_bytes(scalar_type: str) -> int:
     """Size of a number or stamp, in bytes.
 
     Raises:
@@ -62,7 +64,7 @@ def append_field_at_fixed_offset(
         if field_type.kind == "string":
             return None
         offset = bytes_span.append_field_bytes(
-            alignment_of_type_bytes(field_type.kind, wire), size_of_scalar_bytes(field_type.kind)
+            get_alignment_bytes(field_type.kind, wire), get_scalar_size_bytes(field_type.kind)
         )
         return None if offset is None else InlineField(offset, field_type.kind)
     if isinstance(field_type, RecordType):
@@ -129,7 +131,7 @@ def first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> int:
         first = next(filled, None)
         return 1 if first is None else first_number_alignment_bytes(first, wire)
     if isinstance(field_type, Scalar) and field_type.kind != "string":
-        return alignment_of_type_bytes(field_type.kind, wire)
+        return get_alignment_bytes(field_type.kind, wire)
     if (
         isinstance(field_type, ListOf)
         and field_type.length is not None
@@ -152,7 +154,7 @@ def min_encoded_size_bytes(field_type: FieldType, wire: Wire) -> int:
         NoPlanError: it exceeds the largest message.
     """
     if isinstance(field_type, Scalar):
-        size = 4 if field_type.kind == "string" else size_of_scalar_bytes(field_type.kind)
+        size = 4 if field_type.kind == "string" else get_scalar_size_bytes(field_type.kind)
     elif isinstance(field_type, RecordType):
         size = sum(
             min_encoded_size_bytes(field, wire)

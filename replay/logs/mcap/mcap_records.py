@@ -150,7 +150,7 @@ class Summary:
             or footer[0] != FOOTER
             or file.read_bytes(end, len(MAGIC)) != MAGIC
         ):
-            raise SummaryError("does not end with a footer and the MCAP magic")
+            raise SummaryError("does not end with a footer and the MCAP magic bytes")
         _, _, start, _, crc = _FOOTER.unpack(footer)
         if not start:
             return b""

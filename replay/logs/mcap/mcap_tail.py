@@ -65,7 +65,7 @@ class McapTail(GrowingBlockFile):
         head = self._file.read_bytes(0, len(MAGIC))
         if not MAGIC.startswith(head):
             raise LogError(
-                f"{self._file.path}: not an MCAP file; it does not start with the MCAP magic"
+                f"{self._file.path}: not an MCAP file; it does not start with the MCAP magic bytes"
             )
         if len(head) < len(MAGIC):
             return None

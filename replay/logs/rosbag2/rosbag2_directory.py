@@ -338,7 +338,7 @@ def _decompress_file(unpacker: zstandard.ZstdDecompressor, compressed: bytes) ->
     room = min(_MOST_GROWTH * len(compressed) + _ANY_MESSAGE, LARGEST_BYTES)
     declared = zstandard.frame_content_size(compressed)
     if declared > room:
-        raise zstandard.ZstdError("implausibly large")
+        raise zstandard.ZstdError("it would decompress to an implausible size")
     if declared >= 0:
         return unpacker.decompress(compressed, max_output_size=room)
     return _decompress_frame_of_unknown_size(unpacker, compressed, room)
@@ -354,7 +354,7 @@ def _decompress_frame_of_unknown_size(
         parts.append(stream.decompress(compressed[at : at + _FEW_BYTES]))
         max_bytes -= len(parts[-1])
         if max_bytes < 0:
-            raise zstandard.ZstdError("implausibly large")
+            raise zstandard.ZstdError("it would decompress to an implausible size")
         if stream.eof:
             return b"".join(parts)
     raise zstandard.ZstdError("it is truncated")

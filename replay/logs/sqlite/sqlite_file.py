@@ -26,8 +26,8 @@ from replay.logs.storage import (
     UNKNOWN_NS,
     BatchGroup,
     Connection,
-    Damage,
     FileBytes,
+    FileDamage,
     group_rows_by_connection,
     make_empty_log_times,
 )
@@ -47,7 +47,7 @@ class Db3File:
 
     def __init__(self, path: Path) -> None:
         self.files: tuple[Path, ...] = (path,)
-        self._damage = Damage(path.name)
+        self._damage = FileDamage(path.name)
         self._times: dict[int, NDArray[np.int64]] | None = None
         with ExitStack() as opened:
             file = FileBytes(path)

@@ -11,7 +11,7 @@ from replay.logs.storage.container import (
     make_empty_log_times,
 )
 from replay.logs.storage.file_bytes import FileBytes, ReadBuffer
-from replay.logs.storage.loss_text import Damage, LossList
+from replay.logs.storage.loss_text import FileDamage, LossList
 from replay.logs.storage.message_rows import (
     KEY,
     LENGTH,
@@ -32,8 +32,8 @@ __all__ = [
     "BatchGroup",
     "Connection",
     "Container",
-    "Damage",
     "FileBytes",
+    "FileDamage",
     "LossList",
     "ReadBuffer",
     "Tail",

@@ -21,7 +21,7 @@ class LossList(list[Loss]):
             self.append(loss)
 
 
-class Damage:
+class FileDamage:
     """Damage found in one file, each place once."""
 
     def __init__(self, source: str) -> None:

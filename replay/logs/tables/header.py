@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from analysis.model.physical_units import (
+    find_gain_and_offset_to_si,
     find_pint_unit_name,
-    gain_and_offset_to_si,
     split_unit_from_name,
 )
 from estimators.errors import MachineError
@@ -99,7 +99,7 @@ def refuse_contradicting_units(cells: Sequence[str], unit_cells: Sequence[str], 
         if name is None or row is None or name == row:
             continue
         with suppress(MachineError):
-            gain_and_offset_to_si(name, row)
+            find_gain_and_offset_to_si(name, row)
             raise DialectError(
                 f"column '{cell}' is in {name} by its name, in {row} by line {line}: set "
                 f"[log] units_row = {line} or, if the name is correct, 0"

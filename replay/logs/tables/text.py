@@ -111,7 +111,7 @@ def _decompress_gzip_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
         raise
     if text is None:
         folder.cleanup()
-        raise BrokenBytesError("it unpacks to nothing")
+        raise BrokenBytesError("it is empty when unpacked")
     if text.copy is None:
         return Utf8Text(place, folder, text.notes)
     folder.cleanup()

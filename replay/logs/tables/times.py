@@ -282,5 +282,9 @@ def convert_second_fractions_to_ns(cells: pl.Series) -> SecondFractions:
     possible = [unit for unit in ("ms", "us", "ns") if largest < NS / NS_PER_UNIT[unit]]
     unit = stated or (possible[0] if possible else "")
     if unit not in possible:
-        raise TimeError(f"column '{cells.name}' holds no fractions of a second, but {largest:g}")
+        read = f"{largest:g} {stated}" if stated else f"{largest:g}"
+        raise TimeError(
+            f"column '{cells.name}' looks like fractions of a second, "
+            f"but {read} is a second or more"
+        )
     return SecondFractions((numbers * NS_PER_UNIT[unit]).round().cast(pl.Int64, strict=False), unit)

@@ -47,7 +47,7 @@ class RaggedColumn:
 def assign_list_layout_number_to_messages(column: Column) -> Ints | None:
     """Numbers (n,) that are equal for messages of equal lengths; None if all lengths are equal."""
     if isinstance(column, RaggedColumn):
-        return _assign_layout_numbers_of_nested_lists(column)
+        return _number_nested_list_layouts_of_messages(column)
     if isinstance(column, Mapping):
         return assign_combined_list_layout_numbers(
             [assign_list_layout_number_to_messages(each) for each in column.values()]
@@ -69,7 +69,8 @@ def assign_combined_list_layout_numbers(
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _assign_layout_numbers_of_nested_lists(column: RaggedColumn) -> Ints:
+def _number_nested_list_layouts_of_messages(column: RaggedColumn) -> Ints:
+    """Number of each message's layout: equal where all its nested lists have equal lengths."""
     inside, lengths = assign_list_layout_number_to_messages(column.content), column.lengths
     if inside is None:
         return lengths

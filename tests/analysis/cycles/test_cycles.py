@@ -12,7 +12,7 @@ from analysis.cycles.cycles import weigh_cycles
 from analysis.cycles.cycles_without_mass import (
     estimate_cycles_lost_in_gaps,
     find_spans_of_missing_channels_ns,
-    mark_gaps_that_may_be_breaks,
+    mark_gaps_that_may_be_work_breaks,
 )
 from analysis.cycles.payload_target import compare_payloads_with_target
 from analysis.cycles.shift_totals import (
@@ -191,7 +191,7 @@ def test_what_is_missing_to_the_end_may_be_a_break_where_the_machine_stood(
         schema_overrides={"phase": pl.String},
     )
     span = (int(399 * NS), int(999 * NS))
-    assert mark_gaps_that_may_be_breaks([span], excitation) == [may_be]
+    assert mark_gaps_that_may_be_work_breaks([span], excitation) == [may_be]
 
 
 @pytest.mark.parametrize(("length_s", "stood"), [(427.0, True), (1200.0, False)])
@@ -213,11 +213,11 @@ def test_a_machine_that_stands_on_both_sides_of_a_hole_may_have_stood_all_the_wh
     phases = [drives, rest, None, None, rest, drives, rest]
     excitation = pl.DataFrame({"t_ns": np.arange(7) * NS, "phase": phases})
     gaps = [(1 * NS, 3 * NS), (4 * NS, 5 * NS), (5 * NS, 6 * NS), (6 * NS, 9 * NS)]
-    assert mark_gaps_that_may_be_breaks(gaps, excitation) == [False] * 4
+    assert mark_gaps_that_may_be_work_breaks(gaps, excitation) == [False] * 4
     long = excitation.with_columns(t_ns=pl.Series([0, 1, 2, 3, 4, 5, 6]) * 40 * NS)
     gaps = [(40 * begin, 40 * end) for begin, end in gaps]
     # the last has no other side
-    assert mark_gaps_that_may_be_breaks(gaps, long) == [True, False, False, True]
+    assert mark_gaps_that_may_be_work_breaks(gaps, long) == [True, False, False, True]
 
 
 def test_many_breaks_are_all_work_or_none_alike() -> None:

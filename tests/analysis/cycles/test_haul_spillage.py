@@ -110,7 +110,7 @@ def test_a_haul_of_two_starts_is_weighed_between_them() -> None:
 
     def arriving(weights: list[float]) -> float:
         weighed = LoadPasses(
-            membership=np.zeros(2, np.int64),
+            pass_of_manoeuvre=np.zeros(2, np.int64),
             share=np.array(weights),
             loaded=np.array([True]),
             mass_kg=np.array([4300.0]),

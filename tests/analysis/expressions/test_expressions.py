@@ -17,7 +17,7 @@ from analysis.expressions.parse import (
     parse_expression,
 )
 from analysis.expressions.values import evaluate_and_count_near_zero_divisors
-from analysis.model.physical_units import unit_registry
+from analysis.model.physical_units import get_unit_registry
 
 UNITS = {
     "torque_N_m": "N*m",
@@ -109,8 +109,8 @@ def test_values_are_those_of_polars(tree: Expression) -> None:
     ],
 )
 def test_an_expression_has_the_dimension_of_what_it_says(text: str, unit: str) -> None:
-    _, dimension = convert_to_si(parse_expression(text), UNITS, unit_registry())
-    assert dimension == unit_registry().Quantity(1, unit).dimensionality
+    _, dimension = convert_to_si(parse_expression(text), UNITS, get_unit_registry())
+    assert dimension == get_unit_registry().Quantity(1, unit).dimensionality
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_an_expression_has_the_dimension_of_what_it_says(text: str, unit: str) -
 )
 def test_units_that_do_not_fit_are_named_on_both_sides(text: str, fault: str) -> None:
     with pytest.raises(ExpressionError, match=fault):
-        convert_to_si(parse_expression(text), UNITS, unit_registry())
+        convert_to_si(parse_expression(text), UNITS, get_unit_registry())
 
 
 @pytest.mark.parametrize(

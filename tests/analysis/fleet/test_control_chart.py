@@ -70,20 +70,20 @@ def test_a_chart_depends_on_neither_unit_nor_zero(
     x = x + np.random.default_rng(1).normal(0.0, 1.0, x.size)
     a, b = make_control_chart(x, 5.0), make_control_chart(offset + unit * x, 5.0)
     np.testing.assert_allclose(a.innovation, b.innovation, atol=1e-4)
-    np.testing.assert_allclose(a.up, b.up, atol=1e-2)
+    np.testing.assert_allclose(a.cusum_up, b.cusum_up, atol=1e-2)
 
 
 @given(st.lists(FINITE, max_size=30))
 def test_a_chart_of_anything_has_a_sum_a_value_and_none_below_zero(values: list[float]) -> None:
     chart = make_control_chart(np.array(values), 5.0)
-    assert chart.up.size == chart.down.size == len(values)
-    assert np.all(chart.up >= 0.0)
-    assert np.all(chart.down >= 0.0)
+    assert chart.cusum_up.size == chart.cusum_down.size == len(values)
+    assert np.all(chart.cusum_up >= 0.0)
+    assert np.all(chart.cusum_down >= 0.0)
     assert np.isfinite(chart.innovation).all()
 
 
 def test_a_constant_flags_nothing() -> None:
-    assert make_control_chart(np.full(300, 7.0), 5.0).flagged is None
+    assert make_control_chart(np.full(300, 7.0), 5.0).flagged_index is None
 
 
 def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
@@ -91,18 +91,18 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
     x = draw.normal(3600.0, 5.0, 200)
     x[120:] += 15.0
     chart = make_control_chart(x, find_cusum_limit(2190.0))
-    assert chart.flagged is not None
-    assert chart.since is not None
-    assert 120 <= chart.flagged < 132
+    assert chart.flagged_index is not None
+    assert chart.first_shifted_index is not None
+    assert 120 <= chart.flagged_index < 132
     # the stretch may begin where the sum last was 0, somewhat early
-    assert 80 <= chart.since <= 122
+    assert 80 <= chart.first_shifted_index <= 122
     assert chart.change == pytest.approx(15.0, abs=4.0 * chart.change_std)
 
 
 def test_one_day_with_a_broken_log_is_no_drift() -> None:
     x = np.random.default_rng(5).normal(3600.0, 5.0, 200)
     x[100] += 2000.0
-    assert make_control_chart(x, find_cusum_limit(2190.0)).flagged is None
+    assert make_control_chart(x, find_cusum_limit(2190.0)).flagged_index is None
 
 
 def test_days_that_are_alike_in_a_row_are_told_from_a_drift() -> None:

@@ -206,7 +206,7 @@ def test_lines_that_follow_each_other_are_compared_in_the_middle_of_both() -> No
         line("2026-07-01", 30.0, 1.0),
     )
     one, two = find_line_changes([moved, first, same])
-    assert (one.zero_kg, two.zero_kg) == (1.0, 29.0)
-    assert one.zero_limit_kg == pytest.approx(2.0 * 8.0**0.5)
+    assert (one.offset_change_kg, two.offset_change_kg) == (1.0, 29.0)
+    assert one.offset_change_limit_kg == pytest.approx(2.0 * 8.0**0.5)
     assert not one.has_line_moved
     assert two.has_line_moved

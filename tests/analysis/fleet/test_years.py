@@ -30,4 +30,4 @@ def test_after_a_calibration_the_baseline_is_found_anew() -> None:
     charts = [c for c in make_machine_charts(days.with_columns(ids)) if c.signal.name == "zero"]
     assert [chart.calibration for chart in charts] == ["a", "b"]
     assert [len(chart.days) for chart in charts] == [half, days.height - half]
-    assert charts[1].chart.up[0] == 0.0
+    assert charts[1].chart.cusum_up[0] == 0.0

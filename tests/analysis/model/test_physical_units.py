@@ -4,7 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.model.physical_units import find_pint_unit_name, gain_and_offset_to_si, unit_registry
+from analysis.model.physical_units import (
+    find_gain_and_offset_to_si,
+    find_pint_unit_name,
+    get_unit_registry,
+)
 from analysis.model.schema import CHANNEL_COLUMNS
 from estimators.errors import MachineError
 
@@ -24,7 +28,7 @@ from estimators.errors import MachineError
     ],
 )
 def test_units_become_si(unit, si, gain):
-    assert gain_and_offset_to_si(unit, si) == (pytest.approx(gain, rel=1e-12), 0.0)
+    assert find_gain_and_offset_to_si(unit, si) == (pytest.approx(gain, rel=1e-12), 0.0)
 
 
 @pytest.mark.parametrize(
@@ -42,12 +46,12 @@ def test_units_become_si(unit, si, gain):
 def test_units_become_si_as_people_write_them(written, si, gain):
     unit = find_pint_unit_name(written)
     assert unit is not None
-    assert gain_and_offset_to_si(unit, si) == (pytest.approx(gain, rel=1e-12), 0.0)
+    assert find_gain_and_offset_to_si(unit, si) == (pytest.approx(gain, rel=1e-12), 0.0)
 
 
 def test_every_channels_own_unit_is_one_to_one():
     for column in CHANNEL_COLUMNS:
-        assert gain_and_offset_to_si(column.unit, column.unit) == (1.0, 0.0), column.name
+        assert find_gain_and_offset_to_si(column.unit, column.unit) == (1.0, 0.0), column.name
 
 
 def test_a_unit_that_is_no_other_is_one_to_one_as_pint_has_it():
@@ -58,15 +62,17 @@ def test_a_unit_that_is_no_other_is_one_to_one_as_pint_has_it():
     }
     for unit in {column.unit for column in CHANNEL_COLUMNS} | {*filter(None, units)}:
         spelt = unit.replace("·", "*").replace("²", "**2").replace("°", "degree")
-        numbers = [unit_registry().Quantity(x, spelt).to(spelt).magnitude for x in (0.0, 1.0, 0.1)]
+        numbers = [
+            get_unit_registry().Quantity(x, spelt).to(spelt).magnitude for x in (0.0, 1.0, 0.1)
+        ]
         assert numbers == [0.0, 1.0, 0.1], unit
-        assert gain_and_offset_to_si(spelt, unit) == (1.0, 0.0)
+        assert find_gain_and_offset_to_si(spelt, unit) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize(("unit", "si"), [("m", "m/s"), ("kg", "N"), ("degC", "m"), ("", "rad/s²")])
 def test_a_unit_of_another_dimension_is_an_error_that_names_both(unit, si):
     with pytest.raises(MachineError) as error:
-        gain_and_offset_to_si(unit, si)
+        find_gain_and_offset_to_si(unit, si)
     assert str(error.value) == f"unit '{unit}' cannot be converted to {si}"
 
 
@@ -75,14 +81,14 @@ def test_a_unit_of_another_dimension_is_an_error_that_names_both(unit, si):
 )
 def test_text_that_is_no_unit_is_an_error_with_examples(unit):
     with pytest.raises(MachineError) as error:
-        gain_and_offset_to_si(unit, "m/s")
+        find_gain_and_offset_to_si(unit, "m/s")
     assert str(error.value) == (f"no unit {unit!r}; write for example 'km/h', 'deg/s' or 'kN'")
 
 
 @given(st.text("abkmsNrd/*^()+-. 10'\"[]{}#%\n\\", max_size=8))
 def test_no_text_whatever_ends_in_a_traceback_or_a_second_line(unit):
     try:
-        numbers = gain_and_offset_to_si(unit, "m/s")
+        numbers = find_gain_and_offset_to_si(unit, "m/s")
     except MachineError as error:
         lines = str(error).splitlines()
     else:

@@ -92,7 +92,7 @@ class TestTerms:
         assert log.load["u_kg"] > 5.0 * clean(rich=True).load["u_kg"]
         wheels = log.weighing.fit.kinematics
         assert wheels is not None
-        assert wheels.gain_counts
+        assert wheels.is_gain_significant
         assert abs(wheels.gain[0]) == pytest.approx(0.05, abs=0.01)
 
     def test_a_speed_that_is_late_costs_nothing_beside_an_accelerometer(self):
@@ -125,7 +125,7 @@ class TestTerms:
         assert_weighed(log)
         assert abs(log.off("direction", 300.0)) < 3.0
         assert log.load["manoeuvres"] == 3
-        assert log.weighing.fit.motion.group.max() + 1 > 2 * 3
+        assert log.weighing.fit.motion.stretch_of_sample.max() + 1 > 2 * 3
 
     def test_a_clean_log_has_no_term_that_shows(self):
         log = clean(rich=True)

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.growing_load import LoadFilling, list_coefficients_of_mean_payloads
+from analysis.weighing.growing_load import (
+    LoadGrowthAtEveryStart,
+    list_coefficients_of_mean_payloads,
+)
 from analysis.weighing.mass_budget import list_uncertainty_by_failed_checks_kg
 from tests.analysis.weighing.weighed import RICH, weighed
 
@@ -15,7 +18,7 @@ FILLS_KG_S = (20.0, 50.0)
 def test_a_bucket_that_fills_moves_the_mass_and_is_evidence_in_full(fill_kg_s: float) -> None:
     fills = {"loading": {"fill_kg_s": fill_kg_s}, "starts": {"directions": "alternating"}}
     filling = weighed(fills).weighing.filling
-    assert filling.moves_u > 1.0
+    assert filling.largest_mass_change_over_u > 1.0
     assert filling.load_growth_over_std == filling.deviations
 
 
@@ -25,9 +28,12 @@ def test_a_clean_log_has_no_evidence_of_one() -> None:
 
 def test_what_a_long_log_tells_of_a_growth_that_moves_no_mass_is_no_evidence() -> None:
     """Two half hours of a clean shift have three deviations together, for 5 kg under ± 25 kg."""
-    assert LoadFilling(2.6, 3.25, 0.9).load_growth_over_std == 0.0
-    assert LoadFilling(2.6, 3.25, 1.1).load_growth_over_std == 3.25
-    for unknown in (LoadFilling(0.0, float("nan")), LoadFilling(2.6, 3.25, float("nan"))):
+    assert LoadGrowthAtEveryStart(2.6, 3.25, 0.9).load_growth_over_std == 0.0
+    assert LoadGrowthAtEveryStart(2.6, 3.25, 1.1).load_growth_over_std == 3.25
+    for unknown in (
+        LoadGrowthAtEveryStart(0.0, float("nan")),
+        LoadGrowthAtEveryStart(2.6, 3.25, float("nan")),
+    ):
         assert np.isnan(unknown.load_growth_over_std)
 
 

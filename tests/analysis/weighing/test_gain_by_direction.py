@@ -145,14 +145,14 @@ def hauls(kinds: Sequence[float], *, empty: bool = False) -> SimpleNamespace:
     motion = drives([24.0 * kind for kind in kinds], tuple(range(0, len(kinds), 2)))
     level = np.where(np.array(kinds) > 0.0, 0.0, 300.0)
     states, _ = levels(level.tolist(), [])
-    states = replace(states, membership=np.append(0, np.cumsum(np.diff(level) != 0.0)))
-    named = np.zeros(motion.unit.size, np.bool_) if empty else None
+    states = replace(states, state_of_manoeuvre=np.append(0, np.cumsum(np.diff(level) != 0.0)))
+    named = np.zeros(motion.manoeuvre_of_sample.size, np.bool_) if empty else None
     return SimpleNamespace(states=states, motion=replace(motion, empty=named))
 
 
 def test_a_boom_that_moves_or_times_named_empty_tell_loads() -> None:
     to_and_fro_hauls = hauls([1.0, -1.0] * 6)
-    still = replace(to_and_fro_hauls.motion, arms=())
+    still = replace(to_and_fro_hauls.motion, boom_and_bucket_angles_rad=())
     unseen = SimpleNamespace(states=to_and_fro_hauls.states, motion=still)
     named = SimpleNamespace(states=unseen.states, motion=hauls([1.0, -1.0] * 6, empty=True).motion)
     seen = [
@@ -165,8 +165,8 @@ def test_loads_that_are_hauled_both_ways_are_no_gain() -> None:
     """In reverse and forwards with the load, then in reverse and forwards without it."""
     both = hauls([-1.0, 1.0, -1.0, 1.0] * 4)
     level = np.resize([300.0, 300.0, 0.0, 0.0], 16)
-    states = replace(both.states, level_kg=level, membership=np.arange(16) // 2)
-    motion = replace(both.motion, arms=())
+    states = replace(both.states, manoeuvre_mass_kg=level, state_of_manoeuvre=np.arange(16) // 2)
+    motion = replace(both.motion, boom_and_bucket_angles_rad=())
     fit = SimpleNamespace(states=states, motion=motion)
     assert not do_loads_only_follow_driving_direction(fit)  # pyright: ignore
 
@@ -181,7 +181,7 @@ def test_payloads_scatter_where_the_empty_machine_does_not() -> None:
 
 def test_a_machine_loses_no_more_than_it_carries() -> None:
     """Of loads of 0 and 3 t an empty start loses nothing, and a loaded one 3 t at most."""
-    states = replace(levels([0.0, 0.0], [0.0])[0], membership=np.array([0, 1, 0]))
+    states = replace(levels([0.0, 0.0], [0.0])[0], state_of_manoeuvre=np.array([0, 1, 0]))
     fit = _TwoLoads(states)
     assert [compute_max_load_loss_of_manoeuvre_kg(fit, unit) for unit in (0, 1, 2)] == [
         0.0,

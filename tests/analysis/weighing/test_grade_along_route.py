@@ -62,7 +62,7 @@ def hauls(
 
 
 def squat_of(motion: MotionSamples, route: HaulRoute | None) -> LoadSquat:
-    unit = np.unique(motion.unit)
+    unit = np.unique(motion.manoeuvre_of_sample)
     loads = RelativeMassDeviations.from_masses(
         unit, np.where(unit % 2 == 0, LOADED_KG, EMPTY_KG), (0.5, 0.5)
     )
@@ -103,5 +103,5 @@ def test_the_machine_faces_the_dump_on_its_haul_and_turns_its_back_on_the_way_ba
         route.compute_headings_from_dump(motion),
     )
     between = (place > 0.01) & (place < 0.7)
-    faces = np.where(motion.unit % 2 == 0, -1.0, 1.0)
+    faces = np.where(motion.manoeuvre_of_sample % 2 == 0, -1.0, 1.0)
     np.testing.assert_array_equal(heading[between], faces[between])

@@ -19,7 +19,7 @@ def squat_of(hills_m_s2: float, heavy_place: int, seed: int) -> LoadSquat:
     """Of starts at two places in turn, loaded at one of them, of a body that is stiff."""
     _, motion = starts(0.0, hills_m_s2, seed)
     blind = replace(motion, without_gravity=None)
-    unit = np.unique(motion.unit)
+    unit = np.unique(motion.manoeuvre_of_sample)
     loads = RelativeMassDeviations.from_masses(
         unit, np.where(unit % 2 == heavy_place, 4200.0, 3800.0), (0.5, 0.5)
     )

@@ -30,7 +30,7 @@ def drives(legs_m: list[float], moved_boom_after: tuple[int, ...] = ()) -> Motio
     return MotionSamples(
         zeros, speed, zeros, number, direction, number, RATE_HZ, None, None, None,
         zeros, driven_m, zeros, 0.0, True, 1.0, 40_000.0,
-        arms=(boom,) if moved_boom_after else (),
+        boom_and_bucket_angles_rad=(boom,) if moved_boom_after else (),
     )  # fmt: skip
 
 
@@ -77,6 +77,6 @@ def test_driving_that_does_not_come_back_suggests_nothing(legs: list[float]):
 def test_a_manoeuvre_that_only_cruises_is_none_of_its_own():
     """A record that begins while the machine cruises tells no mass: any would do."""
     motion = drives([20.0, 20.0, 20.0, 20.0])
-    cruises = motion.unit == 2
+    cruises = motion.manoeuvre_of_sample == 2
     motion = replace(motion, speed=np.where(cruises, SPEED_M_S, motion.speed))
     assert find_manoeuvre_of_stretches(motion).tolist() == [0, 1, 1, 3]

@@ -42,7 +42,7 @@ def test_pieces_of_a_log_have_the_positions_of_the_whole():
     whole = route.compute_relative_distances_to_dump(motion)
     part = motion.cut_to_first_stretches(5)
     np.testing.assert_array_equal(
-        route.compute_relative_distances_to_dump(part), whole[: part.unit.size]
+        route.compute_relative_distances_to_dump(part), whole[: part.manoeuvre_of_sample.size]
     )
 
 
@@ -70,7 +70,7 @@ def test_a_load_that_is_taken_for_none_is_where_the_others_are():
 
 def test_a_long_way_that_is_no_number_of_cycles_has_no_dump():
     motion, unit, loaded = shuttle(6)
-    longer = motion.driven_m + 0.5 * HAUL_M * (motion.unit > 5)
+    longer = motion.driven_m + 0.5 * HAUL_M * (motion.manoeuvre_of_sample > 5)
     motion = replace(motion, driven_m=longer)
     route = HaulRoute.from_motion(motion, unit, loaded & (unit != 4))
     assert route is not None

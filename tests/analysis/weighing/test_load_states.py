@@ -222,16 +222,23 @@ def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
     one = LoadStates(
         np.arange(4), np.zeros(4, np.int64), nothing, nothing, 0.0, 3.0, 1.0, 0.6, other
     )
-    of_one = np.sqrt(0.4 * np.mean(other.differs_kg**2))
+    of_one = np.sqrt(0.4 * np.mean(other.mass_difference_kg**2))
     assert one.mass_sum_std_by_alternative_partition_kg(np.ones(1)) == pytest.approx(of_one)
     # two states, which one load with a scatter may as well be
     two = replace(
-        one, membership=np.array([0, 0, 1, 1]), other=replace(other, differs_kg=40.0 * LEFT)
+        one,
+        state_of_manoeuvre=np.array([0, 0, 1, 1]),
+        alternative_partition=replace(other, mass_difference_kg=40.0 * LEFT),
     )
     assert two.mass_sum_std_by_alternative_partition_kg(np.array([-1.0, 1.0])) == pytest.approx(
         np.sqrt(0.4) * 80.0
     )
-    assert replace(one, other=None).mass_sum_std_by_alternative_partition_kg(np.ones(1)) == 0.0
+    assert (
+        replace(one, alternative_partition=None).mass_sum_std_by_alternative_partition_kg(
+            np.ones(1)
+        )
+        == 0.0
+    )
 
 
 @pytest.mark.parametrize("seed", [30932002, 30932004])
@@ -290,7 +297,7 @@ class TestScatterOfStates:
 
     def test_one_small_change_takes_a_degree_of_freedom(self):
         found = find_states([12000.0] * 5 + [12700.0] * 5)
-        assert (found.state_count, found.freedom) == (2, 7)
+        assert (found.state_count, found.degrees_of_freedom) == (2, 7)
 
 
 def test_empty_states_that_differ_widen_every_payload(two):

@@ -18,9 +18,9 @@ def units(*levels_kg: float, std_kg: float = 1.0) -> GroupEffects:
 @pytest.mark.parametrize("repeatability_kg", [None, 2.0])
 def test_manoeuvres_of_0_0_and_99_kg_have_states(repeatability_kg: float | None) -> None:
     found = find_load_states(units(0.0, 0.0, 99.0), np.arange(3), repeatability_kg)
-    assert found.membership.size == 3
-    assert np.isfinite(found.level_kg).all()
-    assert found.membership[0] == found.membership[1]
+    assert found.state_of_manoeuvre.size == 3
+    assert np.isfinite(found.manoeuvre_mass_kg).all()
+    assert found.state_of_manoeuvre[0] == found.state_of_manoeuvre[1]
 
 
 @pytest.mark.parametrize("levels_kg", [(0.0,), (0.0, 0.0, 0.0), (-1e-12, 0.0, 1e-12)])
@@ -31,7 +31,7 @@ def test_manoeuvres_of_no_mass_are_one_state(levels_kg: tuple[float, ...]) -> No
 
 def test_a_mass_far_above_its_noise_is_split_as_before() -> None:
     found = find_load_states(units(100.0, 100.5, 130.0, 129.5), np.arange(4), None)
-    assert found.membership.tolist() == [0, 0, 1, 1]
+    assert found.state_of_manoeuvre.tolist() == [0, 0, 1, 1]
 
 
 def test_a_unit_that_never_accelerates_tells_no_level() -> None:

@@ -37,21 +37,21 @@ def manoeuvres(boom: list[float], digs: list[bool]) -> MotionSamples:
         acceleration=ones,
         speed=ones,
         force=ones,
-        group=np.where(moving, part // 2, -1),
+        stretch_of_sample=np.where(moving, part // 2, -1),
         direction=ones,
-        unit=part // 2,
+        manoeuvre_of_sample=part // 2,
         rate_hz=100.0,
         specific_force=None,
         without_gravity=None,
         wheel_acceleration=None,
         progress=np.arange(n) / n - 0.5,
         driven_m=np.zeros(n),
-        place_1=np.zeros(n),
+        path_position_1=np.zeros(n),
         path_m=0.0,
         by_accelerometer=False,
         force_share=1.0,
-        weight=35_000.0,
-        arms=(arm,),
+        empty_weight_N=35_000.0,
+        boom_and_bucket_angles_rad=(arm,),
         is_digging=dug,
     )
 
@@ -91,5 +91,5 @@ def test_backing_out_of_where_it_arrived_is_a_hint_where_no_boom_is(
     directions: tuple[float, float, float], boom_rad: float, kind: int
 ) -> None:
     motion = manoeuvres([0.0, boom_rad], [False, False])
-    motion = replace(motion, direction=np.array(directions)[motion.unit])
+    motion = replace(motion, direction=np.array(directions)[motion.manoeuvre_of_sample])
     assert classify_load_change_evidence(motion).tolist() == [kind]

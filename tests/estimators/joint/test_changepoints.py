@@ -107,7 +107,7 @@ class TestPartitions:
 
     def test_manoeuvres_that_scatter_alike_are_one_state(self):
         found = find_best_partitions(units([3600.0] * 20, scatter=60.0), SPREAD, USUAL)
-        assert found.best.level_stretch_count == 1
+        assert found.best.stretch_count == 1
         assert found.best.scatter > 2.0 * STD
 
     @pytest.mark.parametrize("seed", range(5))
@@ -129,7 +129,7 @@ class TestPartitions:
         drawn = units([3600.0] * 3 + [3640.0] * 3, seed=6)
         two = np.repeat([0, 1], 3)
         assert log_posterior(drawn, two) > log_posterior(drawn, np.zeros(6, np.int64))
-        assert find_best_partitions(drawn, SPREAD, USUAL, 0.0).best.level_stretch_count == 1
+        assert find_best_partitions(drawn, SPREAD, USUAL, 0.0).best.stretch_count == 1
 
     def test_an_offset_in_alternating_directions_is_no_change(self):
         direction = np.array([1.0, -1.0] * 5)
@@ -145,7 +145,7 @@ class TestPartitions:
 
     def test_single_manoeuvres_are_told_apart_where_scatter_is_known(self):
         drawn = units([3600.0, 3850.0, 3600.0])
-        assert find_best_partitions(drawn, SPREAD, USUAL, 0.0).best.level_stretch_count == 3
+        assert find_best_partitions(drawn, SPREAD, USUAL, 0.0).best.stretch_count == 3
         # else three loads and one that scatters are about as likely
         assert 0.05 < find_best_partitions(drawn, SPREAD, USUAL).single_probability < 0.95
 
@@ -156,8 +156,8 @@ class TestPartitions:
             hinted = find_best_partitions(
                 units(levels, seed=seed, kind=[HINTED] * 11), SPREAD, USUAL
             )
-            assert found.best.level_stretch_count == 1
-            assert hinted.best.level_stretch_count > 4
+            assert found.best.stretch_count == 1
+            assert hinted.best.stretch_count > 4
             assert hinted.single_probability < 0.5 * found.single_probability
 
     def test_loads_that_a_direction_could_explain_are_told_where_each_change_is_hinted(self):
@@ -178,29 +178,27 @@ class TestPartitions:
             filled = find_best_partitions(
                 units(levels, seed=seed, scatter=40.0, kind=kind), SPREAD, USUAL
             )
-            assert bare.level_stretch_count < 5
-            assert filled.best.level_stretch_count >= 18
+            assert bare.stretch_count < 5
+            assert filled.best.stretch_count >= 18
 
     @pytest.mark.parametrize("scatter", mark_slow_after(1, [45.0, 0.0, 15.0]))
     def test_what_is_taken_for_fillings_may_tell_nothing(self, scatter):
         kind = ([1, FILLED, 1, HINTED] * 8)[:-1]
         drawn = [units([3600.0] * 32, seed=k, scatter=scatter, kind=kind) for k in range(20)]
-        states = [
-            find_best_partitions(each, SPREAD, USUAL).best.level_stretch_count for each in drawn
-        ]
+        states = [find_best_partitions(each, SPREAD, USUAL).best.stretch_count for each in drawn]
         assert np.mean(np.array(states) == 1) >= 0.8
 
     @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
     def test_what_moves_everywhere_may_tell_nothing(self, scatter):
         for seed in range(10):
             drawn = units([3600.0] * 15, seed=seed, scatter=scatter, kind=[HINTED] * 14)
-            assert find_best_partitions(drawn, SPREAD, USUAL).best.level_stretch_count == 1
+            assert find_best_partitions(drawn, SPREAD, USUAL).best.stretch_count == 1
 
     def test_two_loads_that_take_turns_need_no_hint(self):
         """Of loads that are each their own, twelve starts that alternate would be scatter."""
         for seed in range(5):
             found = find_best_partitions(units([3600.0, 3850.0] * 6, seed=seed), SPREAD, USUAL)
-            assert found.best.level_stretch_count == 12
+            assert found.best.stretch_count == 12
             assert found.best.level.tolist() == [0, 1] * 6
             assert found.best.degrees_of_freedom == 10
             assert found.single_probability < 0.05
@@ -209,7 +207,7 @@ class TestPartitions:
         levels = [3600.0, 3850.0, 3600.0, 3720.0, 3600.0, 3960.0, 3600.0, 3780.0, 3600.0, 4050.0]
         for seed in range(5):
             found = find_best_partitions(units(levels, seed=seed), SPREAD, USUAL).best
-            assert found.level_stretch_count == 10
+            assert found.stretch_count == 10
             assert set(found.level[::2]) == {0}
 
     def test_turns_that_a_direction_explains_as_well_are_no_loads(self):
@@ -217,7 +215,7 @@ class TestPartitions:
         found = find_best_partitions(
             units(3600.0 + 100.0 * direction, effect=direction), SPREAD, USUAL
         )
-        assert found.best.level_stretch_count == 1
+        assert found.best.stretch_count == 1
 
     def test_where_nothing_can_tell_both_are_probable(self):
         found = find_best_partitions(units([3600.0] * 2 + [3680.0] * 2, seed=3), SPREAD, USUAL)
@@ -228,7 +226,7 @@ class TestPartitions:
         states = [
             find_best_partitions(
                 units([3600.0] * 12, seed=seed, scatter=scatter), SPREAD, USUAL
-            ).best.level_stretch_count
+            ).best.stretch_count
             for seed in range(50)
         ]
         assert np.mean(np.array(states) == 1) >= 0.94

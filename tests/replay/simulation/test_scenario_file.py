@@ -55,7 +55,10 @@ def test_an_empty_file_is_the_papers_campaign(tmp_path):
         ("[campaign]\nloads_kg = [0, 'x']", "campaign.loads_kg.1: input should be a valid number"),
         ("[campaign]\nloads_kg = [5, 5]", "campaign.loads_kg: a load appears twice"),
         ("machine = 3", "machine: input should be a table, not 3"),
-        ("[terrain]\nslope_deg = 15", "campaign.throttle_force_N: reaches 6000 N"),
+        (
+            "[terrain]\nslope_deg = 15",
+            "campaign.throttle_force_N: the driving force reaches 6000 N",
+        ),
         ("[machine]\na = 1\nb = 2", "(and 1 more fault)"),
         ("[channels.force_x_N]", "is a machine file, no scenario file"),
         ("[campaign]\n[[masses]]", "is a campaign file of `payscope calibrate`, no scenario file"),

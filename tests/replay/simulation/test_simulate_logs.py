@@ -242,7 +242,7 @@ def test_a_scenario_made_in_python_that_has_no_motion_is_refused_before_anything
     tmp_path,
 ):
     steep = ONE.model_copy(update={"terrain": ONE.terrain.model_copy(update={"slope_deg": 12.0})})
-    with pytest.raises(ScenarioError, match="slope and friction hold 3664 kg"):
+    with pytest.raises(ScenarioError, match="slope and friction resist 3664 kg"):
         simulate_scenario_to_logs(steep, tmp_path / "log.bag")
     assert not list(tmp_path.iterdir())
 
@@ -260,7 +260,9 @@ class TestCommand:
         steep = tmp_path / "steep.toml"
         steep.write_text("[terrain]\nslope_deg = 15\n", encoding="utf-8")
         said = payscope("simulate", steep, "-o", tmp_path / "log.bag")
-        join_to_one_line(said, f"{steep}: campaign.throttle_force_N: reaches 6000 N")
+        join_to_one_line(
+            said, f"{steep}: campaign.throttle_force_N: the driving force reaches 6000 N"
+        )
         assert said.status == 2
         assert list(tmp_path.iterdir()) == [steep]
 

@@ -44,7 +44,7 @@ def test_a_worked_example_comes_out_to_its_printed_digits(name):
     found = (line.intercept, line.slope, u_a, u_b, line.covariance[0, 1])
     assert [f"{value:.4f}" for value in found] == list(printed[:5])
     assert f"{line.chi2:.3f}" == printed[5]
-    assert line.freedom == 4
+    assert line.degrees_of_freedom == 4
 
 
 #: Drums weighed one after the other on one scale: x shares most of its errors.

@@ -65,9 +65,9 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     run_variance = 2 * of_runs**2 / 20 + 2 * within**2 / 96 / 25
     assert found.covariance[1, 1] == pytest.approx(run_variance, rel=1e-4)
     # a mean square of 20 degrees of freedom has these, made of the two that it is the sum of
-    assert found.compute_satterthwaite_dof(np.array([0.2, 1.0, 0.0]), of_runs) == pytest.approx(
-        20.0, rel=1e-4
-    )
+    assert found.compute_satterthwaite_degrees_of_freedom(
+        np.array([0.2, 1.0, 0.0]), of_runs
+    ) == pytest.approx(20.0, rel=1e-4)
 
 
 def test_variances_are_those_that_were_drawn_on_the_average():

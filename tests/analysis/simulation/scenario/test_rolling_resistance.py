@@ -187,7 +187,7 @@ def test_a_ground_too_heavy_to_start_on_is_refused(second_ground_more):
 
     coefficient = 0.2 - second_ground_more
     rolling = {"coefficient": coefficient, "second_ground_more": second_ground_more}
-    with pytest.raises(ScenarioError, match="slope and friction hold 3614 kg with 7088 N"):
+    with pytest.raises(ScenarioError, match="slope and friction resist 3614 kg with 7088 N"):
         simulate_campaign(scenario(rolling=rolling))
 
 

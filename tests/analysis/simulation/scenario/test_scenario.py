@@ -37,8 +37,8 @@ def test_a_value_that_no_scenario_may_have_is_refused_when_it_is_made(sections, 
 @pytest.mark.parametrize(
     ("sections", "what"),
     [
-        ({"terrain": {"slope_deg": 12.0}}, "slope and friction hold 3864 kg"),
-        ({"machine": {"coulomb_N": 7000.0}}, "slope and friction hold"),
+        ({"terrain": {"slope_deg": 12.0}}, "slope and friction resist 3864 kg"),
+        ({"machine": {"coulomb_N": 7000.0}}, "slope and friction resist"),
         (
             {
                 "campaign": {"valve_lag_s": 10.0, "start_s": 0.1, "throttle_force_N": 100.0},
@@ -102,7 +102,7 @@ def test_what_cannot_be_simulated_is_refused_with_the_reason(sections, what):
                     "manoeuvres": [{"kind": "start", "direction": "reverse", "throttle": 0.8}]
                 },
             },
-            "manoeuvres.0: reaches 4800 N in campaign.manoeuvres.0.start_s, but slope",
+            "manoeuvres.0: the driving force reaches 4800 N in campaign.manoeuvres.0.start_s, but",
         ),
         ({"machine": {"com_x_m": 2.0}}, "is about the origin"),
     ],
@@ -160,14 +160,14 @@ def test_a_least_throttle_above_the_most_is_refused_when_it_is_made():
 def test_a_scenario_made_in_python_is_refused_like_one_from_a_file():
     plain = Scenario()
     steep = plain.model_copy(update={"terrain": plain.terrain.model_copy(update={"slope_deg": 12})})
-    with pytest.raises(ScenarioError, match="slope and friction hold 3864 kg"):
+    with pytest.raises(ScenarioError, match="slope and friction resist 3864 kg"):
         simulate_campaign(steep)
-    with pytest.raises(ScenarioError, match="slope and friction hold 3614 kg"):
+    with pytest.raises(ScenarioError, match="slope and friction resist 3614 kg"):
         solve_motion(steep, 0.0)
 
 
 def test_a_motion_is_refused_for_the_load_that_it_is_solved_with():
     slope = Scenario.model_validate({"terrain": {"slope_deg": 9.0}})
     assert solve_motion(slope, 0.0).duration_s > 0.0
-    with pytest.raises(ScenarioError, match="hold 4614 kg"):
+    with pytest.raises(ScenarioError, match="resist 4614 kg"):
         solve_motion(slope, 1000.0)

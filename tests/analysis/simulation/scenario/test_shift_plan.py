@@ -239,7 +239,10 @@ def test_what_is_recorded_besides_says_where_the_machine_and_its_boom_are() -> N
             {"campaign": {"manoeuvres": [{"kind": "rest"}]}},
             "campaign.manoeuvres: applies to campaigns only",
         ),
-        ({"terrain": {"slope_deg": 9.0}}, "starts.throttle_least: reaches 6000 N"),
+        (
+            {"terrain": {"slope_deg": 9.0}},
+            "starts.throttle_least: the driving force reaches 6000 N",
+        ),
         ({"machine": {"mass_kg": 50.0}}, "shift.fuel_tank_kg: is part of machine.mass_kg"),
     ],
 )

@@ -297,7 +297,7 @@ def test_derived_channels_keep_ascending_stamps(raw_topic, machine):
     channels, _, _ = derived(loader(raw_topic), from_position(machine, causal=True))
     for frame in channels.values():
         assert (np.diff(frame["unix_ns"]) > 0).all()
-    assert filters.median_period_ns(channels["acc_x_m_s2"]["unix_ns"].to_numpy()) == 10 * MS
+    assert filters.compute_median_period_ns(channels["acc_x_m_s2"]["unix_ns"].to_numpy()) == 10 * MS
 
 
 def test_what_stands_for_no_reading_is_left_out_and_counted(raw_topic, machine):

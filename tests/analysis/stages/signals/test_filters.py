@@ -9,10 +9,10 @@ from scipy.signal import butter, sosfiltfilt
 from analysis.stages.signals.filters import (
     apply_low_pass,
     compute_interpolation_ready_ns,
+    compute_median_period_ns,
     differentiate_signal,
     find_slices_between_gaps,
     interpolate_linearly,
-    median_period_ns,
 )
 
 MS = 1_000_000
@@ -176,8 +176,8 @@ def test_stretches_cut_at_every_long_step_and_nowhere_else(steps):
 
 
 def test_the_period_is_the_median_step():
-    assert median_period_ns(np.array([0, 10, 20, 1000])) == 10.0
-    assert np.isnan(median_period_ns(np.array([5])))
+    assert compute_median_period_ns(np.array([0, 10, 20, 1000])) == 10.0
+    assert np.isnan(compute_median_period_ns(np.array([5])))
 
 
 @pytest.mark.parametrize("samples", [2, 3, 101, 102, 103, 4000])
@@ -185,4 +185,4 @@ def test_the_period_is_the_median_step():
 def test_the_period_is_the_median_however_many_steps_are_equal(samples: int, kinds: int) -> None:
     steps = np.random.default_rng(samples).integers(1, kinds + 1, samples - 1)
     stamps = np.concatenate([[0], np.cumsum(steps)])
-    assert median_period_ns(stamps) == np.median(steps)
+    assert compute_median_period_ns(stamps) == np.median(steps)

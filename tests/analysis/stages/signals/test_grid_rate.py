@@ -87,7 +87,7 @@ def test_a_gap_is_so_many_periods_of_the_log():
     machine = make_machine()
     read = all_at(10.0)
     found, _ = choose_grid_rate_by_log(read, machine)
-    longest_ns = filters.gap_threshold_ns(read["force_x_N"][0], found.settings.align)
+    longest_ns = filters.compute_gap_threshold_ns(read["force_x_N"][0], found.settings.align)
     assert longest_ns == pytest.approx(0.3e9)
 
 
