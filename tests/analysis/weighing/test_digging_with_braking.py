@@ -78,8 +78,8 @@ def test_without_a_dig_nothing_is_marked() -> None:
 
 @dataclass
 class _States:
-    unit: Ints
-    membership: Ints
+    manoeuvre_ids: Ints
+    state_of_manoeuvre: Ints
 
 
 @dataclass
