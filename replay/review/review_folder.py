@@ -14,6 +14,8 @@ from replay.logs import Log
 
 _LOCK: Final = ".lock"
 _STAGE: Final = ".payscope-"
+#: Every rosbag2 directory has a file of this name.
+_ROSBAG2_METADATA: Final = "metadata.yaml"
 
 
 @contextmanager
@@ -77,7 +79,7 @@ def refuse_review_of_other_shift(
     Raises:
         ReviewError: no log of the review is among them, neither by name nor by content.
     """
-    names = {file.name for log in opened_logs for file in log.files}
+    names = {file.name for log in opened_logs for file in log.files} - {_ROSBAG2_METADATA}
     digests = {digest for log in opened_logs for digest in log.digests}
     if review.inputs and not any(e.name in names or e.sha256 in digests for e in review.inputs):
         raise ReviewError(
