@@ -7,6 +7,7 @@ none. No command begins that would write over what it is given.
 import inspect
 from collections.abc import Iterator, Mapping
 from datetime import datetime
+from math import isfinite
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -23,7 +24,13 @@ class PayscopeCommand(TyperCommand):
     """A command whose help names values, not types, and whose outputs are none of its inputs."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command, unless an output is an input."""
+        """Run the command, unless an output is an input, or a number is infinite."""
+        parameters: list[Any] = self.params
+        for parameter in parameters:
+            value = ctx.params.get(parameter.name)
+            if isinstance(value, float) and not isfinite(value):
+                what = f"input should be a finite number, not {value:g}"
+                raise typer.BadParameter(what, ctx=ctx, param=parameter)
         refuse_outputs_among_inputs(ctx.params)
         return super().invoke(ctx)
 

@@ -90,6 +90,17 @@ class TestWrongInput:
         said = payscope("run", log, "-m", machine_file, "--set", "settings.trace.methods=ls")
         join_to_one_line(said, 'write ["ls"]')
 
+    def test_a_number_beyond_all_bounds_is_named(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        many = ("--set", "settings.gate.window_samples=1" + "0" * 20)
+        said = payscope("run", log, "-m", machine_file, *many)
+        join_to_one_line(said, "settings.gate.window_samples", "64 bits")
+        said = payscope("run", log, "-m", machine_file, "--goal", "inf")
+        join_to_one_line(said, "--goal", "a finite number, not inf")
+        made = ("calibrate", log, "-o", tmp_path / "check", "--previous", tmp_path / "evidence")
+        join_to_one_line(payscope(*made, "--check", "inf"), "--check", "a finite number, not inf")
+
     @pytest.mark.parametrize(
         ("words", "says"),
         [
