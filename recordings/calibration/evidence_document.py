@@ -264,6 +264,11 @@ class EvidenceDocument(BaseModel):
         return f"payscope {made} (format {self.format.rpartition('/')[2]})"
 
     @property
+    def states_run_responses(self) -> bool:
+        """Whether its format has what errors of learnt means move each run by."""
+        return self.format != _FIRST
+
+    @property
     def procedure_rules(self) -> Procedure:
         """Rules of the calibration procedure that the evidence names."""
         return PROCEDURES[self.procedure]

@@ -236,6 +236,8 @@ def compare_learnt_priors_with_pooled(document: EvidenceDocument) -> Findings:
     )
     if not all(near for _, near in find_differing_json_values(stored, computed)):
         yield _make_irreproducible_finding("learnt", "does not follow from its logs")
+    if len({(each.log, each.term) for each in learnt.logs}) < len(learnt.logs):
+        yield _make_irreproducible_finding("learnt", "has a term of one log twice")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.log_names):
         yield _make_irreproducible_finding("learnt", "belongs to other logs than the campaign's")

@@ -122,11 +122,21 @@ def require_writable_output(target: Path, *, force: bool) -> None:
 def refuse_input_as_output(target: Path, inputs: Iterable[Path]) -> None:
     """Raise an error if an output would overwrite an input, even with `--force`.
 
+    A folder that payscope writes whole is replaced with all that is in it; of any other folder only
+    single files are.
+
     Raises:
-        OutputError: the target is one of the inputs.
+        OutputError: the target is one of the inputs, or a folder that is replaced with one in it.
     """
-    if target.exists() and any(target.samefile(each) for each in inputs):
-        raise OutputError(f"{target}: is also an input; give another output")
+    if not target.exists() or (target.is_dir() and not _is_folder_written_whole(target)):
+        return
+    for each in inputs:
+        if target.samefile(each):
+            raise OutputError(f"{target}: is also an input; give another output")
+        if target.is_dir() and target.resolve() in each.resolve().parents:
+            raise OutputError(
+                f"{target}: would be replaced with the input {each} in it; give another output"
+            )
 
 
 def _refuse_folder_as_target(target: Path) -> None:
@@ -162,13 +172,17 @@ def make_staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Pa
 
 
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
-    if target.is_dir() and not any((target / name).is_file() for name in _OURS):
+    if target.is_dir() and not _is_folder_written_whole(target):
         raise OutputError(
             f"{target}: is a folder, but not a rosbag2 directory, converted log or evidence, so it "
             "is not replaced; give another output"
         )
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; give another output, or give --force")
+
+
+def _is_folder_written_whole(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in _OURS)
 
 
 def _replace_target(finished_output: Path, target: Path) -> None:

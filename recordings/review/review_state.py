@@ -69,6 +69,8 @@ class ReviewState(BaseModel):
     Attributes:
         key: digest of everything that the replay depends on.
         recording_sha256: digest of `shift.rrd`, to which this state belongs.
+        cycles_sha256: digest of the ledger's cycles without verdicts; empty in reviews of earlier
+            versions.
         resolved: machine, settings and options by name, as JSON-compatible values.
         gate_shares: fraction of the recorded time by the gate's reason.
         friction: viscous friction of the fit in N·s/m, and its standard deviation.
@@ -94,6 +96,7 @@ class ReviewState(BaseModel):
     format: int = FORMAT
     key: str
     recording_sha256: str
+    cycles_sha256: str = ""
     inputs: tuple[InputFile, ...]
     resolved: dict[str, Any]
     t0_unix_ns: int

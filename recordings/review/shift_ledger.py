@@ -7,13 +7,14 @@ import datetime as dt
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from zoneinfo import ZoneInfo
 
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS as CYCLE_LIMITS
 from analysis.model.check_names import rename_stored_checks
+from analysis.model.fingerprint import digest_frame
 from analysis.model.physical_units import NS
 from analysis.model.schema import FRAMES, QUALITY, conform_frame_to_schema
 from analysis.model.uncertainty_sources import STD_OF_MAD
@@ -157,6 +158,30 @@ def make_cycles_frame(ledger_rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFram
         counted=pl.col("quality").is_in(["good", "weak", CHECK]),
     )
     return conform_frame_to_schema("cycles", frame.select(c.name for c in FRAMES["cycles"].columns))
+
+
+class CycleRows(NamedTuple):
+    """Rows of a ledger as they were written, and its frame `cycles`."""
+
+    ledger: pl.DataFrame
+    cycles: pl.DataFrame
+
+
+def read_cycle_rows_of_review(folder: Path, state: ReviewState) -> CycleRows:
+    """Read the ledger of a review, whose cycles have to be those that the review wrote.
+
+    Raises:
+        OSError: it cannot be read.
+        PolarsError: it is not a ledger.
+        ReviewError: a cycle was changed, added or removed.
+    """
+    rows = pl.read_parquet(folder / PARQUET)
+    cycles = make_cycles_frame(rows, state.t0_unix_ns)
+    if state.cycles_sha256 not in ("", digest_frame(cycles)):
+        raise ReviewError(
+            f"{folder / PARQUET}: was changed since the review wrote it; review its logs again"
+        )
+    return CycleRows(rows, cycles)
 
 
 def write_ledger_parquet_and_csv(ledger: pl.DataFrame, folder: Path) -> None:

@@ -13,7 +13,7 @@ from analysis.model.physical_units import NS
 from estimators.errors import ReviewError
 from recordings.review.review_state import ReviewState, read_review_state
 from recordings.review.reviewer_verdicts import assign_verdicts_to_rows, read_verdict_file
-from recordings.review.shift_ledger import PARQUET, make_cycles_frame
+from recordings.review.shift_ledger import PARQUET, read_cycle_rows_of_review
 
 #: Of a second, in ns.
 NO_DATE: Final = "no date"
@@ -88,7 +88,8 @@ def read_counted_loads_of_reviews(review_folders: Sequence[Path]) -> list[WeekPa
     A load belongs to the day on which it ends, by the clock of its machine.
 
     Raises:
-        ReviewError: a folder holds no review of this version, or two hold one load.
+        ReviewError: a folder holds no review of this version, its ledger was changed, or two hold
+            one load.
     """
     owners: dict[tuple[str, int], Path] = {}
     found: list[WeekPart] = []
@@ -100,8 +101,7 @@ def read_counted_loads_of_reviews(review_folders: Sequence[Path]) -> list[WeekPa
                 f"-m MACHINE -o {folder}"
             )
         try:
-            rows = pl.read_parquet(folder / PARQUET)
-            cycles = make_cycles_frame(rows, state.t0_unix_ns)
+            rows, cycles = read_cycle_rows_of_review(folder, state)
         except OSError as error:
             raise ReviewError(
                 f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs again"

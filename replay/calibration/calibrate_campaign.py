@@ -42,11 +42,10 @@ from recordings.calibration.evidence_document import (
     Link,
     Signer,
 )
-from recordings.calibration.timestamp import encode_timestamp_request, require_timestamp_library
+from recordings.calibration.timestamp import encode_timestamp_request
 from recordings.calibration.write_bundle import encode_evidence_tables, write_bundle
 from recordings.report.atomic_output import (
     require_writable_folder,
-    require_writable_output,
     stage_output_file,
     stage_output_files,
 )
@@ -174,10 +173,15 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)
     )
+    refuse_campaign.refuse_outputs_among_campaign_files(
+        campaign_file, campaign, (folder, timestamp_request_file, dcc and dcc.file)
+    )
     require_writable_folder(folder, force=force)
     stretch = refuse_campaign.load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
-        refuse_impossible_timestamp_request(timestamp_request_file, key, force=force)
+        refuse_campaign.refuse_impossible_timestamp_request(
+            timestamp_request_file, key, force=force
+        )
     with stage_output_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -221,19 +225,6 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         return calibrated
     remark = write_and_verify_dcc(folder, calibrated.document, dcc, xml_key, force=force)
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
-
-
-def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
-    """Raise an error before the work begins if a time stamp cannot be requested.
-
-    Raises:
-        EvidenceError: there is no signature to stamp, or rfc3161-client is not installed.
-        OutputError: the file cannot be written.
-    """
-    if key is None:
-        raise EvidenceError("--timestamp-request needs a signature; give --key")
-    require_timestamp_library()
-    require_writable_output(file, force=force)
 
 
 def write_timestamp_request(bundle_folder: Path, file: Path, *, force: bool) -> None:

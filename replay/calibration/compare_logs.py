@@ -4,10 +4,14 @@ import os
 import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
+from analysis.calibration.campaign.campaign_fit import (
+    list_stated_uncertainties_of_force_scale,
+    make_calibration_options,
+)
 from analysis.calibration.use.learnt_priors import TermOfLog
 from analysis.model.check_names import replace_former_check_names
 from estimators.errors import EvidenceError, PayscopeError
@@ -17,6 +21,9 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 from replay.calibration.campaign_limits import LIMITS
+
+if TYPE_CHECKING:
+    from replay.calibration.campaign_runs import CampaignReplay
 
 #: Numbers of a reading, and the texts that must be equal.
 _NUMBERS: Final = ("start_s", "end_s", "mass_kg", "std_kg", "common_u_kg")
@@ -78,6 +85,10 @@ def replay_logs_and_record_differences(
     compare_readings_with_evidence(checked_bundle, document, stored_readings, replayed.readings)
     for kept, anew in zip(document.logs, replayed.logs, strict=True):
         _compare_replayed_log(checked_bundle, document, kept, anew)
+    # a check has those of the calibration that it checks
+    if document.kind == "calibration":
+        _compare_run_responses(checked_bundle, document, replayed)
+        _compare_stated_parts_of_fit(checked_bundle, document, replayed)
 
 
 def _compare_replayed_log(
@@ -150,6 +161,65 @@ def _format_compared_value(value: object) -> str:
         return "none"
     text = "; ".join(map(_format_compared_value, value)) if isinstance(value, tuple) else str(value)
     return text if len(text) <= LIMITS.quoted_characters else f"{text[: LIMITS.quoted_characters]}…"
+
+
+def _compare_run_responses(
+    checked_bundle: CheckedBundle, document: EvidenceDocument, replay: "CampaignReplay"
+) -> None:
+    """Compare what errors of learnt means move each run by, on which later intervals depend."""
+    if document.learnt is None or not document.states_run_responses:
+        return
+    stored, replayed = (
+        {(each.run_id, each.term): each.response_kg for each in responses}
+        for responses in (document.learnt.responses, replay.responses)
+    )
+    wrong = [
+        (run_id, term)
+        for run_id, term in sorted({*stored, *replayed})
+        if not _is_reading_within_tolerance(
+            stored.get((run_id, term)), replayed.get((run_id, term)), document.replay_tolerance_kg
+        )
+    ]
+    for run_id, term in wrong[: LIMITS.max_logs]:
+        checked_bundle.add_finding(
+            BundleOutcome.IRREPRODUCIBLE,
+            f"{EVIDENCE}: learnt.responses: run '{run_id}', {term}",
+            "the replay gives a different response of the mass to an error of the learnt mean",
+        )
+    if len(wrong) > LIMITS.max_logs:
+        checked_bundle.add_finding(
+            BundleOutcome.IRREPRODUCIBLE,
+            f"{EVIDENCE}: learnt.responses",
+            f"and {len(wrong) - LIMITS.max_logs} more",
+        )
+
+
+def _compare_stated_parts_of_fit(
+    checked_bundle: CheckedBundle, document: EvidenceDocument, replay: "CampaignReplay"
+) -> None:
+    """Compare the budget's parts that come from the machine file by way of the replays."""
+    options = make_calibration_options(
+        document.campaign,
+        list_stated_uncertainties_of_force_scale(document.campaign, replay.budgets),
+    )
+    stored, replayed = (
+        {part.component: (part.absorbed, part.u_kg) for part in each.stated}
+        for each in (document.options, options)
+    )
+    for component in sorted({*stored, *replayed}):
+        there, here = stored.get(component), replayed.get(component)
+        if (
+            there is not None
+            and here is not None
+            and there[0] == here[0]
+            and _is_reading_within_tolerance(there[1], here[1], document.replay_tolerance_kg)
+        ):
+            continue
+        checked_bundle.add_finding(
+            BundleOutcome.IRREPRODUCIBLE,
+            f"{EVIDENCE}: options.stated: {component}",
+            "the replay gives a different uncertainty of it",
+        )
 
 
 def _compare_learnt_terms(

@@ -1,11 +1,12 @@
 """Reject campaigns that contradict their logs, machine file or notary list."""
 
 import datetime as dt
+from collections.abc import Iterable
 from pathlib import Path
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
-from estimators.errors import CampaignError
+from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.campaign_faults import (
     iter_machine_id_contradictions,
     iter_repeated_run_sentences,
@@ -15,8 +16,46 @@ from recordings.calibration.notary_stretch import (
     cut_range_from_notary_list,
     iter_unaccounted_log_sentences,
 )
+from recordings.calibration.timestamp import require_timestamp_library
 from recordings.notary.notary_check import check_untrusted_notary_list
+from recordings.report.atomic_output import refuse_input_as_output, require_writable_output
+from recordings.signatures.signing import SigningKey
 from replay.calibration.campaign_runs import CampaignReplay
+
+
+def refuse_outputs_among_campaign_files(
+    campaign_path: Path, campaign: CalibrationCampaign, outputs: Iterable[Path | None]
+) -> None:
+    """Raise an error if an output would replace a file that the campaign is made of.
+
+    Args:
+        campaign_path: campaign file.
+        campaign: what it says.
+        outputs: files and folders to write; None for those that are not.
+
+    Raises:
+        OutputError: an output is the campaign file, its machine file, its notary list or a log.
+    """
+    names = [campaign.machine.file, *campaign.log_names]
+    if campaign.notary is not None:
+        names.append(campaign.notary.list)
+    paths = [campaign_path, *(campaign_path.parent / name for name in names)]
+    for output in outputs:
+        if output is not None:
+            refuse_input_as_output(output, (path for path in paths if path.exists()))
+
+
+def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
+    """Raise an error before the work begins if a time stamp cannot be requested.
+
+    Raises:
+        EvidenceError: there is no signature to stamp, or rfc3161-client is not installed.
+        OutputError: the file cannot be written.
+    """
+    if key is None:
+        raise EvidenceError("--timestamp-request needs a signature; give --key")
+    require_timestamp_library()
+    require_writable_output(file, force=force)
 
 
 def refuse_run_days_unlike_logs(

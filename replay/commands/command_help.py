@@ -1,11 +1,13 @@
 """Help of the commands: paragraphs as wide as the terminal, values named as other tools name them.
 
 Typer prints the Python type of every value (`<list[Path]>`), and `<bool>` where an option takes
-none.
+none. No command begins that would write over what it is given.
 """
 
 import inspect
+from collections.abc import Iterator, Mapping
 from datetime import datetime
+from math import isfinite
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -14,10 +16,23 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 #: What a value of a type is called.
 _VALUE_NAMES: Final = {Path: "PATH", str: "TEXT", int: "N", float: "X", datetime: "TIME"}
+#: Parameters that name what a command writes; every other one may name what it reads.
+_OUTPUTS: Final = frozenset({"output", "figure", "reports", "timestamp_request", "dcc"})
 
 
 class PayscopeCommand(TyperCommand):
-    """A command whose help names values, not types."""
+    """A command whose help names values, not types, and whose outputs are none of its inputs."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command, unless an output is an input, or a number is infinite."""
+        parameters: list[Any] = self.params
+        for parameter in parameters:
+            value = ctx.params.get(parameter.name)
+            if isinstance(value, float) and not isfinite(value):
+                what = f"input should be a finite number, not {value:g}"
+                raise typer.BadParameter(what, ctx=ctx, param=parameter)
+        refuse_outputs_among_inputs(ctx.params)
+        return super().invoke(ctx)
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The parameters, with names for their values."""
@@ -57,6 +72,46 @@ def name_value_of_parameter(parameter: Any) -> Any:
             types = get_args(kind.annotation) or (kind.annotation,)
             parameter.metavar = _VALUE_NAMES.get(types[0])
     return parameter
+
+
+def refuse_outputs_among_inputs(parameters: Mapping[str, Any]) -> None:
+    """Raise an error if an output of a command would replace a path among its other parameters.
+
+    Raises:
+        OutputError: it would, under whatever name or link, and even with `--force`.
+    """
+    outputs = [
+        path
+        for name in sorted(_OUTPUTS & parameters.keys())
+        for path in _iter_existing_paths(parameters[name])
+    ]
+    if not outputs:
+        return
+    from recordings.report.atomic_output import refuse_input_as_output
+
+    inputs = [
+        path
+        for name, value in parameters.items()
+        if name not in _OUTPUTS
+        for path in _iter_existing_paths(value)
+    ]
+    for output in outputs:
+        refuse_input_as_output(output, inputs)
+
+
+def _iter_existing_paths(value: Any) -> Iterator[Path]:
+    if isinstance(value, list | tuple):
+        for each in value:
+            yield from _iter_existing_paths(each)
+    elif isinstance(value, str | Path) and _is_existing_path(Path(value)):
+        yield Path(value)
+
+
+def _is_existing_path(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # a text that is no path, such as a long statement of SQL
+        return False
 
 
 def _show_nothing(ctx: Any) -> None:

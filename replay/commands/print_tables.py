@@ -82,8 +82,12 @@ def print_json(value: Any) -> None:
 
 
 def format_value_as_json(value: Any) -> str:
-    """A value as JSON text; NaN and infinities become null."""
-    return json.dumps(_convert_to_json_values(value), indent=2, ensure_ascii=False, allow_nan=False)
+    """A value as JSON text; NaN and infinities become null.
+
+    Bytes of a file name that are not UTF-8 are written as JSON's escapes of half surrogates.
+    """
+    text = json.dumps(_convert_to_json_values(value), indent=2, ensure_ascii=False, allow_nan=False)
+    return text.encode(errors="backslashreplace").decode()
 
 
 def format_mass_kg_or_dash(mass_kg: float | None) -> str:

@@ -11,7 +11,8 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from estimators.errors import CampaignError, PayscopeError
+from estimators.errors import CampaignError, OutputError, PayscopeError
+from recordings.report.atomic_output import refuse_input_as_output
 from replay.logs import Log, open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.machines.toml_file import format_toml
@@ -123,6 +124,7 @@ def draft_campaign_file(
 
     Raises:
         CampaignError: the folder does not exist or has no log, or the file would not be above it.
+        OutputError: the file would replace one of the logs.
     """
     if not log_folder.is_dir():
         raise CampaignError(f"{log_folder}: no such folder; give one with logs")
@@ -130,17 +132,21 @@ def draft_campaign_file(
     blocks: list[str] = []
     said: list[str] = []
     for path in sorted(log_folder.iterdir()):
-        if path.name.startswith(".") or path == campaign_path:
+        if path.name.startswith("."):
             continue
         try:
             with open_log(
                 path, time=find_time_axis_of_machine(machine) if machine else None
             ) as log:
+                refuse_input_as_output(campaign_path, log.files)
                 blocks += _iter_toml_blocks_of_campaign_runs(
                     log, _make_relative_path(campaign_path.parent, path), machine
                 )
+        except OutputError:
+            raise
         except PayscopeError as fault:
             if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
+                refuse_input_as_output(campaign_path, [path])
                 said.append(f"left out: {fault}")
     if not blocks:
         raise CampaignError(f"{log_folder}: contains no readable log")

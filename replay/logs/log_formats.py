@@ -106,10 +106,15 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
             messages have their own log times.
 
     Raises:
-        LogError: the file does not exist, its suffix is unknown, or its content does not match its
-            suffix.
+        LogError: the file does not exist, its suffix is unknown, its content does not match its
+            suffix, or its name is not UTF-8.
     """
     path = Path(path)
+    if not is_encodable_as_utf8(str(path)):
+        raise LogError(
+            f"{path}: has bytes in its name that are not UTF-8, which no answer and no recording "
+            "could repeat; rename it"
+        )
     try:
         if path.is_dir():
             return _open_directory(path)
@@ -138,6 +143,15 @@ _BAGS: Final = tuple(suffix for suffix in OPENERS if suffix not in (*TABLES, _NA
 _METADATA: Final = "metadata.yaml"
 #: What makes a folder one log: a rosbag2 directory, or a converted log.
 _DESCRIBED: Final = (_METADATA, DESCRIPTION)
+
+
+def is_encodable_as_utf8(path_text: str) -> bool:
+    """Whether a path is text: its names on disk are in UTF-8."""
+    try:
+        path_text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def expand_log_folders(paths: Sequence[Path]) -> list[Path]:

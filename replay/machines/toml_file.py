@@ -5,7 +5,7 @@ import re
 import reprlib
 import tomllib
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Final, NamedTuple, TypeVar, Union, get_args, get_origin
@@ -37,6 +37,8 @@ _KINDS: Final = {
     "a scenario file of `payscope simulate`": ("sensors", "shift"),
     "a campaign file or a scenario file": ("campaign",),
 }
+#: Of 64 bits: compiled code counts no further, and Python's reader of TOML sets no bound.
+LARGEST_INTEGER: Final = 2**63 - 1
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -152,10 +154,27 @@ def validate_toml_content(
         PayscopeError: as `error_type`, in one line: an unknown key (with the nearest known one), or
             a value that does not fit.
     """
+    for key, number in _iter_integers_by_dotted_key(values):
+        if not -LARGEST_INTEGER <= number <= LARGEST_INTEGER:
+            raise error_type(
+                f"{path}: {key}: input should be an integer of at most 64 bits, as TOML has them, "
+                f"not one of {len(f'{abs(number)}')} digits"
+            )
     try:
         return model.model_validate(values)
     except ValidationError as fault:
         raise error_type(f"{path}: {explain_validation_fault(fault, model)}") from None
+
+
+def _iter_integers_by_dotted_key(content: Any, key: str = "") -> Iterator[tuple[str, int]]:
+    if isinstance(content, Mapping):
+        for name, value in content.items():
+            yield from _iter_integers_by_dotted_key(value, f"{key}.{name}" if key else name)
+    elif isinstance(content, list | tuple):
+        for value in content:
+            yield from _iter_integers_by_dotted_key(value, key)
+    elif isinstance(content, int):
+        yield key, content
 
 
 def explain_validation_fault(validation_fault: ValidationError, model: type[BaseModel]) -> str:

@@ -36,8 +36,8 @@ from recordings.review.reviewer_verdicts import (
 from recordings.review.shift_ledger import (
     PARQUET,
     find_ledger_row_of_cycle,
-    make_cycles_frame,
     parse_local_instant,
+    read_cycle_rows_of_review,
 )
 from replay.inputs.channel_inputs import merge_messages_of_logs
 from replay.logs import expand_log_folders, open_log
@@ -232,8 +232,7 @@ def recount_review_with_verdicts(folder: Path, verdicts: RequestedVerdicts) -> S
                 raise RecordingError(f"{recording} was replaced by another recording")
             summary = read_frame(recording, "shift")
             track = decimate_position_track(read_frame(recording, "aligned"))
-            rows = pl.read_parquet(folder / PARQUET)
-            cycles = make_cycles_frame(rows, state.t0_unix_ns)
+            rows, cycles = read_cycle_rows_of_review(folder, state)
         except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
             raise ReviewError(
                 f"{folder}: its loads cannot be recounted ({error}); review its logs again"

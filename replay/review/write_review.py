@@ -9,6 +9,7 @@ import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck, compare_payloads_with_target
 from analysis.cycles.shift_totals import LabelTotal, recompute_shift_totals, sum_cycles_by_label
+from analysis.model.fingerprint import digest_frame
 from recordings.review.energy_columns import convert_shift_energy_to_dict
 from recordings.review.ledger_table import (
     TABLE_CSV,
@@ -30,6 +31,7 @@ from recordings.review.shift_ledger import (
     PARQUET,
     add_motion_columns,
     make_cycle_ids,
+    make_cycles_frame,
     make_ledger_frame,
     write_ledger_parquet_and_csv,
 )
@@ -178,9 +180,9 @@ def write_review_files(review_page: ReviewPage, folder: Path) -> None:
         review_page.ledger, clock, folder / TABLE_CSV, has_decimal_comma=comma
     )
     (folder / PAGE).write_text(render_review_html(review_page), encoding="utf-8")
-    (folder / STATE).write_text(
-        review_page.state.model_dump_json(indent=1) + "\n", encoding="utf-8"
-    )
+    cycles = make_cycles_frame(review_page.ledger, review_page.state.t0_unix_ns)
+    state = review_page.state.model_copy(update={"cycles_sha256": digest_frame(cycles)})
+    (folder / STATE).write_text(state.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
 def decimate_position_track(aligned: pl.DataFrame) -> pl.DataFrame | None:

@@ -285,6 +285,10 @@ TAMPERINGS: dict[str, Tampering] = {
     "what a log said left out": Tampering(
         lambda b: b.evidence["learnt"]["logs"].pop(0), TAMPERED, IRREPRODUCIBLE, "learnt priors",
         "evidence.json: learnt: does not follow from its logs"),
+    "what a log said, twice": Tampering(
+        in_evidence("learnt", "logs", to=lambda x: [*x, x[0]]),
+        TAMPERED, IRREPRODUCIBLE, "learnt priors",
+        "evidence.json: learnt: has a term of one log twice"),
     "what another log said": Tampering(
         in_evidence("learnt", "logs", 0, "log", to="load-9.csv"),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",

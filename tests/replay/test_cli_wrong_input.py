@@ -90,6 +90,17 @@ class TestWrongInput:
         said = payscope("run", log, "-m", machine_file, "--set", "settings.trace.methods=ls")
         join_to_one_line(said, 'write ["ls"]')
 
+    def test_a_number_beyond_all_bounds_is_named(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        many = ("--set", "settings.gate.window_samples=1" + "0" * 20)
+        said = payscope("run", log, "-m", machine_file, *many)
+        join_to_one_line(said, "settings.gate.window_samples", "64 bits")
+        said = payscope("run", log, "-m", machine_file, "--goal", "inf")
+        join_to_one_line(said, "--goal", "a finite number, not inf")
+        made = ("calibrate", log, "-o", tmp_path / "check", "--previous", tmp_path / "evidence")
+        join_to_one_line(payscope(*made, "--check", "inf"), "--check", "a finite number, not inf")
+
     @pytest.mark.parametrize(
         ("words", "says"),
         [
@@ -281,11 +292,47 @@ class TestOutputs:
     def test_a_recording_ends_in_rrd_so_that_no_log_is_lost_to_force(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
+        other = log.with_name("other.csv")
+        other.write_bytes(log.read_bytes())
         before = log.read_bytes(), machine_file.read_bytes()
-        for out in (log, machine_file):
+        for out, words in (
+            (log, "is also an input"),
+            (machine_file, "is also an input"),
+            (other, ".rrd"),
+        ):
             said = payscope("run", log, "-m", machine_file, "-o", out, "--force")
-            join_to_one_line(said, out.name, ".rrd")
+            join_to_one_line(said, out.name, words)
         assert (log.read_bytes(), machine_file.read_bytes()) == before
+        assert other.read_bytes() == log.read_bytes()
+
+    def test_no_command_writes_over_what_it_is_given_to_read(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        logs, evidence = tmp_path / "logs", tmp_path / "evidence"
+        recorded, converted = logs / "bag" / "shift.csv", tmp_path / "by_another_name.csv"
+        recorded.parent.mkdir(parents=True)
+        recorded.write_bytes(log.read_bytes())
+        (recorded.parent / "metadata.yaml").write_text("")
+        (logs / "load.csv").write_bytes(log.read_bytes())
+        (logs / "damaged.bag").write_text("no bag")
+        evidence.mkdir()
+        (evidence / "evidence.json").write_text("{}")
+        converted.hardlink_to(log)
+        before = {each: each.read_bytes() for each in tmp_path.rglob("*") if each.is_file()}
+        check = ("calibrate", log, "--check", "1", "--previous", evidence)
+        for words, out in (
+            (("query", log, "SELECT 1"), converted),
+            (("sweep", log, "-m", machine_file, "--over", "a.b=1", "--format", "csv"), converted),
+            (("init", "--campaign", logs), logs / "load.csv"),
+            (("init", "--campaign", logs), logs / "damaged.bag"),
+            (("init", "--campaign", logs, "-m", machine_file), machine_file),
+            (("convert", recorded), recorded.parent),
+            (check, evidence),
+            ((*check, "--key", machine_file, "--dcc", machine_file), tmp_path / "new"),
+        ):
+            said = payscope(*words, "-o", out, "--force")
+            join_to_one_line(said, "give another output")
+        assert {each: each.read_bytes() for each in before} == before
 
     def test_a_log_is_not_overwritten_by_its_machine_file(
         self, payscope: Payscope, log: Path, tmp_path: Path

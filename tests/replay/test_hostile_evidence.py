@@ -4,6 +4,7 @@ import json
 import os
 import pickle
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -109,6 +110,18 @@ def test_more_entries_than_any_bundle_are_refused(tmp_path: Path, genuine: Path)
         (folder / f"{number}.txt").touch()
     with pytest.raises(EvidenceError, match="more than 4096 entries"):
         verify_bundle(folder)
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="file names there are UTF-8")
+def test_a_name_that_is_not_utf_8_is_a_finding_in_json_too(
+    genuine: Path, tmp_path: Path, payscope: Payscope
+) -> None:
+    folder = Path(shutil.copytree(genuine, tmp_path / "b"))
+    Path(os.fsdecode(os.fsencode(folder) + b"/\xff\xfe")).write_text("x")
+    said = payscope("verify", folder, "--json")
+    assert said.status == BundleOutcome.TAMPERED
+    (finding,) = json.loads(said.out)["findings"]
+    assert os.fsencode(finding["item"]) == b"\xff\xfe"
 
 
 def test_a_folder_without_evidence_is_bad_input(payscope: Payscope, tmp_path: Path) -> None:

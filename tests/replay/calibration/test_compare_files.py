@@ -6,10 +6,14 @@ import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
 
+from analysis.calibration.campaign.campaign_readings import make_run_changes_per_learnt_mean_u
+from analysis.calibration.line.calibration import StatedPart
+from analysis.calibration.line.shared_errors import RunResponse
 from recordings import read_recording
 from recordings.calibration.bundle_folder import (
     PDF,
@@ -34,6 +38,7 @@ from recordings.calibration.untrusted_files import (
     join_words_without_page_heads,
 )
 from recordings.rrd.writer import write_recording
+from replay.calibration import calibrate_campaign, campaign_runs
 from replay.calibration.calibrate_campaign import calibrate_from_campaign
 from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import Bundle, tampered
@@ -115,6 +120,42 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
     ):
         assert f"{place}: " in said
         assert words in said
+
+
+@pytest.mark.usefixtures("readers_in_this_process", "without_pdf")
+def test_what_later_intervals_depend_on_is_compared_with_the_replays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who has the key and changes payscope itself makes evidence that agrees with itself."""
+    campaign = campaign_folder(tmp_path / "logs")
+    machine = tmp_path / "logs" / "sledge.toml"
+    machine.write_text(
+        machine.read_text().replace("[log]", "force_gain_u = 0.01\nforce_share_u = 0.01\n[log]")
+    )
+    honest, forged = tmp_path / "honest", tmp_path / "forged"
+    calibrate_from_campaign(campaign, honest)
+    assert not verify_bundle(honest, log_folder=tmp_path / "logs").findings
+    with monkeypatch.context() as patched:
+        patched.setattr(calibrate_campaign, "list_stated_uncertainties_of_force_scale", no_part)
+        patched.setattr(campaign_runs, "make_run_changes_per_learnt_mean_u", no_response)
+        calibrate_from_campaign(campaign, forged)
+    assert not verify_bundle(forged).findings
+    found = verify_bundle(forged, log_folder=tmp_path / "logs")
+    said = items(found)
+    assert {each.outcome for each in found.findings} == {IRREPRODUCIBLE}
+    assert "options.stated: force gain: the replay gives a different uncertainty" in said
+    assert "learnt.responses: run 'run-0', const: the replay gives a different response" in said
+
+
+def no_part(*_: object) -> tuple[StatedPart, ...]:
+    return ()
+
+
+def no_response(*given: Any) -> tuple[RunResponse, ...]:
+    return tuple(
+        each.model_copy(update={"response_kg": 0.0})
+        for each in make_run_changes_per_learnt_mean_u(*given)
+    )
 
 
 @pytest.mark.usefixtures("readers_in_this_process")

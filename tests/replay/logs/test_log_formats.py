@@ -1,5 +1,6 @@
 """The dispatcher: what is no log gets one line with the remedy."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -23,6 +24,16 @@ def join_to_one_line(path: Path) -> str:
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     assert "no such file" in join_to_one_line(tmp_path / "shift.bag")
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="file names there are UTF-8")
+def test_a_name_that_is_not_utf_8_is_to_be_changed(tmp_path: Path) -> None:
+    latin = Path(os.fsdecode(os.fsencode(tmp_path) + b"/gr\xf6\xdfe.csv"))
+    latin.write_text("time_s,force_N\n0,1\n1,2\n")
+    with pytest.raises(LogError, match=r"e\.csv: .* not UTF-8, .*; rename it") as caught:
+        open_log(latin)
+    assert_one_line(caught.value)
+    assert open_log(latin.rename(tmp_path / "größe.csv")).path
 
 
 def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path: Path) -> None:

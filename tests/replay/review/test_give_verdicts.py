@@ -240,3 +240,17 @@ def test_a_review_whose_recording_was_changed_is_refused(folder: Path, payscope:
     with (folder / "shift.rrd").open("ab") as recording:
         recording.write(b"x")
     join_to_one_line(payscope("review", folder), "review its logs again")
+
+
+def test_a_review_whose_ledger_was_changed_is_refused(
+    folder: Path, payscope: Payscope, tmp_path: Path
+) -> None:
+    ledger = folder / "ledger.parquet"
+    payscope("review", folder, "--reject", "1", "--author", "A", "--note", "spilt")
+    genuine = pl.read_parquet(ledger)
+    for changed in (genuine.with_columns(pl.col("payload_kg") * 2), genuine[1:]):
+        changed.write_parquet(ledger)
+        for words in (("review", folder), ("review", "--week", folder, "-o", tmp_path / "w.html")):
+            join_to_one_line(payscope(*words), "ledger.parquet: was changed", "review its logs")
+    genuine.write_parquet(ledger)
+    assert payscope("review", folder).status == 0
