@@ -104,7 +104,7 @@ class TestWrongInput:
     @pytest.mark.parametrize(
         ("words", "says"),
         [
-            (("info",), "Missing argument 'logs'; `payscope info --help` lists what it takes"),
+            (("info",), "Missing argument 'LOG'; `payscope info --help` lists what it takes"),
             (("run", "a.bag"), "`payscope init LOG -o machine.toml` drafts a machine file"),
             (("plot", "a.rrd", "-o", "b.png", "--figure", "x"), "'--figure': 'x' is not one of"),
             (("show", "a.rrd", "gate", "--from", "x"), "'--from': input should be a valid number"),
