@@ -72,7 +72,8 @@ class _Schema:
         self._left -= 1
         if self._left < 0 or depth > LIMITS.json_depth:
             raise BrokenBytesError(
-                f"it has more than {LIMITS.json_fields} fields, or {LIMITS.json_depth} levels"
+                f"its JSON schema has more than {LIMITS.json_fields} fields, or is nested deeper "
+                f"than {LIMITS.json_depth} levels"
             )
         kind = find_sole_type_of_schema(schema)
         if kind == "array":

@@ -97,7 +97,10 @@ class GrowingBlockFile(ABC):
         """Messages of a complete chunk; a damaged one is a loss."""
         try:
             if block.max_unpacked_bytes > LARGEST_BYTES:
-                raise DamagedBlockError(f"it declares {block.max_unpacked_bytes:,} bytes")
+                raise DamagedBlockError(
+                    f"it declares {block.max_unpacked_bytes:,} bytes, more than the limit of "
+                    f"{LARGEST_BYTES:,}"
+                )
             data = np.empty(block.max_unpacked_bytes, np.uint8)
             data = data[: unpack_block_into(block, self._file, data)]
         except DamagedBlockError as error:

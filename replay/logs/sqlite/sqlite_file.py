@@ -192,7 +192,9 @@ def read_connections_of_database(
     found = fetch_all_rows(database, "SELECT name FROM sqlite_master WHERE type = 'table'")
     tables = {name for (name,) in found}
     if not tables >= {"topics", "messages"}:
-        raise BrokenBytesError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
+        raise BrokenBytesError(
+            f"its tables are {', '.join(sorted(tables))}" if tables else "it has no tables"
+        )
     definitions: dict[str, tuple[str, str]] = {}
     if "message_definitions" in tables:
         definitions = {

@@ -292,7 +292,7 @@ def find_time_unit(column_name: ColumnName) -> str | None:
     if does_name_state_multiple_of_unit(column_name.name):
         raise DialectError(
             f"column '{column_name.name}' counts multiples of a unit of time; set [log] rate_hz = "
-            "the rows in a second"
+            "rows per second"
         )
     if column_name.unit in _NS:
         return column_name.unit

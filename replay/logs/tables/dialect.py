@@ -313,8 +313,8 @@ def _find_dialect_of_header_only_table(
             reading = _DialectTrial(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
             return _find_header_rows(reading, lines, hints)
     raise DialectError(
-        "it holds no table of numbers that could be recognised; if it is one, set "
-        "[log] separator, decimal or header_row"
+        "no table of numbers was recognised in it; if it holds one, set [log] separator, decimal "
+        "or header_row"
     )
 
 
