@@ -196,7 +196,7 @@ def explain_validation_fault(validation_fault: ValidationError, model: type[Base
 
 
 class LocatedKeys(NamedTuple):
-    """Keys of a location, and the model of their table."""
+    """Keys of a location in a validation error, and the model of their table; None if unknown."""
 
     keys: list[str]
     model: type[BaseModel] | None

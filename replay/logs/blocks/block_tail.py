@@ -82,8 +82,8 @@ class GrowingBlockFile(ABC):
             batches += found
         return batches
 
-    def note_incomplete_end(self) -> None:
-        """See `Tail.note_incomplete_end`."""
+    def finish_and_note_incomplete_end(self) -> None:
+        """See `Tail.finish_and_note_incomplete_end`."""
         if self._is_truncated:
             rest = self._file.size - self._at
             what = f"it ends inside a record or chunk: its last {rest:,} bytes are not read"

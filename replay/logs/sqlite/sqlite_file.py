@@ -154,8 +154,8 @@ class Db3File:
             self._back_ns = back
         return max(row_time_ns - self._back_ns, UNKNOWN_NS)
 
-    def earliest_log_time_bound_ns(self) -> int:
-        """Earliest log time, by SQLite."""
+    def log_time_lower_bound_ns(self) -> int:
+        """Lower bound of all log times: the earliest, by SQLite."""
         try:
             ((earliest,),) = fetch_all_rows(self._database, "SELECT min(timestamp) FROM messages")
         except BrokenBytesError:

@@ -100,7 +100,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     """
     # a cell of a damaged file may be all of it
     csv.field_size_limit(min(sys.maxsize, 2**31 - 1))
-    separators = _candidate_separators(hints)
+    separators = _list_candidate_separators(hints)
     if hints.decimal not in (None, ".", ","):
         raise DialectError(f"no decimal sign '{hints.decimal}'; [log] decimal is '.' or ','")
     decimals = (hints.decimal,) if hints.decimal else (".", ",")
@@ -124,7 +124,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     return _find_header_rows(reading, lines, hints)
 
 
-def _candidate_separators(hints: TableHints) -> tuple[str, ...]:
+def _list_candidate_separators(hints: TableHints) -> tuple[str, ...]:
     """Separator that the machine file names, else all known ones."""
     if hints.separator is None:
         return SEPARATORS
