@@ -71,8 +71,8 @@ def follow_drawn(seed: int, starts: int, folder: Path) -> tuple[list[Statement],
     board = Follower(machine, until_u_kg=aim_kg)
     with open_log(path) as log:
         for topic, samples in log.read_many(list_channel_fields(board.log.machine)).items():
-            board.take(topic, samples)
-    made = [each for each in board.advance(is_whole=True) if each.event == "manoeuvre"]
+            board.append_samples(topic, samples)
+    made = [each for each in board.advance(is_log_complete=True) if each.event == "manoeuvre"]
     path.unlink()
     return list(judge_statements(made)), deviations_off(made, EMPTY_KG + load_kg)
 

@@ -8,7 +8,7 @@ from typing import Any
 from analysis.fleet.fleet_tables import TABLES
 from analysis.simulation import Scenario
 from replay.fleet.gathered_tables import FleetResults
-from replay.fleet.ray_engine import Result, Task, TaskWork
+from replay.fleet.ray_engine import Result, Task, TaskWithMemory
 from replay.fleet.results_layout import MARK
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
@@ -51,7 +51,7 @@ class SerialEngine:
         return 1
 
     def run_tasks(
-        self, function: Any, work: Sequence[TaskWork[Task]]
+        self, function: Any, work: Sequence[TaskWithMemory[Task]]
     ) -> Iterator[tuple[Task, Result]]:
         """Run them in their order."""
         for each in work:

@@ -23,7 +23,7 @@ import polars as pl
 from analysis.model.schema import QUALITY
 from benchmarks.fleet_logs import told
 from replay.fleet.gathered_tables import FleetResults
-from replay.fleet.last_run import CurrentMachine, LastRun, NamedFiles
+from replay.fleet.last_run import LastRun, LastRunMachine, NamedFiles
 from replay.fleet.object_store import ObjectStore
 from replay.fleet.results_layout import ResultName, write_result_tables
 
@@ -45,7 +45,7 @@ def make(destination: Path, machines: int, days: int) -> None:
         for day in range(days):
             _result(store, f"unit-{number + 1:02}", day, number, draw)
     results = FleetResults(store)
-    machine = CurrentMachine(files=NamedFiles("cat262c.toml"), bases=("b",))
+    machine = LastRunMachine(files=NamedFiles("cat262c.toml"), bases=("b",))
     names = [f"unit-{number + 1:02}" for number in range(machines)]
     results.store_last_run(LastRun(fleet="benchmark", machines=dict.fromkeys(names, machine)))
     results.update_gathered_tables()

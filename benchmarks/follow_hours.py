@@ -69,8 +69,8 @@ def main(hours: float = 8.0, rate: float = 20.0) -> None:
                 begin + at, begin + at + SECOND_NS, closed="left"
             )
             for topic, samples in topics.items():
-                follower.take(topic, later(samples.filter(inside), lap * lap_ns))
-            digests.add_followed_rows(follower.rows())
+                follower.append_samples(topic, later(samples.filter(inside), lap * lap_ns))
+            digests.add_followed_rows(follower.collect_complete_rows())
             if second % 1800 == 0 and second:
                 rows.append(
                     [

@@ -55,14 +55,14 @@ def is_function_cached(module_file: Path, function_name: str) -> bool:
 def are_all_loops_cached() -> bool:
     """Whether `record_that_all_loops_are_cached` was called with the present sources and numba."""
     try:
-        return _path_of_all_cached_marker().read_text(encoding="utf-8") == describe_cache_state()
+        return _find_all_cached_marker_path().read_text(encoding="utf-8") == describe_cache_state()
     except OSError:
         return False
 
 
 def record_that_all_loops_are_cached() -> None:
     """Record that every compiled loop is in the cache."""
-    marker = _path_of_all_cached_marker()
+    marker = _find_all_cached_marker_path()
     partial = marker.with_name(f"{marker.name}.{os.getpid()}")
     partial.write_text(describe_cache_state(), encoding="utf-8")
     partial.replace(marker)
@@ -70,11 +70,11 @@ def record_that_all_loops_are_cached() -> None:
 
 def find_persistent_cache_folder() -> Path | None:
     """Folder of the cache; None if no folder that outlasts the process is writable."""
-    folder = _path_of_all_cached_marker().parent
+    folder = _find_all_cached_marker_path().parent
     return None if folder == _make_temporary_folder().parent else folder
 
 
-def _path_of_all_cached_marker() -> Path:
+def _find_all_cached_marker_path() -> Path:
     return known_folder_of(_HOUSE / Path(__file__).parent.name / "compiled.py").parents[1] / "all"
 
 

@@ -49,17 +49,20 @@ class BoomDumps:
     shows_dumps: bool
     dumps: tuple[BoomDump, ...] = ()
 
-    def select_dumps(self, start_ns: int, end_ns: int) -> list[BoomDump]:
-        """Dumps within a time span."""
+    def select_dumps_emptied_in_span(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+        """Dumps that emptied the bucket within a time span."""
         return [each for each in self.dumps if start_ns <= each.bucket_emptied_ns <= end_ns]
 
-    def select_dumps_with_boom_out(self, start_ns: int, end_ns: int) -> list[BoomDump]:
-        """Dumps with the boom out in a time span, since a creeping machine may dump earlier."""
+    def select_dumps_overlapping_span(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+        """Dumps whose boom movement overlaps a time span.
+
+        A creeping machine may empty its bucket before the span.
+        """
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
     def can_exclude_dump(self, start_ns: int, end_ns: int) -> bool:
         """Whether the boom reliably shows that there is no dump in a time span."""
-        return self.shows_dumps and not self.select_dumps_with_boom_out(start_ns, end_ns)
+        return self.shows_dumps and not self.select_dumps_overlapping_span(start_ns, end_ns)
 
 
 #: Of a log whose boom shows none.
@@ -220,7 +223,7 @@ def find_load_change_indices_at_dumps(
         for k in range(is_loaded.size - 1)
         if is_loaded[k]
         and is_loaded[k + 1]
-        and dumps.select_dumps(int(end_ns[k]), int(start_ns[k + 1]))
+        and dumps.select_dumps_emptied_in_span(int(end_ns[k]), int(start_ns[k + 1]))
     ]
 
 

@@ -41,8 +41,8 @@ def calibrate_cycles(
     """
     if calibration.method not in (_OF_MASS, _OF_PAYLOAD):
         raise DataError(
-            f"calibration: it was made for '{calibration.method}', which is not a mass of cycles; "
-            f"{suggest_choice(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
+            f"calibration: it was made for '{calibration.method}', which does not estimate "
+            f"the masses of cycles; {suggest_choice(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
     scale_1 = get_column_values(cycles, "scale_1")

@@ -134,7 +134,9 @@ class CycleParts:
             return "no empty pass to compare with"
         return ""
 
-    def pass_weights_of_payload(self, tare_coefficient_before: Floats, pass_count: int) -> Floats:
+    def compute_weights_of_passes_in_payload(
+        self, tare_coefficient_before: Floats, pass_count: int
+    ) -> Floats:
         """(passes,) weights of the passes' masses in the payload.
 
         Args:
@@ -176,7 +178,7 @@ def split_cycles_into_parts(passes: LoadPasses, digging: pl.DataFrame) -> list[C
                 and now.loaded_pass is None
                 and now.dig_ns is not None
                 and start_ns - now.dig_ns[1] < passes.max_filling_pause_ns
-                and not passes.dumps.select_dumps(now.dig_ns[1], start_ns)
+                and not passes.dumps.select_dumps_emptied_in_span(now.dig_ns[1], start_ns)
             )
             # a bucket that is not dumped since is full: what looks like digging fills none
             inside = (
@@ -237,7 +239,7 @@ def fill_in_dump_times(
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
-        dumped = passes.dumps.select_dumps_with_boom_out(ready, empty)
+        dumped = passes.dumps.select_dumps_overlapping_span(ready, empty)
         if not dumped and cycle.loaded_pass is None and over and not passes.dumps.shows_dumps:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)

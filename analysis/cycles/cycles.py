@@ -141,7 +141,7 @@ def weigh_cycles(
         row: dict[str, object] = {"cycle": number, **_make_cycle_time_columns(part, ready_ns)}
         reason = withheld or part.missing_mass_reason
         if not reason:
-            weights = part.pass_weights_of_payload(share, found.mass_kg.size)
+            weights = part.compute_weights_of_passes_in_payload(share, found.mass_kg.size)
             row |= _make_payload_row(part, found, share, clean)
             row |= make_payload_uncertainty_columns(row, worth, weights)
             if of_states is not None:
@@ -208,7 +208,7 @@ def _make_payload_row(
             row[f"{name}_id"] = number
             row[f"{name}_kg"] = float(passes.mass_kg[number])
             row[f"{name}_u_kg"] = float(passes.u_kg[number])
-    weights = cycle.pass_weights_of_payload(tare_coefficients, passes.mass_kg.size)
+    weights = cycle.compute_weights_of_passes_in_payload(tare_coefficients, passes.mass_kg.size)
     payload_kg = float(weights @ passes.mass_kg)
     carry_back_kg2 = compute_payload_variance_by_carry_back_kg2(cycle, passes, tare_coefficients)
     variance_kg2 = weights**2 @ passes.u_kg**2 + carry_back_kg2
@@ -295,7 +295,7 @@ def sum_pass_weights_of_payloads(
     """Weights of the passes in the sum of all payloads, (passes,)."""
     count = passes.mass_kg.size
     weights = [
-        part.pass_weights_of_payload(tare_coefficients, count)
+        part.compute_weights_of_passes_in_payload(tare_coefficients, count)
         for part in cycle_parts
         if not part.missing_mass_reason
     ]

@@ -15,7 +15,7 @@ from analysis.model.schema import get_column_values
 from analysis.model.settings import PriorSettings
 from analysis.model.windows import find_flagged_runs
 from analysis.weighing.friction_warming import WARMING
-from analysis.weighing.nuisances import friction_prior_std_newtons
+from analysis.weighing.nuisances import compute_friction_prior_std_newtons
 from estimators.arrays import Floats
 
 #: Columns of `nuisances` that are a value and its uncertainty.
@@ -119,7 +119,7 @@ def estimate_unfitted_coulomb_std_newtons(
         return 0.0
     weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
     priors = machine.settings.priors
-    return friction_prior_std_newtons(
+    return compute_friction_prior_std_newtons(
         compute_high_quantile_of_driving_force_newtons(frames["excitation"]), weight_N, priors
     )
 

@@ -199,7 +199,7 @@ def split_states_at_step(state: Ints, step: EmptyMassStep | None) -> tuple[Ints,
 
 
 def mark_short_hauls(
-    is_loaded: Bools, is_border: Bools, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
+    is_loaded: Bools, is_pass_border: Bools, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
 ) -> Bools:
     """Mark very short hauls of a load without a filling, (manoeuvres,).
 
@@ -209,13 +209,13 @@ def mark_short_hauls(
 
     Args:
         is_loaded: (manoeuvres,) whether each is loaded.
-        is_border: (manoeuvres - 1,) borders between passes.
+        is_pass_border: (manoeuvres - 1,) borders between passes.
         start_ns: (manoeuvres,) start of each.
         end_ns: (manoeuvres,) end of each.
         digging: the frame `digging`.
     """
     found = np.zeros(is_loaded.size, np.bool_)
-    first = np.flatnonzero(np.append(True, is_border))
+    first = np.flatnonzero(np.append(True, is_pass_border))
     last = np.append(first[1:] - 1, is_loaded.size - 1)
     # the first and the last load of a log may be cut off
     inner = np.flatnonzero(is_loaded[first[1:-1]]) + 1
@@ -270,7 +270,7 @@ def find_manoeuvres_after_refills(
             empties = np.flatnonzero(~is_loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(start_ns[first]), last_ns)
-            dumped = bool(dumps.select_dumps(int(end_ns[after - 1]), start))
+            dumped = bool(dumps.select_dumps_emptied_in_span(int(end_ns[after - 1]), start))
             # what drives while it is seen to dig is no haul
             if (start - since_ns > max_filling_pause_ns or dumped) and end_ns[after - 1] <= start:
                 found.append(after - 1)
@@ -290,7 +290,7 @@ def correct_loaded_flags_at_dumps(
     dug = np.unique(np.searchsorted(start_ns, digging["start_t_ns"].to_numpy()))
     moved = is_loaded.copy()
     for first in np.flatnonzero(is_loaded[:-1] & ~is_loaded[1:]) + 1:
-        if dumps.select_dumps(int(end_ns[first - 1]), int(start_ns[first])):
+        if dumps.select_dumps_emptied_in_span(int(end_ns[first - 1]), int(start_ns[first])):
             continue
         # from one filling to the next
         low = int(max(dug[dug < first], default=0))

@@ -24,7 +24,7 @@ from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import mark_samples_for_pooling
 from analysis.stages.motion.phases import (
     average_acceleration_over_rate_span,
-    count_rows_of_speed_rate_span,
+    count_rows_in_speed_rate_span,
 )
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -105,14 +105,14 @@ def _explained_force_variance_fraction(_inputs: CheckInputs, motion: AxisMotion)
     return motion.ungated_fit.r_squared
 
 
-def _share_of_braking_with_force_against_motion(_inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_fraction_braked_with_opposing_force(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of samples braked by the drive whose force opposes the motion."""
-    return fit_quality.compute_force_fraction_against_motion(
+    return fit_quality.compute_fraction_of_braked_samples_with_opposing_force(
         motion.A, motion.f, motion.braking, motion.speeding
     )
 
 
-def _share_of_braking_with_torque_against_spin(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_fraction_braked_with_opposing_torque(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of samples of spins braked by the drive whose yaw torque opposes the spin.
 
     Tyres that scrub stop a spin while the torque that drove it still falls.
@@ -121,7 +121,7 @@ def _share_of_braking_with_torque_against_spin(inputs: CheckInputs, motion: Axis
     rows = count_rows_in_duration(LIMITS.falling_torque_s, settings.align.rate_hz)
     rows += settings.smooth.samples
     still_falling = flag_windows_with_flagged_rows(motion.speeding, rows)
-    return fit_quality.compute_force_fraction_against_motion(
+    return fit_quality.compute_fraction_of_braked_samples_with_opposing_force(
         motion.A,
         motion.f,
         motion.braking & ~still_falling,
@@ -130,13 +130,13 @@ def _share_of_braking_with_torque_against_spin(inputs: CheckInputs, motion: Axis
     )
 
 
-def _share_of_speeding_with_force_along_motion(_inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_fraction_driven_by_assisting_force(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of accelerating samples whose force acts along the motion."""
     rate = motion.speed_or_yaw_rate
     # where gravity drives downhill, the force holds back
     chosen = motion.speeding & (motion.A[:, 0] * np.sign(rate) > -LIMITS.driven_downhill_min_m_s2)
     chosen = chosen if chosen.any() else motion.speeding
-    return fit_quality.compute_force_fraction_along_motion(rate, motion.f, chosen)
+    return fit_quality.compute_fraction_of_samples_with_force_along_motion(rate, motion.f, chosen)
 
 
 def _imu_to_wheel_acceleration_slope(inputs: CheckInputs, motion: AxisMotion) -> float:
@@ -161,8 +161,8 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
     if known is None:
         return 0.0
     # both ends of its span are moving means
-    of_mean = float(known.noise_covariance_of_means(settings.smooth.samples)[1, 1])
-    return 2.0 * of_mean * (settings.align.rate_hz / count_rows_of_speed_rate_span(settings)) ** 2
+    of_mean = float(known.compute_covariance_of_means(settings.smooth.samples)[1, 1])
+    return 2.0 * of_mean * (settings.align.rate_hz / count_rows_in_speed_rate_span(settings)) ** 2
 
 
 def _count_accepted_stretches(inputs: CheckInputs, _motion: AxisMotion) -> float:
@@ -255,9 +255,9 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}opposing_share",
             subject,
-            _share_of_braking_with_torque_against_spin
+            _compute_fraction_braked_with_opposing_torque
             if subject == "inertia"
-            else _share_of_braking_with_force_against_motion,
+            else _compute_fraction_braked_with_opposing_force,
             f"fraction of samples that the drive slows down whose {force} opposes the {moves}; 0: "
             f"the {force} has no sign",
             minimum="opposing_share_min",
@@ -268,7 +268,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}driving_share",
             subject,
-            _share_of_speeding_with_force_along_motion,
+            _compute_fraction_driven_by_assisting_force,
             f"fraction of accelerating samples whose {force} acts along the {moves}; 0.5: the "
             f"{force} has no sign",
             minimum="driving_share_min",

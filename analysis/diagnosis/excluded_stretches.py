@@ -17,7 +17,7 @@ from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flag_windows_with_flagged_rows
 from analysis.stages.gating.gate import reject_windows_with_excluded_rows
-from analysis.stages.motion.phases import count_rows_of_speed_rate_span
+from analysis.stages.motion.phases import count_rows_in_speed_rate_span
 from analysis.weighing.braking_comparison import compute_mean_mass_a_minus_b_kg
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools
@@ -108,7 +108,7 @@ def refit_without_failing_stretches(
             # the moving mean and the phase look back
             seen = flag_windows_with_flagged_rows(
                 held,
-                count_rows_of_speed_rate_span(machine.settings) + machine.settings.smooth.samples,
+                count_rows_in_speed_rate_span(machine.settings) + machine.settings.smooth.samples,
             )
             gated = reject_windows_with_excluded_rows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)

@@ -82,7 +82,7 @@ def compare_left_and_right_sides(
     channels = signals.channels
     t_ns = excitation["t_ns"].to_numpy()[: count * size] + t0_unix_ns
 
-    def block_means(name: str) -> Floats | None:
+    def average_blocks(name: str) -> Floats | None:
         if name not in channels or not count:
             return None
         stamps, x = channels[name]
@@ -95,9 +95,9 @@ def compare_left_and_right_sides(
         blocks = inside[: count * size].reshape(count, size)
         return np.asarray(blocks.all(axis=1), np.bool_)
 
-    turns = block_means(_YAW_RATE)
-    torques = [block_means(name) for name in TORQUES]
-    speeds = [block_means(name) for name in SPEEDS]
+    turns = average_blocks(_YAW_RATE)
+    torques = [average_blocks(name) for name in TORQUES]
+    speeds = [average_blocks(name) for name in SPEEDS]
     straight = (
         np.ones(count, np.bool_) if turns is None else np.abs(turns) < LIMITS.straight_max_rad_s
     )

@@ -17,7 +17,7 @@ def _unfiltered_force_fraction_against_motion(inputs: CheckInputs, motion: AxisM
     force = interpolate_unfiltered_force(inputs)
     if force is None:
         return np.nan
-    return fit_quality.compute_force_fraction_against_motion(
+    return fit_quality.compute_fraction_of_braked_samples_with_opposing_force(
         motion.A, motion.f, motion.braking, motion.speeding, force
     )
 

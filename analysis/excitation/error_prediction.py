@@ -172,7 +172,7 @@ class ErrorPrediction:
         """Root mean square error: standard deviation and bias."""
         return float(np.hypot(self.predicted_error_std, self.bias))
 
-    def allowed_force_noise_std_newtons(self, error: float) -> float | None:
+    def compute_allowed_force_noise_std_newtons(self, error: float) -> float | None:
         """Force noise in N at which the r.m.s. error is `error`; None if there is none."""
         left = error**2 - self.bias**2 - self.variance_rest
         return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None

@@ -356,7 +356,9 @@ def score_waveform(
     noisy = float(noise.torque_z_N_m if motion_kind == "spin" else noise.force_x_N)
     varies = float(applied[repeats].std())
     allowed = [
-        predictions[name].allowed_force_noise_std_newtons(accuracy * predictions[name].value)
+        predictions[name].compute_allowed_force_noise_std_newtons(
+            accuracy * predictions[name].value
+        )
         for name in asked
     ]
     known = [each for each in allowed if each is not None]

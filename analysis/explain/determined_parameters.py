@@ -93,7 +93,7 @@ def find_column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Fl
     if known is None:
         return None
     std = np.sqrt(
-        np.maximum(np.diagonal(known.noise_covariance_of_means(settings.smooth.samples)), 0.0)
+        np.maximum(np.diagonal(known.compute_covariance_of_means(settings.smooth.samples)), 0.0)
     )
     by_name = dict(zip(known.names, std, strict=True))
     measured = [by_name.get("regressor_acc_x_m_s2", 0.0), by_name.get("speed_x_m_s", 0.0)]

@@ -47,7 +47,7 @@ _ALL_AXES: Final = (
 
 def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
-    z, _ = inputs.column_mean_and_std_at_rest(_Z)
+    z, _ = inputs.compute_mean_and_std_of_column_at_rest(_Z)
     return bool(abs(z) < LIMITS.gravity_min_fraction * inputs.machine.machine.gravity_m_s2)
 
 
@@ -63,7 +63,7 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
     """Find an accelerometer mounted upside down, by gravity of the wrong sign along z."""
-    z, std = inputs.column_mean_and_std_at_rest(_Z)
+    z, std = inputs.compute_mean_and_std_of_column_at_rest(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not z < -LIMITS.gravity_min_fraction * pull or not inputs.select_measured_channels(_Z):
         return []
@@ -142,11 +142,11 @@ def classify_rest_error_as_tilt_or_bias(inputs: FindingInputs, error_m_s2: float
     Returns:
         "tilt", "bias", or "" if the log cannot distinguish them.
     """
-    z, _ = inputs.column_mean_and_std_at_rest(_Z)
+    z, _ = inputs.compute_mean_and_std_of_column_at_rest(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not np.isfinite(z) or not has_pitch_channel(inputs) or abs(error_m_s2) >= pull:
         return ""
-    pitch = inputs.column_mean_and_std_at_rest(_PITCH)[0]
+    pitch = inputs.compute_mean_and_std_of_column_at_rest(_PITCH)[0]
     share = np.arcsin(error_m_s2 / pull)
     upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
     if upright - turned < LIMITS.tilt_min_gravity_m_s2:
@@ -247,7 +247,7 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
         or not does_accelerometer_lack_gravity(inputs)
     ):
         return []
-    pitch, std = inputs.column_mean_and_std_at_rest(_PITCH)
+    pitch, std = inputs.compute_mean_and_std_of_column_at_rest(_PITCH)
     if not np.isfinite(pitch):
         return []
     strength = abs(pitch) / max(LIMITS.standing_reading_std * std, LIMITS.slope_min_pitch_rad)
@@ -269,7 +269,7 @@ def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Sy
             without_gravity=motion.specific_force,
         )
 
-    z, _ = inputs.column_mean_and_std_at_rest(_Z)
+    z, _ = inputs.compute_mean_and_std_of_column_at_rest(_Z)
     return [
         Symptom(
             strength,

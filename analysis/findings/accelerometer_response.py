@@ -40,14 +40,14 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     if count < CHANNEL_LIMITS.gain_min_spans:
         return None
 
-    def block_means(x: Floats) -> Floats:
+    def average_blocks(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
-    speed = block_means(get_column_values(inputs.aligned, "speed_x_m_s"))
-    reads = block_means(
+    speed = average_blocks(get_column_values(inputs.aligned, "speed_x_m_s"))
+    reads = average_blocks(
         get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
     )
-    moves = block_means((~inputs.is_standing_sample).astype(float)) > 0.0
+    moves = average_blocks((~inputs.is_standing_sample).astype(float)) > 0.0
     x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
     if used.sum() < CHANNEL_LIMITS.gain_min_spans:
@@ -57,7 +57,7 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     reads_speed = (
         0.0
         if inputs.column_noise is None
-        else inputs.column_noise.noise_covariance_of_means(size)[1, 1]
+        else inputs.column_noise.compute_covariance_of_means(size)[1, 1]
     )
     seen = float(x @ x)
     power = seen - x.size * 2.0 * reads_speed / span_s**2

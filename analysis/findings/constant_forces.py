@@ -79,12 +79,12 @@ def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
 
 def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
     """Constant forces at rest, and which causes explain that in motion."""
-    rest = inputs.signal_mean_and_std_at_rest(
+    rest = inputs.compute_mean_and_std_of_signal_at_rest(
         compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     )
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
-        error = inputs.signal_mean_and_std_at_rest(
+        error = inputs.compute_mean_and_std_of_signal_at_rest(
             get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
         )
     fit, noise = inputs.log_only_fit, inputs.column_noise
@@ -150,7 +150,7 @@ def _does_standing_force_hold_slope(
         gravity = get_column_values(inputs.aligned, ACC)
     else:
         return False
-    pull_N = mass_kg * inputs.signal_mean_and_std_at_rest(gravity)[0]
+    pull_N = mass_kg * inputs.compute_mean_and_std_of_signal_at_rest(gravity)[0]
     return 0.0 < force_at_rest_N * pull_N <= pull_N**2
 
 

@@ -180,7 +180,7 @@ def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, 
     size = count_rows_in_duration(LIMITS.delay_mean_s, rate_hz)
     count = min(inputs.aligned.height, round(LIMITS.delay_search_span_s * rate_hz)) // size
 
-    def block_means(x: Floats) -> Floats:
+    def average_blocks(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
     def subtract_mean(x: Floats) -> Floats:
@@ -189,14 +189,14 @@ def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, 
     # a slope needs two means
     if count < max(2 * round(LIMITS.longest_delay_s * rate_hz / size), 2):
         return size / rate_hz, {}
-    speed = block_means(get_column_values(inputs.aligned, "speed_x_m_s"))
-    force = block_means(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
+    speed = average_blocks(get_column_values(inputs.aligned, "speed_x_m_s"))
+    force = average_blocks(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.select_measured_channels(ACC):
-        found["imu"] = block_means(
+        found["imu"] = average_blocks(
             get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
         )
     channels = {

@@ -220,13 +220,13 @@ class FindingInputs:
             ", ".join(f"{channels[name].delay_s + delay_s:.5f}" for name in names),
         )
 
-    def column_mean_and_std_at_rest(self, column: str) -> tuple[float, float]:
+    def compute_mean_and_std_of_column_at_rest(self, column: str) -> tuple[float, float]:
         """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
-        return self.signal_mean_and_std_at_rest(get_column_values(self.aligned, column))
+        return self.compute_mean_and_std_of_signal_at_rest(get_column_values(self.aligned, column))
 
-    def signal_mean_and_std_at_rest(self, signal: Floats) -> tuple[float, float]:
+    def compute_mean_and_std_of_signal_at_rest(self, signal: Floats) -> tuple[float, float]:
         """Mean and standard deviation of (n,) values at standstill, by means over half a second."""
         signal = signal[self.is_resting_sample]
         signal = signal[np.isfinite(signal)]

@@ -87,6 +87,7 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
     names = inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
         "torque_left_N_m", "torque_right_N_m"
     )
+    average_at_rest = inputs.compute_mean_and_std_of_column_at_rest
     return [
         Symptom(
             float(strength),
@@ -95,8 +96,7 @@ def find_force_sensor_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _format_offset_setting(inputs, name, inputs.column_mean_and_std_at_rest(name)[0])
-                for name in names
+                _format_offset_setting(inputs, name, average_at_rest(name)[0]) for name in names
             )
             or None,
             change=lambda: compute_mass_change_by_refit(

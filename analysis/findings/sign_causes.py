@@ -190,7 +190,7 @@ def find_wrong_channel_unit(inputs: FindingInputs) -> list[Symptom]:
 def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer's z axis at standstill with gravity."""
     names = inputs.select_measured_channels(*_ACC_AXES)
-    reads, _ = inputs.column_mean_and_std_at_rest(_ACC_AXES[2])
+    reads, _ = inputs.compute_mean_and_std_of_column_at_rest(_ACC_AXES[2])
     share = reads / inputs.machine.machine.gravity_m_s2
     near = [
         r
@@ -217,7 +217,7 @@ def _find_wrong_unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
 
 def _does_z_axis_read_gravity(inputs: FindingInputs) -> bool:
     """Whether the z axis reads ±g at rest, so that its unit is m/s²."""
-    reads, _ = inputs.column_mean_and_std_at_rest(_ACC_AXES[2])
+    reads, _ = inputs.compute_mean_and_std_of_column_at_rest(_ACC_AXES[2])
     return bool(
         abs(abs(reads) / inputs.machine.machine.gravity_m_s2 - 1.0) < LIMITS.unit_ratio_tolerance
     )

@@ -65,7 +65,7 @@ def build_whitened_force_rows(
     std = float(
         np.sqrt(
             (g := np.array([usual_kg, friction, -1.0]))
-            @ noise.noise_covariance_of_means(LIMITS.force_mean_samples)
+            @ noise.compute_covariance_of_means(LIMITS.force_mean_samples)
             @ g
         )
     )
@@ -91,20 +91,20 @@ def build_whitened_force_rows(
     if includes_braking:
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
-    def block_means(x: Floats) -> Floats:
+    def average_blocks(x: Floats) -> Floats:
         return (
             compute_sums_of_sample_blocks(x, LIMITS.force_mean_samples)
             / LIMITS.force_mean_samples
             / std
         )
 
-    own = noise.noise_covariance_of_means(LIMITS.force_mean_samples) / std**2
+    own = noise.compute_covariance_of_means(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
     along = float((np.sign(v) * f).sum()) / LIMITS.force_mean_samples
     return EquationRows(
-        block_means(f - (mass_kg[taken] - usual_kg) * a),
-        np.column_stack([block_means(a), block_means(v)]),
-        {name: block_means(column) for name, column in columns.items()},
+        average_blocks(f - (mass_kg[taken] - usual_kg) * a),
+        np.column_stack([average_blocks(a), average_blocks(v)]),
+        {name: average_blocks(column) for name, column in columns.items()},
         taken.size // LIMITS.force_mean_samples * own[:2, :2],
         {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
         {},
@@ -122,11 +122,11 @@ def build_whitened_wheel_rows(
     step_s = 1.0 / motion.rate_hz
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
     of_speed = max(
-        float(noise.noise_covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]),
+        float(noise.compute_covariance_of_means(LIMITS.wheel_mean_samples)[1, 1]),
         rounding_m_s**2,
     )
     of_acc = (
-        float(noise.noise_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0])
+        float(noise.compute_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0])
         * LIMITS.accumulated_noise_samples
         * step_s**2
         * LIMITS.wheel_mean_samples

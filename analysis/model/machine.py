@@ -310,7 +310,7 @@ class Machine(BaseModel):
         return kinematic and channel is not None and channel.differentiated_channel == "speed_x_m_s"
 
     @property
-    def differentiates_wheels(self) -> bool:
+    def differentiates_wheel_speed(self) -> bool:
         """Whether acceleration is differentiated from wheel speed, which may slip."""
         return (
             self.differentiates_speed

@@ -22,14 +22,14 @@ class UncertaintySource:
             it).
         u: standard uncertainty, in the unit of the quantity; None where it is not known.
         meaning: description of the source.
-        shrinks: what would shrink it.
+        reduced_by: what would reduce it.
     """
 
     name: str
     kind: str
     u: float | None
     meaning: str
-    shrinks: str
+    reduced_by: str
 
 
 def sort_sources_largest_first(sources: Iterable[UncertaintySource]) -> list[UncertaintySource]:
@@ -78,8 +78,8 @@ class ScaleFactor:
 
     def make_uncertainty_source(self, u: float | None) -> UncertaintySource:
         """Source in a budget, with its effect on the quantity."""
-        shrinks = f"{self.remedy}; {self.setting} states what is known"
-        return UncertaintySource(self.name, "scale", u, self.meaning, shrinks)
+        reduced_by = f"{self.remedy}; {self.setting} states what is known"
+        return UncertaintySource(self.name, "scale", u, self.meaning, reduced_by)
 
 
 def _derives_force_from_torque(machine: Machine) -> bool:

@@ -3,7 +3,7 @@
     from payscope import load_machine, online
 
     board = online.Follower(load_machine("cat262c.toml"))
-    board.take("/imu/data", samples)
+    board.append_samples("/imu/data", samples)
     for report in board.advance():
         print(report.to_dict())
 

@@ -136,8 +136,8 @@ class Follower:
         """Number of grid rows so far."""
         return self._times.rows if self._times else 0
 
-    def take(self, topic: str, samples: pl.DataFrame) -> None:
-        """Feed the next samples of a topic.
+    def append_samples(self, topic: str, samples: pl.DataFrame) -> None:
+        """Append the next samples of a topic.
 
         Args:
             topic: name in the machine file.
@@ -146,29 +146,33 @@ class Follower:
         """
         self.log.append_topic_samples(topic, samples)
 
-    def advance(self, *, is_whole: bool = False) -> list[OnlineReport]:
+    def advance(self, *, is_log_complete: bool = False) -> list[OnlineReport]:
         """Process all rows that the samples so far determine; returns the reports.
 
         Args:
-            is_whole: whether no further samples will come.
+            is_log_complete: whether no further samples will come.
 
         Raises:
             DataError: the log is complete, and its channels do not overlap in time.
         """
-        return [report for row in self.rows(is_whole=is_whole) for report in row.reports]
+        return [
+            report
+            for row in self.collect_complete_rows(is_log_complete=is_log_complete)
+            for report in row.reports
+        ]
 
-    def rows(self, *, is_whole: bool = False) -> list[FollowedRow]:
-        """Complete rows, each with its decisions and estimates."""
-        return [*self.iter_rows(is_whole=is_whole)]
+    def collect_complete_rows(self, *, is_log_complete: bool = False) -> list[FollowedRow]:
+        """Process and collect the complete rows, each with its decisions and estimates."""
+        return [*self.iter_complete_rows(is_log_complete=is_log_complete)]
 
-    def iter_rows(self, *, is_whole: bool = False) -> Iterator[FollowedRow]:
+    def iter_complete_rows(self, *, is_log_complete: bool = False) -> Iterator[FollowedRow]:
         """Yield the same rows, each once it is stepped; those that nobody takes are lost."""
-        table = self.log.compute_new_excitation_rows(is_log_complete=is_whole)
+        table = self.log.compute_new_excitation_rows(is_log_complete=is_log_complete)
         for part in () if table is None else table.iter_slices(LIMITS.rows_stepped_at_once):
             rows = part.rows(named=True)
             state, _ = self._start_online_state_and_timeline()
             yield from map(self._note_step, rows, step_rows(state, rows))
-        if is_whole and self._state is not None:
+        if is_log_complete and self._state is not None:
             yield from self._finish_rows(self._state)
 
     def _note_step(self, row: Mapping[str, Any], stepped: OnlineStep) -> FollowedRow:

@@ -23,7 +23,7 @@ from analysis.stages.gating.gate_rules import (
 from analysis.stages.motion.phases import (
     TURNS,
     compute_sign_of_yaw_rate_change,
-    count_rows_of_speed_rate_span,
+    count_rows_in_speed_rate_span,
 )
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, compute_window_statistics_for_gate
@@ -113,16 +113,16 @@ def make_initial_gate_state(axis: Axis, settings: Settings) -> GateState:
         row=-1,
         first_whole=None,
         last=dict.fromkeys(("gap", *reasons), _NEVER),
-        accelerations=(float("nan"),) * count_rows_of_speed_rate_span(settings)
+        accelerations=(float("nan"),) * count_rows_in_speed_rate_span(settings)
         if axis is X
         else (),
-        yaw_rates=(float("nan"),) * (count_rows_of_speed_rate_span(settings) + 1)
+        yaw_rates=(float("nan"),) * (count_rows_in_speed_rate_span(settings) + 1)
         if axis is Z
         else (),
         known=False,
         kind=None,
         segment_id=-1,
-        braking_lag=count_rows_of_speed_rate_span(settings) + settings.smooth.samples
+        braking_lag=count_rows_in_speed_rate_span(settings) + settings.smooth.samples
         if settings.gate.exclude_braking
         else 1,
     )

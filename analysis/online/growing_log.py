@@ -17,7 +17,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import HINTS
 from analysis.online.online_limits import LIMITS
 from analysis.stages.motion.forces import compute_excitation
-from analysis.stages.motion.phases import count_rows_of_speed_rate_span
+from analysis.stages.motion.phases import count_rows_in_speed_rate_span
 from analysis.stages.motion.smooth import smooth_by_trailing_mean
 from analysis.stages.signals.align import (
     GridOrigin,
@@ -95,7 +95,7 @@ class GrowingLog:
     basis: LogBasis | None = None
     late_samples: int = 0
     _raw: dict[str, pl.DataFrame] = field(default_factory=dict)
-    #: samples not yet placed, which a call of `rows` takes
+    #: samples not yet placed, which a call of `collect_complete_rows` takes
     _new: dict[str, list[pl.DataFrame]] = field(default_factory=dict)
     _last_t_ns: int = -1
     #: newest stamp of the topic that was furthest behind when rows were made last
@@ -252,7 +252,7 @@ class GrowingLog:
             drop_rows_with_held_readings(read, self.basis.held), machine
         )
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
-        looks_back = settings.smooth.samples + 2 * count_rows_of_speed_rate_span(settings) + 2
+        looks_back = settings.smooth.samples + 2 * count_rows_in_speed_rate_span(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
         aligned = align_known_rows_on_causal_grid(

@@ -17,7 +17,7 @@ from estimators.interpreted import force_compilation
 
 
 def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
-    """Run gate and methods through a synthetic start.
+    """Run gate and methods through a synthetic start, so that all they need is loaded and compiled.
 
     Args:
         settings: settings of the follower.

@@ -243,11 +243,11 @@ def is_joint_planar_fit_plausible(
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.parameter_stds[:2][told]
     force, speeds_up = samples.f[:, 0], samples.known & (samples.speed_change_sign > 0)
-    driving = fit_quality.compute_force_fraction_along_motion(
+    driving = fit_quality.compute_fraction_of_samples_with_force_along_motion(
         samples.motion.speed, force, speeds_up
     )
     along = np.column_stack([samples.motion.specific_force_x, samples.motion.speed])
-    opposing = fit_quality.compute_force_fraction_against_motion(
+    opposing = fit_quality.compute_fraction_of_braked_samples_with_opposing_force(
         along, force, samples.known & (samples.speed_change_sign < 0), speeds_up
     )
     return (
@@ -266,13 +266,13 @@ def fit_planar_parameters_iteratively(
     axes: slice,
     columns: tuple[int, ...] = _ALL,
 ) -> PlanarFit:
-    """Fit the samples of segment_id >= 0 with the terms of these rows.
+    """Fit the samples of segment_id >= 0 again and again, each with the terms of the last fit.
 
     Args:
         log: rows of the whole log.
         segment_id: (n,) stretch of each sample.
         initial_parameters: (6,) mass, inertia, moments and frictions to begin with.
-        prior: results of earlier stages, including terms.
+        prior: prior by the earlier stages, with its terms.
         axes: fitted axes: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
     """

@@ -68,7 +68,7 @@ def list_uncertainty_sources_of_quantity(
     for name, u in own.items():
         term = _TERMS[name]
         if term.stated is None:
-            found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
+            found.append(UncertaintySource(name, "common", float(u), term.meaning, term.reduced_by))
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
     return sort_sources_largest_first(
@@ -154,7 +154,7 @@ def make_planar_budget_rows(
                 "unit": unit,
                 "share_1": None if source.u is None else (source.u / total) ** 2,
                 "meaning": source.meaning,
-                "shrinks": source.shrinks,
+                "shrinks": source.reduced_by,
             }
             for source in found
         ]

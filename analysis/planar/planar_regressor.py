@@ -103,7 +103,7 @@ def select_terms_of_drive(drive: PlanarDrive, axes: str = "xz") -> tuple[tuple[T
     found: list[tuple[Term, float]] = []
     for term in TERMS:
         if term.applies(drive.machine) and set(term.axes) & set(axes):
-            width = term.width(drive, drive.machine.settings.priors)
+            width = term.compute_prior_std(drive, drive.machine.settings.priors)
             # what is known exactly, and what the machine cannot have here, is no term
             if width > 0.0 and np.isfinite(width):
                 found.append((term, width))

@@ -22,7 +22,10 @@ from analysis.planar.planar_motion import (
     has_forward_accelerometer,
     has_lateral_accelerometer,
 )
-from analysis.weighing.nuisances import constant_force_prior_std_newtons, friction_prior_std_newtons
+from analysis.weighing.nuisances import (
+    compute_constant_force_prior_std_newtons,
+    compute_friction_prior_std_newtons,
+)
 from estimators.arrays import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
@@ -41,9 +44,9 @@ class Term:
         name: name in frames and budgets.
         columns: computes its columns.
         combination: computes its part proportional to the six columns, whose noise it shares.
-        width: prior standard deviation, with mean 0; 0 if exact.
+        compute_prior_std: prior standard deviation, with mean 0; 0 if exact.
         meaning: what it models, in a sentence.
-        shrinks: what would reduce its uncertainty.
+        reduced_by: what would reduce its uncertainty.
         axes: x, z, or xz for both rows.
         applies: whether it applies to a machine.
         stated: setting of the machine file for it, which names its part of the budget.
@@ -53,9 +56,9 @@ class Term:
 
     name: str
     columns: Callable[[TurningSamples], Columns]
-    width: Callable[[PlanarDrive, PriorSettings], float]
+    compute_prior_std: Callable[[PlanarDrive, PriorSettings], float]
     meaning: str
-    shrinks: str
+    reduced_by: str
     axes: str
     applies: Callable[[Machine], bool] = lambda _: True
     stated: ScaleFactor | None = None
@@ -107,12 +110,8 @@ def _make_gyro_bias_columns(turn: TurningSamples) -> Columns:
 
 def _combine_columns_by_gyro_gain_error(drive: PlanarDrive) -> ColumnCombination:
     """Factors of the six columns in the column of an error of the gyroscope's gain."""
-    sideways = 0.0 if has_lateral_accelerometer(drive.machine) else drive.moment_x_kg_m
-    turned = {
-        _INERTIA: drive.inertia_z_kg_m2,
-        _FRICTION_Z: drive.turning_friction,
-        _MOMENT_X: sideways,
-    }
+    turned = {_INERTIA: drive.inertia_z_kg_m2, _FRICTION_Z: drive.turning_friction}
+    turned[_MOMENT_X] = 0.0 if has_lateral_accelerometer(drive.machine) else drive.moment_x_kg_m
     return {_MOMENT_X: 2.0 * drive.moment_x_kg_m, _MOMENT_Y: drive.moment_y_kg_m}, turned
 
 
@@ -143,11 +142,11 @@ def _combine_columns_by_imu_y_error(drive: PlanarDrive) -> ColumnCombination:
     return {_MOMENT_Y: -drive.mass_kg}, {_INERTIA: -drive.moment_y_kg_m}
 
 
-def _planar_coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
-    return friction_prior_std_newtons(drive.peak_force_N, drive.weight_newtons, priors)
+def _compute_planar_coulomb_prior_std(drive: PlanarDrive, priors: PriorSettings) -> float:
+    return compute_friction_prior_std_newtons(drive.peak_force_N, drive.weight_newtons, priors)
 
 
-def _imu_position_prior_std(drive: PlanarDrive, _priors: PriorSettings) -> float:
+def _compute_imu_position_prior_std(drive: PlanarDrive, _priors: PriorSettings) -> float:
     return IMU_POSITION.u(drive.machine) or 0.0
 
 
@@ -156,7 +155,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        lambda d, s: constant_force_prior_std_newtons(d.peak_force_N, d.weight_newtons, s),
+        lambda d, s: compute_constant_force_prior_std_newtons(d.peak_force_N, d.weight_newtons, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",
@@ -164,7 +163,7 @@ TERMS: Final = (
     Term(
         "direction",
         lambda m: (m.direction_x, None),
-        _planar_coulomb_prior_std,
+        _compute_planar_coulomb_prior_std,
         "Coulomb friction and rolling resistance",
         "driving both ways, and starts at different throttles",
         "x",
@@ -173,7 +172,7 @@ TERMS: Final = (
         # of wheels that roll against each other rolling resistance is no force, of a drive it is
         "direction_spinning",
         lambda m: (m.direction_x_spinning, None),
-        _planar_coulomb_prior_std,
+        _compute_planar_coulomb_prior_std,
         "longitudinal Coulomb friction in spins: left and right wheels turn in opposite directions",
         "spins about the origin",
         "x",
@@ -229,7 +228,7 @@ TERMS: Final = (
         # the sides' rolling resistances are a couple where they roll against each other
         "turning_rolling",
         lambda m: (None, m.rolling_z),
-        _planar_coulomb_prior_std,
+        _compute_planar_coulomb_prior_std,
         "rolling resistance of left and right wheels that turn in opposite directions",
         "spins in place as well as turns under way",
         "z",
@@ -378,7 +377,7 @@ TERMS: Final = (
         f"{IMU_POSITION.name}_x",
         # ω² times mc_y is left out of the yaw torque: so small a part must not tell the place
         lambda _: (None, None),
-        _imu_position_prior_std,
+        _compute_imu_position_prior_std,
         f"{IMU_POSITION.meaning}, ahead",
         IMU_POSITION.remedy,
         "xz",
@@ -389,7 +388,7 @@ TERMS: Final = (
     Term(
         f"{IMU_POSITION.name}_y",
         _make_imu_y_error_columns,
-        _imu_position_prior_std,
+        _compute_imu_position_prior_std,
         f"{IMU_POSITION.meaning}, to the left",
         IMU_POSITION.remedy,
         "xz",

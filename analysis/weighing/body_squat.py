@@ -58,7 +58,7 @@ class LoadSquat:
         """(masses,) factor by which each mass is overestimated."""
         return 1.0 + self.gain * self.relative_load
 
-    def mass_sum_u_kg(self, coefficients: Floats, masses_kg: Floats) -> float:
+    def compute_mass_sum_u_kg(self, coefficients: Floats, masses_kg: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg.
 
         Args:

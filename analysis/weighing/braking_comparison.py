@@ -49,7 +49,7 @@ def compute_mass_and_u_of_each_load_a_minus_b_kg(
     """Difference of two fits' masses and its uncertainty, (loads,) each, in kg, load by load."""
     loads = np.unique(_pair_loads_of_same_manoeuvres(fit_a, fit_b), axis=1)
     u_kg = [
-        [fit.mass_sum_u_kg(fit.make_mass_coefficients_of_state(k)) for k in own.tolist()]
+        [fit.compute_mass_sum_u_kg(fit.make_mass_coefficients_of_state(k)) for k in own.tolist()]
         for fit, own in zip((fit_a, fit_b), loads, strict=True)
     ]
     return fit_a.masses_kg[loads[0]] - fit_b.masses_kg[loads[1]], np.hypot(u_kg[0], u_kg[1])

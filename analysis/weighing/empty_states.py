@@ -101,7 +101,7 @@ def _find_equally_light_states(
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
         if state == lightest_state:
             continue
-        weights = mass_coefficients_of_payload(weighing, state, found)
+        weights = make_mass_coefficients_of_payload(weighing, state, found)
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
@@ -173,7 +173,7 @@ def estimate_std_of_empty_masses_kg(
     return float(np.sqrt(max(found - expected, 0.0) / (1.0 - float(mean @ mean))))
 
 
-def mass_coefficients_of_payload(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def make_mass_coefficients_of_payload(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass minus the mean of the empty states.
 
     Where the empty mass drifts, the mean is of those before and after the state.

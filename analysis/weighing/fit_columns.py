@@ -285,7 +285,7 @@ def average_and_weight_columns_of_pieces(
     # lengths are few and short: counting them is quicker than sorting all rows
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
-    covariances = np.stack([noise.noise_covariance_of_means(int(length)) for length in lengths])
+    covariances = np.stack([noise.compute_covariance_of_means(int(length)) for length in lengths])
     has_rate_noise = pieces[0][1].force_rate_parabola is not None
     rate_variances = (
         compute_force_rate_variances(noise, rate_hz, lengths.tolist()) if has_rate_noise else None
@@ -378,7 +378,7 @@ def make_columns_of_piece(
         acceleration = acceleration - (1.0 + relative_load) * swing_m_s2
     wheels = motion.wheel_acceleration
     if wheels is None:
-        force_std = float(np.sqrt(noise.noise_covariance_of_means(1)[2, 2]))
+        force_std = float(np.sqrt(noise.compute_covariance_of_means(1)[2, 2]))
         force_rate, parabola = differentiate_force(force, motion.rate_hz, force_std), None
     else:
         force_rate, parabola = differentiate_force_by_widest_parabolas(force, motion.rate_hz, noise)

@@ -25,10 +25,10 @@ from analysis.weighing.load_states import LoadStates
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
     Nuisance,
-    constant_force_prior_std_of_motion_newtons,
+    compute_constant_force_prior_std_of_motion_newtons,
+    estimate_error_fraction_and_std_of_constant,
     estimate_load_proportional_share_of_constant,
     estimate_load_proportional_share_of_coulomb,
-    split_constant_prior_into_error_and_force,
 )
 from analysis.weighing.slip_by_load import SLIP_BY_LOAD
 from analysis.weighing.uneven_ground import BY_GROUND
@@ -215,8 +215,8 @@ class FitTask:
         lag_s = float(
             np.clip(previous_estimates.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s)
         )
-        share, _ = split_constant_prior_into_error_and_force(self.motion, self.priors)
-        width = constant_force_prior_std_of_motion_newtons(self.motion, self.priors)
+        share, _ = estimate_error_fraction_and_std_of_constant(self.motion, self.priors)
+        width = compute_constant_force_prior_std_of_motion_newtons(self.motion, self.priors)
         after = replace(
             previous_estimates,
             lag_s=lag_s if advance_force else 0.0,
@@ -277,7 +277,7 @@ class FitTask:
         self, mass_friction_slip: _MassFrictionAndSlip | None
     ) -> tuple[Floats, Floats]:
         """Prior means and standard deviations of a round, (terms,); slip's if its cost is known."""
-        std = np.array([term.width(self.motion, self.priors) for term in self.terms])
+        std = np.array([term.compute_prior_std(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
         if mass_friction_slip is not None:
             self._set_slip_prior_by_wheels_in_place(mass_friction_slip, mean, std)
@@ -306,7 +306,8 @@ class FitTask:
             return _MassFrictionAndSlip(mass_kg, friction, None)
         place = find_term_index("slip_acceleration", terms)
         std = float(estimates.fit.parameter_stds[count + 1 + place])
-        if not std < LIMITS.slip_posterior_fraction * terms[place].width(self.motion, self.priors):
+        prior_std = terms[place].compute_prior_std(self.motion, self.priors)
+        if not std < LIMITS.slip_posterior_fraction * prior_std:
             return _MassFrictionAndSlip(mass_kg, friction, None)
         return _MassFrictionAndSlip(
             mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
@@ -315,8 +316,7 @@ class FitTask:
     def _exclude_gain_drift_in_place_if_loads_recur(self, prior_std: Floats) -> None:
         """Set the prior of a gain drift to 0 if loads return.
 
-        Payloads are then differences of neighbours, in which a drift cancels; free masses would
-        follow it.
+        Payloads are then differences of neighbours, where a drift cancels; free masses follow it.
         """
         if self.states is not None and self.states.load_returns:
             prior_std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio

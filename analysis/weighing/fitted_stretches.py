@@ -15,7 +15,7 @@ from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_pooling
 from analysis.stages.gating.segments import assign_manoeuvre_numbers_to_samples
 from analysis.stages.motion.phases import (
-    count_rows_of_speed_rate_span,
+    count_rows_in_speed_rate_span,
     mark_speed_falls_beyond_noise,
     mark_stopping_samples,
 )
@@ -266,7 +266,7 @@ def mark_rows_from_dig_to_stand(
     if "digs" not in aligned.columns or not aligned["digs"].any():
         return np.zeros(aligned.height, np.bool_)
     row = np.arange(speed.size)
-    digs, margin = aligned["digs"].to_numpy(), count_rows_of_speed_rate_span(settings)
+    digs, margin = aligned["digs"].to_numpy(), count_rows_in_speed_rate_span(settings)
     moves = np.abs(speed) > settings.phases.standstill_speed_m_s
     way = np.sign(speed)[np.maximum.accumulate(np.where(moves, row, 0))]
     stands = count_standstills_so_far(excitation)

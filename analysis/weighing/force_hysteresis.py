@@ -19,7 +19,9 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.play import apply_play_hysteresis
 
 
-def hysteresis_half_loop_prior_std_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
+def compute_hysteresis_half_loop_prior_std_newtons(
+    motion: MotionSamples, priors: PriorSettings
+) -> float:
     """Prior standard deviation of half the loop, in N."""
     return (
         priors.hysteresis_share or LIMITS.hysteresis_prior_share
@@ -31,7 +33,7 @@ HYSTERESIS: Final = Nuisance(
     "hysteresis",
     "N",
     lambda m: -m.force_rises_1,
-    hysteresis_half_loop_prior_std_newtons,
+    compute_hysteresis_half_loop_prior_std_newtons,
     "a force that reads less while it rises and more while it falls: friction in its sensor or "
     "behind it",
     "a force without hysteresis: a torque at the wheels instead of a pressure or a current",
@@ -69,7 +71,7 @@ def choose_hysteresis_width_and_mean_length(
     noise_N, mean = 0.0, longest
     for mean in (*(1 << k for k in range(longest.bit_length() - 1)), longest):
         noise_N = LIMITS.hysteresis_turn_std * float(
-            np.sqrt(noise.noise_covariance_of_means(mean)[2, 2])
+            np.sqrt(noise.compute_covariance_of_means(mean)[2, 2])
         )
         if noise_N <= half_N:
             break

@@ -84,7 +84,7 @@ def _list_force_autocovariances_newtons2(noise: ColumnNoiseModel, lag_count: int
     """
     of_sums = [
         0.0,
-        *(n**2 * noise.noise_covariance_of_means(n)[2, 2] for n in range(1, lag_count + 1)),
+        *(n**2 * noise.compute_covariance_of_means(n)[2, 2] for n in range(1, lag_count + 1)),
     ]
     return np.concatenate([[of_sums[1]], np.diff(of_sums, 2) / 2.0])
 

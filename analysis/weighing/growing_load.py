@@ -147,7 +147,9 @@ def refit_with_load_growing_at_starts(
         map(fit.make_mass_coefficients_of_state, range(fit.mass_count)),
         list_coefficients_of_mean_payloads(fit),
     )
-    moves_u = [abs(float(each @ moved)) / max(fit.mass_sum_u_kg(each), 1e-9) for each in of_sums]
+    moves_u = [
+        abs(float(each @ moved)) / max(fit.compute_mass_sum_u_kg(each), 1e-9) for each in of_sums
+    ]
     return LoadGrowthAtEveryStart(
         float(best[0] * std[0]), float(np.sqrt(better)), float(np.max(np.array(moves_u))), moved
     )
@@ -287,7 +289,7 @@ def estimate_load_growth_common_to_mass_kg(mass_kg: Floats, growth_kg: Floats) -
 
 
 def compute_max_plausible_load_loss_kg(fit: JointFit) -> float:
-    """Largest plausible loss of a load in kg, by the carried mass if other loads give it."""
+    """Largest plausible loss of load in kg, by the range of the masses; infinite with one load."""
     if fit.mass_count == 1:
         return float("inf")
     return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
@@ -318,7 +320,7 @@ def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) 
         fit.make_mass_coefficients_of_state(int(k)) - lightest
         for k in states.state_of_manoeuvre[places]
     ]
-    return max(float(each @ fit.masses_kg) + fit.mass_sum_u_kg(each) for each in loads)
+    return max(float(each @ fit.masses_kg) + fit.compute_mass_sum_u_kg(each) for each in loads)
 
 
 def find_creeping_load_changes(fit: JointFit) -> Ints:
@@ -380,4 +382,4 @@ def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> floa
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
     overlap = samples / compute_samples_between_fitted_means(samples)
-    return overlap * float(gradient @ noise.noise_covariance_of_means(samples) @ gradient)
+    return overlap * float(gradient @ noise.compute_covariance_of_means(samples) @ gradient)

@@ -276,7 +276,8 @@ class JointFit:
 
     def _mass_sum_u_by_load_dependent_gain_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to a gain that changes with the load, in kg."""
-        return 0.0 if self.squat is None else self.squat.mass_sum_u_kg(coefficients, self.masses_kg)
+        squat = self.squat
+        return 0.0 if squat is None else squat.compute_mass_sum_u_kg(coefficients, self.masses_kg)
 
     def _mass_sum_u_by_squat_in_pitch_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to the squat that the pitch shows, in kg."""
@@ -329,14 +330,13 @@ class JointFit:
         response = float(self.posterior_fit.responses[slip] @ coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
         of_masses = coefficients[: self.mass_count]
-        masses_kg = float(of_masses @ self.masses_kg)
         late = -friction * float(coefficients.sum())
         if self.by_motion is not None:
             late = float(of_masses @ self.by_motion.delay_kg_s)
         return np.array(
             [
                 -friction * response / width,
-                -masses_kg if self.is_gain_corrected else 0.0,
+                -float(of_masses @ self.masses_kg) if self.is_gain_corrected else 0.0,
                 late if self.motion.by_accelerometer else 0.0,
             ]
         )
@@ -369,9 +369,10 @@ class JointFit:
     @property
     def u_kg(self) -> float:
         """Standard uncertainty of that mass from this log alone, without the scale."""
-        return self.mass_sum_u_kg(self.make_mass_coefficients_of_state(self.most_frequent_state))
+        state = self.most_frequent_state
+        return self.compute_mass_sum_u_kg(self.make_mass_coefficients_of_state(state))
 
-    def mass_sum_u_kg(self, coefficients: Floats) -> float:
+    def compute_mass_sum_u_kg(self, coefficients: Floats) -> float:
         """Standard uncertainty of a sum of masses, in kg."""
         return compute_root_sum_of_squares(self.compute_u_by_cause_kg(coefficients).values())
 
@@ -387,8 +388,7 @@ def compute_resistance_slope_at_mean_speed(
         motion: samples, for the mean speed.
     """
     viscous, *found = theta[-1 - len(terms) :].tolist()
-    by_name = dict(zip((term.name for term in terms), found, strict=True))
-    quadratic = by_name.get("quadratic", 0.0)
+    quadratic = dict(zip((term.name for term in terms), found, strict=True)).get("quadratic", 0.0)
     # air does not push
     return (
         viscous if quadratic <= 0.0 else viscous + 2.0 * quadratic * motion.mean_absolute_speed_m_s

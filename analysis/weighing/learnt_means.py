@@ -14,7 +14,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build_frame
 from analysis.model.uncertainty_sources import combine_u
-from analysis.weighing.empty_states import mass_coefficients_of_payload
+from analysis.weighing.empty_states import make_mass_coefficients_of_payload
 from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
@@ -111,7 +111,9 @@ def make_learnt_mean_frames(
     rows = make_rows_of_kind(of_mass, {k: fit.make_mass_coefficients_of_state(k) for k in states})
     if empty:
         against = {
-            k: mass_coefficients_of_payload(weighing, k, empty) for k in states if k not in empty
+            k: make_mass_coefficients_of_payload(weighing, k, empty)
+            for k in states
+            if k not in empty
         }
         rows += make_rows_of_kind(of_payload, against)
     rows += make_rows_of_kind(of_cycle, payloads)

@@ -19,7 +19,7 @@ from analysis.weighing.empty_states import (
     compute_weights_of_mean_mass_over_states,
     estimate_std_of_empty_masses_kg,
     find_empty_states,
-    mass_coefficients_of_payload,
+    make_mass_coefficients_of_payload,
 )
 from analysis.weighing.fuel_on_board import FuelOnBoard
 from analysis.weighing.joint_result import JointFit
@@ -146,7 +146,7 @@ def _choose_empty_datum_or_refusal(
         )
     others = [state for state in range(fit.mass_count) if state not in empty]
     payloads = np.sum(
-        [mass_coefficients_of_payload(weighing, state, empty) for state in others], axis=0
+        [make_mass_coefficients_of_payload(weighing, state, empty) for state in others], axis=0
     )
     return found.make_payload_datum(payloads), ""
 
@@ -225,7 +225,7 @@ def make_payload_columns_and_sources_without_u(
     names = ("kg", "u_kg", "u_random_kg")
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
-    weights = mass_coefficients_of_payload(weighing, state, empty)
+    weights = make_mass_coefficients_of_payload(weighing, state, empty)
     sources = make_mass_budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
     other_u_kg = empty_std_kg * float(np.linalg.norm(weights[empty]))

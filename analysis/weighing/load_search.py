@@ -70,7 +70,10 @@ def fit_with_searched_load_states(
         kind = np.where(np.diff(haul) > 0, np.maximum(kind, HINTED), kind)
         held = _refit_with_fixed_load_states(alike.make_load_states(haul), inputs)
         hidden = search_states_and_refit_until_stable(held, inputs, repeatability_kg, kind, settled)
-        fits += [hidden, _refit_with_scatter_of_own_states(held, inputs, repeatability_kg, kind)]
+        fits += [
+            hidden,
+            _refit_with_scatter_estimated_from_states(held, inputs, repeatability_kg, kind),
+        ]
     likely = [settled, *(each for each in fits if _is_single_load_excluded(each))]
     if len(likely) == 1:
         return settled
@@ -168,10 +171,10 @@ def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) ->
     return found
 
 
-def _refit_with_scatter_of_own_states(
+def _refit_with_scatter_estimated_from_states(
     fit: JointFit, inputs: JointFitInputs, repeatability_kg: float | None, change_kinds: Ints
 ) -> JointFit:
-    """Refit the same load states with their own scatter and single-load probability."""
+    """Refit the same load states with the scatter and single-load probability that they show."""
     if not np.isfinite(fit.theta).all():
         return fit
     units, states = _estimate_manoeuvre_masses(fit, inputs, change_kinds), _require_load_states(fit)

@@ -60,7 +60,7 @@ def has_several_gear_ratios(motion: MotionSamples) -> bool:
     return float(ratio[motion.is_fittable].min()) < LIMITS.gear_ratio_min_change
 
 
-def _low_gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+def _compute_low_gear_prior_std_kg(motion: MotionSamples, priors: PriorSettings) -> float:
     return priors.low_gear_share * motion.approximate_mass_kg
 
 
@@ -72,7 +72,7 @@ def _make_low_gear_term(speed_of_quarter_fraction_m_s: float) -> Nuisance:
         f"low_gears_{speed_of_quarter_fraction_m_s:.0f}_m_s",
         "kg",
         lambda m: m.acceleration * fraction_in_low_gear(m),
-        _low_gear_prior_std,
+        _compute_low_gear_prior_std_kg,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
         by_speed=lambda m: (
@@ -92,7 +92,9 @@ BY_GEAR_RATIO: Final = Nuisance(
     "gear_ratio",
     "kg",
     lambda m: m.acceleration * m.relative_gear_ratio**2,
-    lambda motion, priors: LIMITS.gear_ratio_prior_ratio * _low_gear_prior_std(motion, priors),
+    lambda motion, priors: (
+        LIMITS.gear_ratio_prior_ratio * _compute_low_gear_prior_std_kg(motion, priors)
+    ),
     "rotating mass of engine or turbine in the lowest gear, which goes with the ratio squared",
     "starts in several gears",
     by_acceleration=lambda m: m.relative_gear_ratio**2,

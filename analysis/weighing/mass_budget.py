@@ -26,7 +26,7 @@ from analysis.weighing.weighing_limits import LIMITS
 class _FitPart:
     kind: str
     meaning: str
-    shrinks: str
+    reduced_by: str
 
 
 #: Of the fit, besides the priors.
@@ -185,10 +185,10 @@ def make_mass_budget(
     for name, u_kg in parts_kg.items():
         if name in terms:
             term = terms[name]
-            sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
+            sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.reduced_by))
         elif u_kg > 0.0:
             part = _PARTS[name]
-            sources.append(UncertaintySource(name, part.kind, u_kg, part.meaning, part.shrinks))
+            sources.append(UncertaintySource(name, part.kind, u_kg, part.meaning, part.reduced_by))
     for scale in SCALES:
         if scale.applies(machine):
             relative, of_kg = scale.u(machine), loaded_kg if scale.by_load else sum_kg

@@ -58,7 +58,7 @@ def select_rows_of_array_fields(record: Any, rows: slice | Ints) -> dict[str, An
 class ColumnNoiseModel(Protocol):
     """Noise model of acceleration, speed and force."""
 
-    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
+    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
         ...
 
@@ -74,10 +74,10 @@ class CachedNoise:
     columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
 
-    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
+    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
         if mean_samples not in self._known:
-            self._known[mean_samples] = self.columns.noise_covariance_of_means(mean_samples)
+            self._known[mean_samples] = self.columns.compute_covariance_of_means(mean_samples)
         return self._known[mean_samples]
 
 
@@ -299,9 +299,9 @@ def collect_motion_samples(
     known &= ~aligned["gap"].to_numpy()
     speed = np.where(known, speed, 0.0)
     digs = mark_rows_from_dig_to_stand(aligned, excitation, speed, settings)
-    noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.noise_covariance_of_means(3)[1, 1]))
+    noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.compute_covariance_of_means(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
-    smoothed_m_s = float(np.sqrt(noise.noise_covariance_of_means(settings.smooth.samples)[1, 1]))
+    smoothed_m_s = float(np.sqrt(noise.compute_covariance_of_means(settings.smooth.samples)[1, 1]))
     group = assign_fitted_manoeuvre_numbers(
         excitation, gated, machine, moves_m_s, smoothed_m_s, braking=braking
     )
@@ -346,7 +346,7 @@ def collect_motion_samples(
         measured,
         level,
         _read_known_grid_column(aligned, "acc_x_m_s2", known)
-        if machine.differentiates_wheels
+        if machine.differentiates_wheel_speed
         else None,
         make_centred_ramp(speed.size),
         np.cumsum(np.abs(speed)) / settings.align.rate_hz,

@@ -121,7 +121,7 @@ def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.Da
             "u_kg": u_kg,
             "share_1": u_kg**2 / total**2 if total else u_kg * np.nan,
             "meaning": [source.meaning for source in sources],
-            "shrinks": [source.shrinks for source in sources],
+            "shrinks": [source.reduced_by for source in sources],
         }
     )
 

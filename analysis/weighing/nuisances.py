@@ -25,9 +25,9 @@ class Nuisance:
         name: name in frames, settings and answers.
         unit: unit of its parameter.
         column: computes its column, (n,).
-        width: computes the default prior standard deviation.
+        compute_prior_std: computes the default prior standard deviation.
         meaning: what it models, in a sentence.
-        shrinks: what would reduce its uncertainty.
+        reduced_by: what would reduce its uncertainty.
         by_speed: derivative of the column by the speed, which adds the speed's noise; None: none.
         by_force: derivative by the force, likewise.
         by_acceleration: derivative by the acceleration, likewise.
@@ -35,15 +35,15 @@ class Nuisance:
         applies: whether it applies to a log.
         by_load: whether it needs several load states.
         source: budget entry that combines it with other terms; else empty.
-        prior_keys: keys of `settings.priors` that set `width`.
+        prior_keys: keys of `settings.priors` that set it.
     """
 
     name: str
     unit: str
     column: Callable[[ColumnInputs], Floats]
-    width: Callable[[MotionSamples, PriorSettings], float]
+    compute_prior_std: Callable[[MotionSamples, PriorSettings], float]
     meaning: str
-    shrinks: str
+    reduced_by: str
     by_speed: Callable[[ColumnInputs], Floats] | None = None
     by_force: Callable[[ColumnInputs], Floats] | None = None
     by_acceleration: Callable[[ColumnInputs], Floats] | None = None
@@ -54,7 +54,7 @@ class Nuisance:
     prior_keys: tuple[str, ...] = ()
 
 
-def constant_force_prior_std_newtons(
+def compute_constant_force_prior_std_newtons(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of a constant force in N, from driving force and weight."""
@@ -62,7 +62,7 @@ def constant_force_prior_std_newtons(
     return float(np.hypot(priors.const_share * largest_force_N, by_weight_N))
 
 
-def friction_prior_std_newtons(
+def compute_friction_prior_std_newtons(
     largest_force_N: float, weight_N: float, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of Coulomb friction and rolling resistance in N.
@@ -73,35 +73,36 @@ def friction_prior_std_newtons(
     return float(np.hypot(priors.direction_share * largest_force_N, by_weight_N))
 
 
-def constant_force_prior_std_of_motion_newtons(
+def compute_constant_force_prior_std_of_motion_newtons(
     motion: MotionSamples, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of the term `const`, in N."""
-    return constant_force_prior_std_newtons(
+    return compute_constant_force_prior_std_newtons(
         motion.force_95_percentile_newtons, motion.empty_weight_N, priors
     )
 
 
-def friction_prior_std_of_motion_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
+def compute_friction_prior_std_of_motion_newtons(
+    motion: MotionSamples, priors: PriorSettings
+) -> float:
     """Prior standard deviation of the Coulomb term, in N."""
-    return friction_prior_std_newtons(
+    return compute_friction_prior_std_newtons(
         motion.force_95_percentile_newtons, motion.empty_weight_N, priors
     )
 
 
-def split_constant_prior_into_error_and_force(
+def estimate_error_fraction_and_std_of_constant(
     motion: MotionSamples, priors: PriorSettings
 ) -> tuple[float, float]:
-    """Split a constant force, by the priors, into measurement error and acting force.
+    """Fraction of a constant force that is measurement error, and the std of that split in N.
 
-    The log determines only their sum.
-
-    Returns:
-        Expected fraction of measurement error, and the standard deviation in N.
+    Both are by the priors: the log determines only the sum of error and acting force.
     """
     wrong = priors.const_share * motion.force_95_percentile_newtons
     coulomb = (
-        0.0 if motion.drives_both_ways else friction_prior_std_of_motion_newtons(motion, priors)
+        0.0
+        if motion.drives_both_ways
+        else compute_friction_prior_std_of_motion_newtons(motion, priors)
     )
     acts = float(np.hypot(priors.const_weight_share * motion.empty_weight_N, coulomb))
     both = float(np.hypot(wrong, acts))
@@ -154,7 +155,7 @@ def estimate_load_proportional_share_of_coulomb(
     )
 
 
-def weight_proportional_force_prior_std_newtons(
+def compute_weight_proportional_force_prior_std_newtons(
     motion: MotionSamples, priors: PriorSettings
 ) -> float:
     """Prior standard deviation of `weight_const` in N: its split, and a sagging body."""
@@ -188,7 +189,7 @@ NUISANCES: Final = (
         "const",
         "N",
         lambda m: 1.0 + m.weight_shares[0] * m.relative_load,
-        constant_force_prior_std_of_motion_newtons,
+        compute_constant_force_prior_std_of_motion_newtons,
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
         "starts in both directions, or at different throttles",
@@ -263,7 +264,7 @@ NUISANCES: Final = (
         "direction",
         "N",
         lambda m: m.direction * (1.0 + m.weight_shares[1] * m.relative_load),
-        friction_prior_std_of_motion_newtons,
+        compute_friction_prior_std_of_motion_newtons,
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.drives_both_ways,
@@ -286,7 +287,7 @@ NUISANCES: Final = (
         "N",
         lambda m: -m.slip_s_m * np.abs(m.speed) - m.load_transfer_s2_m * m.acceleration,
         lambda e, s: max(
-            split_constant_prior_into_error_and_force(e, s)[1], LIMITS.min_offset_std_N
+            estimate_error_fraction_and_std_of_constant(e, s)[1], LIMITS.min_offset_std_N
         ),
         "what the constant force has of an error of the measured force, beside what is expected "
         "of it: neither slip nor load transfer act on it",
@@ -310,7 +311,7 @@ NUISANCES: Final = (
         "weight_const",
         "N",
         lambda m: m.relative_load,
-        weight_proportional_force_prior_std_newtons,
+        compute_weight_proportional_force_prior_std_newtons,
         "what of the constant force is in proportion to the weight with its load (tilt or bias of "
         "the accelerometer, slope), beside what is expected of it",
         "starts at different throttles with each load; an accelerometer that is zeroed",

@@ -91,12 +91,12 @@ class _OtherMotionNoise:
     rate_hz: float
     by_wheels: bool
 
-    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
+    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.noise_covariance_of_means(mean_samples).copy()
+        found = self.columns.compute_covariance_of_means(mean_samples).copy()
         found[0, :] = found[:, 0] = 0.0
         if self.by_wheels:
-            speed = self.columns.noise_covariance_of_means(1)[1, 1]
+            speed = self.columns.compute_covariance_of_means(1)[1, 1]
             times = (
                 LIMITS.mean_difference_variance / mean_samples**2
                 if mean_samples > 1

@@ -48,7 +48,9 @@ class _DrivingDirection:
         places = list(pairwise(LIMITS.loading_places_m))
         found = [
             self._make_loaded_minus_empty_term(
-                "", lambda m: np.ones(m.speed.size), self._prior_std_at_loading_place_newtons
+                "",
+                lambda m: np.ones(m.speed.size),
+                self._compute_prior_std_at_loading_place_newtons,
             )
         ]
         for start_m, end_m in places:
@@ -100,7 +102,9 @@ class _DrivingDirection:
         )
 
     @staticmethod
-    def _prior_std_at_loading_place_newtons(motion: MotionSamples, priors: PriorSettings) -> float:
+    def _compute_prior_std_at_loading_place_newtons(
+        motion: MotionSamples, priors: PriorSettings
+    ) -> float:
         return priors.ground_share * motion.empty_weight_N
 
     def _does_motion_drive_in_direction(self, motion: MotionSamples) -> bool:

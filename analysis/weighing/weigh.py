@@ -51,7 +51,11 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     collect_motion_samples,
 )
-from analysis.weighing.nuisances import CURVATURE, FILLING, friction_prior_std_of_motion_newtons
+from analysis.weighing.nuisances import (
+    CURVATURE,
+    FILLING,
+    compute_friction_prior_std_of_motion_newtons,
+)
 from analysis.weighing.other_motion import (
     AlternativeMotion,
     compute_wheel_imu_disagreement_over_speed,
@@ -157,7 +161,7 @@ def find_term_farthest_from_prior(fit: JointFit, priors: PriorSettings) -> tuple
     widths = fit.prior_std.copy()
     if not fit.motion.drives_both_ways and "const" not in priors.learnt:
         constant = find_term_index("const", fit.terms)
-        friction_N = friction_prior_std_of_motion_newtons(fit.motion, priors)
+        friction_N = compute_friction_prior_std_of_motion_newtons(fit.motion, priors)
         widths[constant] = np.hypot(widths[constant], friction_N)
     return fit.find_term_farthest_from_prior(widths)
 
@@ -173,13 +177,13 @@ class _DerivativeNoise:
     columns: ColumnNoise
     rate_hz: float
 
-    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
+    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.noise_covariance_of_means(mean_samples)
+        found = self.columns.compute_covariance_of_means(mean_samples)
         if mean_samples < LIMITS.derivative_mean_samples:
             return found
         found = found.copy()
-        speed = self.columns.noise_covariance_of_means(1)[1, 1]
+        speed = self.columns.compute_covariance_of_means(1)[1, 1]
         found[0, :] = found[:, 0] = 0.0
         found[0, 0] = 2.0 * speed * (self.rate_hz / mean_samples) ** 2
         return found

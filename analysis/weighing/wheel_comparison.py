@@ -26,7 +26,7 @@ from analysis.weighing.motion_samples import (
     MotionSamples,
     compute_ground_to_wheel_speed_ratio,
 )
-from analysis.weighing.nuisances import constant_force_prior_std_of_motion_newtons
+from analysis.weighing.nuisances import compute_constant_force_prior_std_of_motion_newtons
 from analysis.weighing.pitch_squat import estimate_pitch_gravity_per_acceleration_and_std
 from analysis.weighing.stretch_means import (
     EVERY,
@@ -192,7 +192,7 @@ def _fit_wheel_comparison(
     slip_std = priors.wheel_slip / motion.force_95_percentile_newtons
 
     def prior_stds(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
-        offset = slip_1_N * constant_force_prior_std_of_motion_newtons(motion, priors)
+        offset = slip_1_N * compute_constant_force_prior_std_of_motion_newtons(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solve_rows(
@@ -244,7 +244,7 @@ def _fit_wheel_comparison(
         wide = solve_rows(rows, prior_stds(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.speed_95_percentile_m_s
-    noise_m_s = max(float(np.sqrt(noise.noise_covariance_of_means(MEAN)[1, 1])), rounding_m_s)
+    noise_m_s = max(float(np.sqrt(noise.compute_covariance_of_means(MEAN)[1, 1])), rounding_m_s)
     free = wide.fit
     least_1 = LIMITS.gain_min_std * estimate_gain_that_noise_mimics(
         rows,
@@ -310,7 +310,7 @@ def _make_comparison_rows(
     X, y, group, ground = average_and_detrend_wheel_columns(
         measured_acceleration, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
-    covariance = noise.noise_covariance_of_means(MEAN)
+    covariance = noise.compute_covariance_of_means(MEAN)
     grams = np.zeros((len(spans), 4, 4))
     grams[:, 1, 1] = ground * covariance[2, 2]
     grams[:, 2, 2] = np.bincount(group) * covariance[0, 0]

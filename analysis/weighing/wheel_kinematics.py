@@ -116,7 +116,7 @@ def estimate_gain_that_noise_mimics(
     """
     X, _, group, _ = rows
     of_step = (
-        noise.noise_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
+        noise.compute_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
         * LIMITS.accumulated_noise_samples
         * step_s**2
     )
@@ -140,12 +140,12 @@ def compute_parameter_std_bounds_by_noise(
     """
     X, _, group, _ = rows
     of_mean = (
-        noise.noise_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
+        noise.compute_covariance_of_means(LIMITS.accumulated_noise_samples)[0, 0]
         * LIMITS.accumulated_noise_samples
         * step_s**2
         * EVERY
     )
-    of_speed = noise.noise_covariance_of_means(MEAN)[1, 1] * MEAN / EVERY
+    of_speed = noise.compute_covariance_of_means(MEAN)[1, 1] * MEAN / EVERY
     squares = (X**2).sum(axis=0)
     # of a column of nothing its prior is all that is known
     scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)

@@ -97,7 +97,7 @@ def find_best_partitions(
                 stretches[key] = Stretches.from_boundaries(
                     np.frombuffer(key, np.int64), unit_values.kind
                 )
-            each = posterior.evaluate_partition_posterior(stretches[key])
+            each = posterior.fit_partition(stretches[key])
             if key not in found or each.log_posterior > found[key][0].log_posterior:
                 found[key] = each, posterior
     single, _ = found[one.tobytes()]
@@ -132,9 +132,7 @@ def move_changes_to_nearest_record_ends(
             if low < end < high:
                 moved = np.sort(np.append(changes[changes != change], end))
                 state = np.searchsorted(moved, np.arange(kind.size + 1), "right")
-                tried = posterior.evaluate_partition_posterior(
-                    Stretches.from_boundaries(state, kind)
-                )
+                tried = posterior.fit_partition(Stretches.from_boundaries(state, kind))
                 partition = max((partition, tried), key=lambda each: each.log_posterior)
     return partition
 
@@ -149,7 +147,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
-            posterior.evaluate_partition_posterior(
+            posterior.fit_partition(
                 Stretches.from_boundaries(
                     _merge_states_at_boundaries(partition.state, joint), posterior.units.kind
                 )
@@ -367,19 +365,19 @@ def find_least_cost_partition(
                 begins[kept] = begins[k]
                 kept += 1
         alive = kept
-    return find_level_number_of_each_unit(before)
+    return trace_back_level_of_each_unit(before)
 
 
 @compiled_unless_short_log
-def find_level_number_of_each_unit(first_unit_of_level_by_end: Ints) -> Ints:
+def trace_back_level_of_each_unit(level_start_by_end: Ints) -> Ints:
     """Number of the level of each unit, (n,) from 0.
 
     Args:
-        first_unit_of_level_by_end: (n + 1,) first unit of the level that ends before each unit.
+        level_start_by_end: (n + 1,) first unit of the level that ends before each unit.
     """
-    end = first_unit_of_level_by_end.size - 1
+    end = level_start_by_end.size - 1
     begins = np.zeros(end, np.int64)
     while end > 0:
-        end = first_unit_of_level_by_end[end]
+        end = level_start_by_end[end]
         begins[end] = 1
     return np.cumsum(begins) - 1

@@ -117,8 +117,8 @@ class PartitionPosterior:
         whole, right, _ = self._eliminate_levels(self._sum_equations_by_state(state_of_unit))
         return solve_with_log_determinant(whole, right)[0]
 
-    def evaluate_partition_posterior(self, stretches: Stretches) -> Partition:
-        """Levels, effects and log posterior of a partition."""
+    def fit_partition(self, stretches: Stretches) -> Partition:
+        """Partition with its best levels and effects, and its log posterior."""
         by_state = self._sum_equations_by_state(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:

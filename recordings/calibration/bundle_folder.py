@@ -171,15 +171,19 @@ def parse_sha256sums(sums_bytes: bytes) -> dict[str, str]:
     try:
         lines = sums_bytes.decode("ascii").splitlines()
     except UnicodeDecodeError:
-        raise EvidenceError(f"{SUMS}: is not plain text") from None
+        raise EvidenceError(f"{SUMS}: is not plain text; copy the bundle again") from None
     found: dict[str, str] = {}
     for number, line in enumerate(lines[: LIMITS.bundle_max_files], start=1):
         match = _SUM.fullmatch(line)
         if match is None or not is_bundle_file_name(match[2]) or match[2] in UNLISTED:
-            raise EvidenceError(f"{SUMS}: line {number} is not the digest of a file of this bundle")
+            raise EvidenceError(
+                f"{SUMS}: line {number} is not the digest of a file of this bundle; copy the "
+                "bundle again"
+            )
         found[match[2]] = match[1]
     if format_sha256sums(found).encode() != sums_bytes:
         raise EvidenceError(
-            f"{SUMS}: was changed: its lines are not sorted, or a file appears twice"
+            f"{SUMS}: was changed: its lines are not sorted, or a file appears twice; copy the "
+            "bundle again"
         )
     return found

@@ -308,12 +308,14 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
                 f"it ({where}: {first['msg']}): digests and signature were checked, and nothing in "
                 "it can be recomputed here"
             ) from None
+        place = f" at {where}" if where else ""
         raise EvidenceError(
-            f"{source}: {where}: {first['msg']}, which the schema of evidence does not allow"
+            f"{source}: does not follow the schema of evidence{place}: {first['msg']}"
         ) from None
     if document.canonical_json_bytes != json_bytes:
         raise EvidenceError(
-            f"{source}: holds a value of a type that the schema of evidence does not allow"
+            f"{source}: writes a value as another type than the schema of evidence has; copy the "
+            "original file again"
         )
     return document.copy_with_defaults_of_newer_settings(values)
 

@@ -108,19 +108,19 @@ def iter_unaccounted_log_sentences(
         if not list_range.first <= entry.counter <= list_range.last:
             yield f"number {entry.counter} is not among the numbers that the campaign names"
         elif entry.counter not in list_range.omission_reason_by_log_number and not any(
-            _is_entry_of_log(log, entry) for log in logs
+            _does_entry_list_all_files_of_log(log, entry) for log in logs
         ):
             yield (
                 f"number {entry.counter}, '{entry.log}' of {entry.begins or 'no known time'}, is "
                 "neither in the campaign nor left out with a reason"
             )
     for log in logs:
-        if not any(_is_entry_of_log(log, entry) for entry in list_entries):
+        if not any(_does_entry_list_all_files_of_log(log, entry) for entry in list_entries):
             yield f"{log.log}: is not listed among numbers {list_range.first} to {list_range.last}"
 
 
-def _is_entry_of_log(log: EvidenceLog, list_entry: NotaryEntry) -> bool:
-    """Whether a line is of this log: its files include all that were read."""
+def _does_entry_list_all_files_of_log(log: EvidenceLog, list_entry: NotaryEntry) -> bool:
+    """Whether an entry of the list contains every file that was read of a log."""
     return {file.sha256 for file in log.files} <= {file.sha256 for file in list_entry.files}
 
 
@@ -131,7 +131,9 @@ def iter_contradictions_to_notary_list(
     made, machine = parse_creation_time(document), document.campaign.machine.id
     for entry in list_entries:
         number = entry.counter
-        own = next((log for log in document.logs if _is_entry_of_log(log, entry)), None)
+        own = next(
+            (log for log in document.logs if _does_entry_list_all_files_of_log(log, entry)), None
+        )
         listed = parse_list_time(entry.listed)
         assert listed is not None
         said = ""

@@ -281,8 +281,8 @@ def find_items_named_by_list(
     weights = [items[0] for items in found]
     if len(weights) != value_count:
         raise EvidenceError(
-            f"{certificate_name}: a list of masses has {value_count} values, and the number of its "
-            f"names is {len(weights)}; {_ASK_FOR_CORRECTION}"
+            f"{certificate_name}: a list of masses has {value_count} values but "
+            f"{len(weights)} names; {_ASK_FOR_CORRECTION}"
         )
     if len(set(weights)) != value_count:
         raise EvidenceError(

@@ -85,7 +85,9 @@ def find_length_of_list_quantity(quantity: "_Element", error_label: str) -> int 
     reals = quantity.findall(f"{{{SI}}}real")
     lists = quantity.findall(f"{{{SI}}}realListXMLList")
     if len(reals) + len(lists) != 1:
-        raise EvidenceError(f"{error_label}: its mass is not one si:real or one si:realListXMLList")
+        raise EvidenceError(
+            f"{error_label}: its mass must be exactly one si:real or one si:realListXMLList"
+        )
     if reals:
         return None
     count = len(read_blank_separated_texts(lists[0], "valueXMLList", error_label))
@@ -161,16 +163,22 @@ def _read_standard_uncertainty(
         )
     inside, name = (interval[0], "standardUnc") if interval else (expanded[0], "uncertainty")
     if has_several_units and len(dsi_value.read_list_entry_texts(inside, name, error_label)) == 1:
-        raise EvidenceError(f"{error_label}: has one uncertainty for values in several units")
+        raise EvidenceError(
+            f"{error_label}: has one uncertainty for values in several units; ask the laboratory "
+            "for a corrected certificate, or state the masses by value_kg and u_kg"
+        )
     if interval:
         return dsi_value.read_number_of_list_entry(inside, name, error_label)
     k = dsi_value.read_number_of_list_entry(inside, "coverageFactor", error_label)
     if not 1.0 <= k <= LIMITS.max_coverage_factor:
-        raise EvidenceError(f"{error_label}: {k:g} is not a coverage factor")
+        raise EvidenceError(
+            f"{error_label}: the coverage factor {k:g} is not from 1 to "
+            f"{LIMITS.max_coverage_factor:g}"
+        )
     p = dsi_value.read_number_of_list_entry(inside, "coverageProbability", error_label)
     if not 0.5 <= p < 1.0:
         raise EvidenceError(
-            f"{error_label}: {p:g} is not a coverage probability of an expanded uncertainty"
+            f"{error_label}: the coverage probability {p:g} is not at least 0.5 and below 1"
         )
     return dsi_value.read_number_of_list_entry(inside, name, error_label) / k
 
@@ -184,8 +192,9 @@ def read_text_of_required_child(parent: "_Element", element_name: str, error_lab
     found = parent.findall(f"{{{SI}}}{element_name}")
     text = read_leaf_text(found[0]) if len(found) == 1 else None
     if not text:
+        tag = parent.tag.rpartition("}")[2]
         raise EvidenceError(
-            f"{error_label}: its {parent.tag.rpartition('}')[2]} has no single si:{element_name}"
+            f"{error_label}: its {tag} must have exactly one si:{element_name}, with text"
         )
     return text
 

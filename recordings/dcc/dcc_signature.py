@@ -27,6 +27,7 @@ _TRANSFORMS: Final = (
     "http://www.w3.org/TR/2001/REC-xml-c14n-20010315",
     "http://www.w3.org/2006/12/xml-c14n11",
 )
+_ASK_FOR_SIGNED: Final = "ask the laboratory for a certificate signed as a whole"
 #: Bits below which an RSA key is weak (NIST SP 800-131A).
 _RSA_BITS_MIN: Final = 2048
 
@@ -82,12 +83,14 @@ def check_dcc_signature(certificate: "_Element", certificate_name: str) -> Signe
         )
     if found[0].getparent() is not certificate:
         raise EvidenceError(
-            f"{certificate_name}: its signature is not a child of the certificate itself"
+            f"{certificate_name}: its ds:Signature is not directly below the root element, so it "
+            f"is not accepted; {_ASK_FOR_SIGNED}"
         )
     references = list(found[0].iter(f"{{{DS}}}Reference"))
     if len(references) != 1 or references[0].get("URI") != "":
         raise EvidenceError(
-            f"{certificate_name}: its signature does not cover the whole certificate"
+            f"{certificate_name}: its signature does not cover the whole certificate; "
+            f"{_ASK_FOR_SIGNED}"
         )
     strange = [
         str(each.get("Algorithm"))
@@ -96,12 +99,14 @@ def check_dcc_signature(certificate: "_Element", certificate_name: str) -> Signe
     ]
     if strange:
         raise EvidenceError(
-            f"{certificate_name}: its signature has an unsupported transform: {strange[0]}"
+            f"{certificate_name}: its signature uses the unsupported transform {strange[0]}; ask "
+            "the laboratory for a certificate signed without it"
         )
     signed, pem = _verify_signed_element(certificate, found[0], certificate_name)
     if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != certificate.tag:
         raise EvidenceError(
-            f"{certificate_name}: its signature does not cover the whole certificate"
+            f"{certificate_name}: its signature does not cover the whole certificate; "
+            f"{_ASK_FOR_SIGNED}"
         )
     return SignedDcc(signed, compute_key_id_of_pem(pem, certificate_name))
 
@@ -134,7 +139,8 @@ def _verify_signed_element(
     except (SignXMLException, ValueError, TypeError, KeyError, AttributeError) as fault:
         raise EvidenceError(
             f"{certificate_name}: its signature is not valid "
-            f"({str(fault)[:160] or type(fault).__name__})"
+            f"({str(fault)[:160] or type(fault).__name__}); ask its issuer for the certificate "
+            "again"
         ) from None
     except Exception as fault:  # noqa: BLE001  a stranger chose the bytes; cryptography has its own
         raise EvidenceError(
@@ -143,7 +149,8 @@ def _verify_signed_element(
         ) from None
     if isinstance(result, list) or result.signed_xml is None:
         raise EvidenceError(
-            f"{certificate_name}: its signature does not cover the whole certificate"
+            f"{certificate_name}: its signature does not cover the whole certificate; "
+            f"{_ASK_FOR_SIGNED}"
         )
     return result.signed_xml, pem or result.signature_key
 
@@ -162,9 +169,14 @@ def compute_key_id_of_pem(pem_bytes: bytes, key_name: str) -> str:
     except ValueError:
         raise EvidenceError(f"{key_name}: has no public key or certificate in PEM") from None
     if isinstance(key, rsa.RSAPublicKey) and key.key_size < _RSA_BITS_MIN:
-        raise EvidenceError(f"{key_name}: an RSA key of {key.key_size} bits is too short")
+        raise EvidenceError(
+            f"{key_name}: an RSA key of {key.key_size} bits is too short; at least {_RSA_BITS_MIN} "
+            "are required"
+        )
     if not isinstance(key, rsa.RSAPublicKey | ec.EllipticCurvePublicKey):
-        raise EvidenceError(f"{key_name}: its key is neither RSA nor ECDSA")
+        raise EvidenceError(
+            f"{key_name}: its key is neither RSA nor ECDSA, the only kinds supported"
+        )
     der = key.public_bytes(
         serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
     )
@@ -222,7 +234,10 @@ def read_dcc_signing_key(path: Path, certificate: Path | None = None) -> DccKey:
             "-algorithm EC -pkeyopt ec_paramgen_curve:P-256`"
         )
     if isinstance(key, rsa.RSAPrivateKey) and key.key_size < _RSA_BITS_MIN:
-        raise EvidenceError(f"{path}: an RSA key of {key.key_size} bits is too short")
+        raise EvidenceError(
+            f"{path}: an RSA key of {key.key_size} bits is too short; at least {_RSA_BITS_MIN} "
+            "are required"
+        )
     if own is not None and own != key.public_key():
         raise EvidenceError(f"{certificate}: is not the certificate of {path}")
     method = "ecdsa-sha256" if isinstance(key, ec.EllipticCurvePrivateKey) else "rsa-sha256"

@@ -292,7 +292,9 @@ def fill_mass_quantity(
     assert fitted is not None
     at_kg, readings = fitted.budget_at
     k = fitted.coverage_k_1
-    u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.later_mass_u_kg(mass_kg, readings)
+    u_kg = fitted.u_kg
+    if mass_kg != at_kg:
+        u_kg = fitted.inversion.compute_later_mass_u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(
             f"{document.id}: cannot be certified at {mass_kg:g} kg: its standard uncertainty is "

@@ -342,7 +342,10 @@ def read_end_of_recording(path: Path) -> RecordingEnd | None:
                 batch = chunk.to_record_batch()
                 found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
         if not found:
-            raise RecordingError(f"{path}: not a recording that `payscope follow` was writing")
+            raise RecordingError(
+                f"{path}: is unfinished, and not a recording of `payscope follow`; give another "
+                "output, or give --force"
+            )
         about = FollowedLog(found["identity"], int(found["t0_unix_ns"]), found["recording_id"])
         parts = [data[begin:end] for begin, end, of_store in messages[:_FIRST] if of_store]
         store = b"".join([data[:HEAD_BYTES], *parts])

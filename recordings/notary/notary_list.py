@@ -149,7 +149,7 @@ def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
     except (binascii.Error, ValueError) as fault:
         raise EvidenceError(f"{source}: {_format_validation_fault(fault)}") from None
     if encode_canonical_json({**content.model_dump(mode="json"), "signature": text}) != line_bytes:
-        raise EvidenceError(f"{source}: holds a value of a type that a notary does not write")
+        raise EvidenceError(f"{source}: writes a value as another type than a notary does")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(f"{source}: its signature is not base64 of 64 bytes")
     return NotaryLine(line_bytes, content, signature)

@@ -31,7 +31,7 @@ from recordings.review.shift_facts import (
     describe_missing_loads,
     describe_scale_of_tonnes,
     describe_truncated_logs,
-    explain_why_no_cycle_counts,
+    explain_why_no_cycle_is_counted,
     list_losses_besides_truncated_ends,
     list_shift_names_and_values,
     make_warning_of_mixed_machines,
@@ -242,7 +242,7 @@ class ReviewPage:
 def render_review_html(review_page: ReviewPage) -> str:
     """HTML of the page, with all text escaped and no network access."""
     state, shift = review_page.state, review_page.shift
-    why_not = explain_why_no_cycle_counts(state, review_page.ledger)
+    why_not = explain_why_no_cycle_is_counted(state, review_page.ledger)
     said = review_page.ledger.filter(pl.col("author") != "").height
     return render_page_html(
         _PACKAGE,

@@ -36,7 +36,7 @@ def summarise_shift_in_line(
 
     Args:
         shift: frame `shift` after verdicts.
-        missing_tonnes_reason: see `explain_why_no_cycle_counts`.
+        missing_tonnes_reason: see `explain_why_no_cycle_is_counted`.
         state: state of the review; if its last log is truncated, the end is unknown.
     """
     answer = (
@@ -52,8 +52,8 @@ def summarise_shift_in_line(
     )
 
 
-def explain_why_no_cycle_counts(state: ReviewState, ledger: pl.DataFrame) -> str:
-    """Reason why no cycle counts; empty if one does."""
+def explain_why_no_cycle_is_counted(state: ReviewState, ledger: pl.DataFrame) -> str:
+    """Reason why no cycle is counted in the shift; empty if at least one is."""
     if ledger["counted"].any():
         return ""
     if not state.can_weigh:

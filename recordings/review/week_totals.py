@@ -108,7 +108,7 @@ def read_counted_loads_of_reviews(review_folders: Sequence[Path]) -> list[WeekPa
             ) from None
         except pl.exceptions.PolarsError:
             raise ReviewError(
-                f"{folder / PARQUET}: is not a ledger of this version; review its logs once more"
+                f"{folder / PARQUET}: is not a ledger of this version; review its logs again"
             ) from None
         machine = format_machine_title(state)
         for ends_ns in rows["end_unix_ns"] if state.clock.has_date else ():

@@ -60,7 +60,9 @@ class StoredColumn(BaseModel):
             return cls(name=series.name, dtype=_ENUM, categories=categories)
         if str(dtype) not in _DTYPES:
             known = ", ".join((*_DTYPES, _ENUM))
-            raise OutputError(f"column '{series.name}': cannot store {dtype}; known: {known}")
+            raise OutputError(
+                f"column '{series.name}': a {dtype} cannot be stored; supported: {known}"
+            )
         return cls(name=series.name, dtype=str(dtype))
 
     @property

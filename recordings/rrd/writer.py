@@ -309,7 +309,8 @@ def refuse_recording_unlike_run(run: Run, partial_path: Path, path: Path) -> Non
         with open_recording(partial_path, stored_names=True) as held:
             if held.provenance != run.provenance:
                 raise OutputError(
-                    f"{path}: the provenance read back differs; only plain JSON is supported"
+                    f"{path}: the provenance read back differs from the one written; it may hold "
+                    "plain JSON values only"
                 )
             for name, frame in run.frames.items():
                 back = held.read_frame(name)

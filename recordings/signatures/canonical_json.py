@@ -59,7 +59,10 @@ def parse_canonical_json(json_bytes: bytes, source: str) -> Any:
     except (ValueError, RecursionError) as error:
         raise EvidenceError(f"{source}: is not valid JSON for evidence: {error}") from None
     if encode_canonical_json(value) != json_bytes:
-        raise EvidenceError(f"{source}: is not in the canonical form of RFC 8785")
+        raise EvidenceError(
+            f"{source}: is not in the canonical form of RFC 8785, so it was reformatted or "
+            "changed; copy the original file again"
+        )
     return value
 
 
@@ -79,7 +82,9 @@ def _refuse_deep_nesting(json_bytes: bytes, source: str) -> None:
         elif byte in _OPEN:
             depth += 1
             if depth > LIMITS.document_depth:
-                raise EvidenceError(f"{source}: is nested deeper than {LIMITS.document_depth}")
+                raise EvidenceError(
+                    f"{source}: is nested deeper than the {LIMITS.document_depth} levels allowed"
+                )
         elif byte in _CLOSE:
             depth -= 1
 
@@ -107,7 +112,7 @@ def _parse_json_float(text: str) -> float:
 
 
 def _refuse_json_constant(text: str) -> float:
-    raise ValueError(f"the number {text}")
+    raise ValueError(f"it contains {text}, which JSON does not allow")
 
 
 def _make_object_of_unique_names(name_value_pairs: list[tuple[str, Any]]) -> dict[str, Any]:

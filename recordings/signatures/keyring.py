@@ -199,7 +199,8 @@ def revoke_key_in_keyring(keyring: Keyring, key_id: str, day: dt.date, reason: s
         alike = [each for each in ids if key_id and each.startswith(key_id)]
         have = ", ".join(each[:12] for each in alike or ids) or "none"
         fault = f"several keys begin with '{key_id}'" if alike else f"no key '{key_id}'"
-        raise EvidenceError(f"{keyring.path}: {fault}; give more digits of one of {have}")
+        remedy = f"give more digits of one of {have}" if alike else f"its keys: {have}"
+        raise EvidenceError(f"{keyring.path}: {fault}; {remedy}")
     revoked = known.model_copy(update={"revoked": day, "because": reason})
     return save_keyring(
         keyring.path, tuple(revoked if each is known else each for each in keyring.keys)

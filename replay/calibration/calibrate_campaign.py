@@ -257,7 +257,7 @@ def read_previous_evidence(
     if machine_id not in (None, machine):
         raise EvidenceError(
             f"{previous}: is evidence of machine '{machine}', this campaign is for "
-            f"'{machine_id}'; name evidence of the same machine"
+            f"'{machine_id}'; give evidence of the same machine"
         )
     by = checked.signed_by
     if key is not None and by.how == "unsigned":
@@ -269,7 +269,7 @@ def read_previous_evidence(
     if by.how == "unknown" and not own:
         raise EvidenceError(
             f"{previous}: is {by}, so its signature cannot be verified; if the signer gave you "
-            f"this key in person, keep it with {by.command_to_add_key}"
+            f"this key in person, add it to your keyring with {by.command_to_add_key}"
         )
     return checked
 

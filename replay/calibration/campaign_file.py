@@ -192,7 +192,7 @@ def _read_trusted_certificate_key_ids(
 
     named = campaign_content.get("dcc_keys", [])
     if not isinstance(named, list) or not all(isinstance(each, str) for each in named):
-        raise CampaignError(f"{campaign_path}: dcc_keys: must be a list of files with keys in PEM")
+        raise CampaignError(f"{campaign_path}: dcc_keys: must be a list of PEM key files")
     try:
         return [read_key_id_from_pem_file(campaign_path.parent / each) for each in named]
     except EvidenceError as fault:

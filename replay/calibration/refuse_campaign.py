@@ -113,7 +113,9 @@ def refuse_machine_unlike_logs(
         iter_machine_id_contradictions(campaign.machine.id, machine, replayed_logs.logs), None
     )
     if fault is not None:
-        raise CampaignError(f"{campaign_path}: {fault}; name logs and machine file of one machine")
+        raise CampaignError(
+            f"{campaign_path}: {fault}; give logs and the machine file of one machine"
+        )
 
 
 def load_range_of_notary_list(campaign_path: Path, campaign: CalibrationCampaign) -> bytes | None:

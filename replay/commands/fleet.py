@@ -298,7 +298,7 @@ def _parse_day_range(first_day: str | None, last_day: str | None) -> "DayRange":
             found.append(None if text is None else dt.date.fromisoformat(text))
         except ValueError:
             raise typer.BadParameter(
-                f"{name} {text}: is not a day; write it as 2026-10-01"
+                f"{name} {text}: is not a date; write it as 2026-10-01"
             ) from None
     return DayRange(*found)
 

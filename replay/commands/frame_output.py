@@ -32,7 +32,7 @@ def choose_output_format(requested_format: str | None, output_path: Path | None)
         requested_format = output_path.suffix.removeprefix(".")
         if requested_format not in _WRITTEN:
             raise OutputError(
-                f"{output_path}: no format '{output_path.suffix}'; use "
+                f"{output_path}: unknown format '{output_path.suffix}'; use "
                 f"{', '.join(f'.{x}' for x in _WRITTEN)}, or give --format"
             )
     if requested_format in _BINARY and output_path is None:

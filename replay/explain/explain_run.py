@@ -97,13 +97,12 @@ def explain_run_and_correct_machine(
 def _refuse_contradictory_request(explain_request: ExplainRequest) -> None:
     if explain_request.at_s is not None and not math.isfinite(explain_request.at_s):
         raise RecordingError(
-            f"--at {explain_request.at_s}: is not a time; name seconds since the start"
+            f"--at {explain_request.at_s}: is not a time; give seconds since the start"
         )
     if explain_request.machine_file is None and explain_request.path.suffix != SUFFIX:
         raise MachineError(
-            f"{explain_request.path}: is not a recording ({SUFFIX}); to replay a log, name its "
-            "machine "
-            "file with -m"
+            f"{explain_request.path}: is not a recording ({SUFFIX}); to replay a log, give its "
+            "machine file with -m"
         )
     inputs = [
         explain_request.path,
@@ -115,7 +114,7 @@ def _refuse_contradictory_request(explain_request: ExplainRequest) -> None:
     if explain_request.corrected_file is not None:
         if explain_request.machine_file is None:
             raise MachineError(
-                f"{explain_request.corrected_file}: --apply corrects a machine file; name that "
+                f"{explain_request.corrected_file}: --apply corrects a machine file; give that "
                 "file with -m"
             )
         refuse_input_as_output(explain_request.corrected_file, inputs)

@@ -17,7 +17,7 @@ from analysis.model.run_record import Run
 from analysis.model.schema import get_column_values
 from estimators.errors import DataError, MachineError
 from recordings.report.finding_text import read_findings_of_run
-from replay.explain.proposal_edits import Proposal, split_finding_to_proposal_per_key
+from replay.explain.proposal_edits import Proposal, make_proposal_for_each_key_of_finding
 from replay.explain.proposal_limits import LIMITS
 
 #: First and last log time of a stretch; None: the log's own.
@@ -127,7 +127,7 @@ def explain_failure_on_held_out_half(
         seen = find_finding_of_same_cause_and_keys(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show the finding"
-        changed = replay(split_finding_to_proposal_per_key(fitted), second)
+        changed = replay(make_proposal_for_each_key_of_finding(fitted), second)
     except (DataError, MachineError):
         return "half of the log is too short to test the correction"
     was, now = make_answer(unchanged), make_answer(changed)

@@ -33,7 +33,7 @@ class Proposal:
     change_u_kg: float | None = None
 
 
-def split_finding_to_proposal_per_key(finding: Finding) -> tuple[Proposal, ...]:
+def make_proposal_for_each_key_of_finding(finding: Finding) -> tuple[Proposal, ...]:
     """Proposals of a finding, one per key; empty if there are none."""
     if not finding.has_proposal:
         return ()

@@ -28,7 +28,7 @@ from replay.explain.judge_proposal import ProposalTrial, Stretch, explain_failur
 from replay.explain.proposal_edits import (
     Proposal,
     insert_proposals_into_machine_file,
-    split_finding_to_proposal_per_key,
+    make_proposal_for_each_key_of_finding,
 )
 from replay.explain.proposal_limits import LIMITS
 from replay.inputs.channel_inputs import list_channel_fields
@@ -221,7 +221,7 @@ def try_proposals_one_by_one(
     behind = find_causes_explained_by_others(tried)
     tried.rejected += [
         RejectedProposal(
-            split_finding_to_proposal_per_key(each)[0],
+            make_proposal_for_each_key_of_finding(each)[0],
             f"{find_readable_cause_name(behind[each.cause])} explains this finding and is still "
             "present",
         )
@@ -288,7 +288,7 @@ def list_untried_findings(progress: ProposalProgress) -> list[Finding]:
         each
         for each in shown
         if _make_cause_and_channel_key(each) not in progress.tried
-        and split_finding_to_proposal_per_key(each)
+        and make_proposal_for_each_key_of_finding(each)
     ]
 
 
@@ -333,7 +333,7 @@ def try_proposal_of_finding(
 ) -> None:
     """Replay with a proposal, and accept or reject it."""
     progress.tried.add(_make_cause_and_channel_key(finding))
-    changes = list(split_finding_to_proposal_per_key(finding))
+    changes = list(make_proposal_for_each_key_of_finding(finding))
     try:
         replayed = replays.replay_log_with_proposals([*progress.changes, *changes])
         why = ProposalTrial(

@@ -43,7 +43,7 @@ class NamedFiles:
     calibrations: tuple[str, ...] = ()
 
 
-class CurrentMachine(BaseModel):
+class LastRunMachine(BaseModel):
     """A machine of the last run: its files, and the digests of its setups."""
 
     files: NamedFiles
@@ -55,4 +55,4 @@ class LastRun(BaseModel):
 
     fleet: str = "fleet"
     limits: TaskLimits = TaskLimits.model_validate({})
-    machines: dict[str, CurrentMachine] = {}
+    machines: dict[str, LastRunMachine] = {}

@@ -112,8 +112,8 @@ def make_setups_of_machine(
         if by.signed_by.how == "unknown":
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
-                f"{folder}: is {by.signed_by}; if the signer gave you this key in person, keep it "
-                f"with {by.signed_by.command_to_add_key}"
+                f"{folder}: is {by.signed_by}; if the signer gave you this key in person, add it "
+                f"to your keyring with {by.signed_by.command_to_add_key}"
             )
         try:
             weighing = by.require_calibrated_machine(
@@ -308,16 +308,14 @@ def load_fleet(fleet_path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
     for number, rule in enumerate(rules.machines, start=1):
         if (NAME in rule.logs) == (rule.name is not None):
             raise FleetError(
-                f"{fleet_path}: machines[{number}]: give either name or {NAME} in logs, by which "
-                "the "
-                "machine is known"
+                f"{fleet_path}: machines[{number}]: needs either name or {NAME} in logs, and not "
+                "both, to name the machine"
             )
         if rule.logs.count(NAME) > 1:
             raise FleetError(f"{fleet_path}: machines[{number}]: logs has {NAME} more than once")
         if "/" not in rule.logs.partition(NAME)[0] and "**/" in rule.logs.partition(NAME)[2]:
             raise FleetError(
-                f"{fleet_path}: machines[{number}]: any folder of a path may be {NAME} in "
-                f"'{rule.logs}'; "
-                f"give the folder before {NAME}"
+                f"{fleet_path}: machines[{number}]: in '{rule.logs}', {NAME} would match any "
+                f"folder of a path; put the folder above it first, such as logs/{NAME}/"
             )
     return Fleet(fleet_path, rules, overrides)

@@ -128,14 +128,14 @@ class ObjectStore:
         self._run_with_one_line_storage_errors(name, lambda: self._store_client.put(name, path))
 
     def download_object_to_file(self, name: str, target: Path) -> None:
-        """Copy an object to a file in parts."""
+        """Download an object to a file, chunk by chunk."""
 
-        def copy_parts() -> None:
+        def stream_object_to_file() -> None:
             with target.open("wb") as file:
                 for part in self._store_client.get(name).stream(min_chunk_size=LIMITS.chunk_bytes):
                     file.write(part)
 
-        self._run_with_one_line_storage_errors(name, copy_parts)
+        self._run_with_one_line_storage_errors(name, stream_object_to_file)
 
     def delete_objects(self, names: list[str]) -> None:
         """Remove objects."""

@@ -39,7 +39,7 @@ _LOOPBACK: Final = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
 
 @dataclass(frozen=True, slots=True)
-class TaskWork(Generic[Task]):
+class TaskWithMemory(Generic[Task]):
     """A task, and the memory in bytes that it is placed by."""
 
     task: Task
@@ -61,7 +61,7 @@ class TaskEngine(Protocol):
         ...
 
     def run_tasks(
-        self, function: Callable[[Task], Result], task_work: Sequence[TaskWork[Task]]
+        self, function: Callable[[Task], Result], tasks_with_memory: Sequence[TaskWithMemory[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it comes, in any order; each exactly once."""
         ...
@@ -157,14 +157,14 @@ class RayEngine:
         return max(int(self._ray.cluster_resources().get("CPU", 1)), 1)
 
     def run_tasks(
-        self, function: Callable[[Task], Result], task_work: Sequence[TaskWork[Task]]
+        self, function: Callable[[Task], Result], tasks_with_memory: Sequence[TaskWithMemory[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it finishes; nodes import the function."""
         remote = self._ray.remote(
             num_cpus=1, max_retries=LIMITS.max_retries, max_calls=LIMITS.tasks_per_worker
         )(function)
-        waiting = deque(task_work)
-        running: dict[Any, TaskWork[Task]] = {}
+        waiting = deque(tasks_with_memory)
+        running: dict[Any, TaskWithMemory[Task]] = {}
         try:
             while waiting or running:
                 most = (1 + LIMITS.tasks_ahead) * self.count_parallel_slots()

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple, Protocol
 from analysis.fleet.daily_figures import UNDATED
 from estimators.errors import PayscopeError
 from replay.fleet.gathered_tables import FleetResults
-from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
+from replay.fleet.last_run import CALIBRATIONS, FAILED, LastRun, LastRunMachine, TaskLimits
 from replay.fleet.log_sources import FleetLog
 from replay.fleet.machine_setups import MachineSetup, choose_setup_valid_on_day
 from replay.fleet.object_store import S3, ObjectStore
-from replay.fleet.ray_engine import LostTask, TaskEngine, TaskWork
+from replay.fleet.ray_engine import LostTask, TaskEngine, TaskWithMemory
 from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_and_store_result
 from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
 from replay.inputs.channel_inputs import collect_versions_of_packages
@@ -121,7 +121,7 @@ def replay_logs_of_fleet(
         if log.source in did.failed:
             on_done(log, TaskOutcome("failed", did.failed[log.source]))
     machines = {
-        machine: CurrentMachine(
+        machine: LastRunMachine(
             files=each[0].files, bases=tuple(sorted(setup.basis for setup in each))
         )
         for machine, each in setups.items()
@@ -141,7 +141,8 @@ def replay_logs_of_fleet(
                 # the largest first, so that none of them is left alone at the end
                 left.sort(key=lambda task: (-task.log.size_bytes, task.log.source))
                 for task, result in opened.run_tasks(
-                    replay_and_store_result, [TaskWork(task, task.memory_bytes) for task in left]
+                    replay_and_store_result,
+                    [TaskWithMemory(task, task.memory_bytes) for task in left],
                 ):
                     outcome = (
                         TaskOutcome("failed", result.reason)

@@ -216,10 +216,10 @@ def process_new_log_data(
     frames = growing_log.poll(is_log_complete=is_last and not following.is_interrupted)
     following.topics, following.losses = growing_log.topics, [*growing_log.losses]
     for topic, frame in frames.items():
-        following.follower.take(topic, frame)
+        following.follower.append_samples(topic, frame)
     rows: list[FollowedRow] = []
     if frames or is_last:
-        for row in following.follower.iter_rows(is_whole=is_last):
+        for row in following.follower.iter_complete_rows(is_log_complete=is_last):
             rows.append(row)
             if must_following_end_quickly(following, interrupts):
                 break

@@ -130,14 +130,14 @@ def find_time_rounding_ns(expression: pl.Expr, time_column: str) -> int | None:
     return None
 
 
-class EnclosingIntegers(NamedTuple):
+class NeighbouringIntegers(NamedTuple):
     """Integers just below and above a constant."""
 
     below_ns: int
     above_ns: int
 
 
-def find_integers_around_constant_ns(constant: pl.Expr) -> EnclosingIntegers | None:
+def find_integers_around_constant_ns(constant: pl.Expr) -> NeighbouringIntegers | None:
     """Integers just below and above a constant in ns; None if it is not a number."""
     try:
         value = pl.select(constant).to_series()
@@ -154,4 +154,4 @@ def find_integers_around_constant_ns(constant: pl.Expr) -> EnclosingIntegers | N
     if isinstance(number, bool) or not isinstance(number, int | float) or not isfinite(number):
         return None
     low, high = floor(number) * ns_per_unit, ceil(number) * ns_per_unit
-    return EnclosingIntegers(low, high) if low > FIRST_NS and high < LAST_NS else None
+    return NeighbouringIntegers(low, high) if low > FIRST_NS and high < LAST_NS else None

@@ -148,7 +148,8 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
             ]
             continue
         lines += [
-            f"field = {format_toml(guess.field)}  # in {unit}{why}{_wheel_unit_comment(guess)}",
+            f"field = {format_toml(guess.field)}  # in {unit}{why}"
+            f"{_format_wheel_unit_comment(guess)}",
             "",
         ]
     for proposal in told.channels:
@@ -162,7 +163,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    is_unsure = any(_wheel_unit_comment(guess) for guess in guesses)
+    is_unsure = any(_format_wheel_unit_comment(guess) for guess in guesses)
     profiles = profile_fields(log)
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_joint_efforts(used, profiles)]
@@ -237,7 +238,7 @@ def format_profile_comment(profile: FieldProfile) -> str:
     return _replace_unprintable(f"{profile.field}{unit}{rate}: {span}  {profile.course}")
 
 
-def _wheel_unit_comment(guess: ChannelGuess) -> str:
+def _format_wheel_unit_comment(guess: ChannelGuess) -> str:
     """Comment that a JointState's velocity is usually that of a wheel."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""

@@ -136,7 +136,9 @@ class ConvertedTopics:
             index = int(element) if len(element) <= LIMITS.index_digits else 10**LIMITS.index_digits
             length = self._find_fixed_list_length(name, list_number)
             if length is not None and index >= length:
-                raise ConvertedFieldError(f"'{name}' is out of range; it has {length} elements")
+                raise ConvertedFieldError(
+                    f"'{name}' is out of range; the list has {length} elements"
+                )
             return pl.lit(index)
         before = name[: [m.start() for m in _ELEMENT.finditer(name)][list_number]]
         parent = before.rpartition(".")[0]
@@ -144,7 +146,7 @@ class ConvertedTopics:
         whole = _ELEMENT.sub("[]", names)
         if whole not in self.leaf_fields_by_name or not isinstance(self.schema[whole], pl.List):
             raise ConvertedFieldError(
-                f"'{name}' picks by name, but there is no list '{names}'; use an index"
+                f"'{name}' selects by name, but there is no list '{names}'; select by index"
             )
         there = pl.col(whole)
         for outer in elements[:list_number]:

@@ -74,10 +74,10 @@ class TailParts:
             batches = self._read_new_batches_of_part()
         return batches
 
-    def note_incomplete_end(self) -> None:
-        """See `Tail.note_incomplete_end`."""
+    def finish_and_note_incomplete_end(self) -> None:
+        """See `Tail.finish_and_note_incomplete_end`."""
         if self._tail is not None:
-            self._tail.note_incomplete_end()
+            self._tail.finish_and_note_incomplete_end()
 
     def close(self) -> None:
         """Release the file."""
@@ -96,7 +96,7 @@ class TailParts:
 
     def _open_part(self, path: Path) -> None:
         if self._tail is not None:
-            self._tail.note_incomplete_end()
+            self._tail.finish_and_note_incomplete_end()
             self._losses += self._tail.losses
             self._tail.close()
         self.paths.append(path)

@@ -10,7 +10,11 @@ from typing import Any, Final
 
 from replay.logs.log_limits import LIMITS
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.decoding_libraries import CONVERT, Library, require_number_fits_int64
+from replay.logs.messages.decoding_libraries import (
+    CONVERT,
+    DecodingLibrary,
+    require_number_fits_int64,
+)
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
 
 _KINDS: Final = {
@@ -72,7 +76,8 @@ class _Schema:
         self._left -= 1
         if self._left < 0 or depth > LIMITS.json_depth:
             raise BrokenBytesError(
-                f"it has more than {LIMITS.json_fields} fields, or {LIMITS.json_depth} levels"
+                f"its JSON schema has more than {LIMITS.json_fields} fields, or is nested deeper "
+                f"than {LIMITS.json_depth} levels"
             )
         kind = find_sole_type_of_schema(schema)
         if kind == "array":
@@ -168,7 +173,7 @@ def _convert_stamp_dict_to_ns(stamp: Any) -> int:
     )
 
 
-JSON: Final = Library(
+JSON: Final = DecodingLibrary(
     "json",
     _get_message_member,
     _convert_stamp_dict_to_ns,

@@ -141,7 +141,7 @@ class MessageTail:
                 self._losses.add_loss(self._path, what, connection.topic)
             found.setdefault(connection.topic, []).append(decoded.frame)
         if is_log_complete:
-            self._tail.note_incomplete_end()
+            self._tail.finish_and_note_incomplete_end()
         return {topic: pl.concat(frames) for topic, frames in found.items()}
 
     def close(self) -> None:

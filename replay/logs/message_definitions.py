@@ -94,8 +94,8 @@ def _make_type_from_ros_definition(connection: Connection) -> MessageType:
         return _make_type_from_json_or_protobuf(connection)
     if _SERVICE_RULE in connection.definition.split("\n"):
         raise DefinitionError(
-            f"the log holds the definition of a service in place of {connection.type}'s own, "
-            "as rosbag2 does for service events"
+            f"the log holds the definition of a service in place of {connection.type}, as "
+            "rosbag2 stores it for service events, so the messages of this topic cannot be decoded"
         )
     if _is_empty_message_type(connection):
         return MessageType(RecordType(connection.type, ()), ros1=False, decode=lambda _: None)
@@ -187,12 +187,11 @@ class _DefinitionConverter:
         if name in enclosing_types:
             raise DefinitionError(f"the definition of {name} contains itself")
         if name not in self._store.fielddefs:
-            raise DefinitionError(
-                f"the definition of {enclosing_types[0] if enclosing_types else name} lacks {name}"
-            )
+            user = f", used by {enclosing_types[-1]}," if enclosing_types else ""
+            raise DefinitionError(f"the definition of {name}{user} is missing")
         if len(enclosing_types) == LIMITS.definition_depth:
             raise DefinitionError(
-                f"the definition of {enclosing_types[0]} is deeper than "
+                f"the definition of {enclosing_types[0]} is nested deeper than "
                 f"{LIMITS.definition_depth} levels"
             )
         within = (*enclosing_types, name)

@@ -10,7 +10,7 @@ from google.protobuf.message_factory import GetMessageClass
 
 from replay.logs.log_limits import LIMITS
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.decoding_libraries import Library, require_number_fits_int64
+from replay.logs.messages.decoding_libraries import DecodingLibrary, require_number_fits_int64
 from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
 
 _KINDS: Final = {
@@ -146,7 +146,7 @@ def _get_message_member(message: Any, name: str) -> Any:
         raise BrokenBytesError(error) from error
 
 
-PROTOBUF: Final = Library(
+PROTOBUF: Final = DecodingLibrary(
     "protobuf",
     _get_message_member,
     lambda stamp: require_number_fits_int64(stamp.seconds * 10**9 + stamp.nanos),

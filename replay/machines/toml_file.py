@@ -95,7 +95,7 @@ def refuse_other_kind_of_file(
         body.get("file") if expected_kind == "machine file" and isinstance(body, Mapping) else None
     )
     remedy = f"; the machine file that it names is {named}" if isinstance(named, str) else ""
-    raise error_type(f"{path}: is {found}, no {expected_kind}{remedy}")
+    raise error_type(f"{path}: is {found}, not a {expected_kind}{remedy}")
 
 
 def parse_toml_value(text: str) -> Any:
@@ -215,7 +215,7 @@ def explain_validation_fault(validation_fault: ValidationError, model: type[Base
 
 
 class LocatedKeys(NamedTuple):
-    """Keys of a location, and the model of their table."""
+    """Keys of a location in a validation error, and the model of their table; None if unknown."""
 
     keys: list[str]
     model: type[BaseModel] | None

@@ -121,7 +121,7 @@ def guess_accelerometer_units(
     """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
 
     Args:
-        reader: of the columns of a log.
+        reader: reader of the log's columns.
         columns: columns of the table.
     """
     axes = [column for column in find_accelerometer_axes(columns) if column.unit is None]

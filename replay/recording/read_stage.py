@@ -107,7 +107,7 @@ class RecordedStage:
             RecordingError: the frame has no time, or the second is invalid.
         """
         if not math.isfinite(second):
-            raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
+            raise RecordingError(f"--at {second}: is not a time; give seconds since the start")
         column = self._require_time_column()
         begin = self._make_time_since_start_expression(column) / 1e9
         if "end_t_ns" in self.rows.columns:

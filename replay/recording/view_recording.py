@@ -37,7 +37,7 @@ def parse_moment_of_run_s(recording: Path, text: str) -> float:
         time = datetime.fromisoformat(text)
     except ValueError:
         raise RecordingError(
-            f"--at {text}: is not a time; name seconds since the start, or 2026-11-23T06:12:03Z"
+            f"--at {text}: is not a time; give seconds since the start, or 2026-11-23T06:12:03Z"
         ) from None
     moment = time if time.tzinfo else time.replace(tzinfo=UTC)
     # in whole microseconds: a float of seconds since 1970 has steps of a quarter of one
@@ -71,9 +71,11 @@ def view_recording(
         PayscopeError: no such recording, nothing in that stretch, no viewer, no such tab.
     """
     if tab_title is not None and screenshot is None:
-        raise OutputError(f"--tab {tab_title}: selects pictures; add --screenshot FOLDER")
+        raise OutputError(
+            f"--tab {tab_title}: selects the tab of a screenshot; add --screenshot FOLDER"
+        )
     if at_s is not None and not abs(at_s) <= RECORDING_LIMITS.latest_s:
-        raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
+        raise RecordingError(f"--at {at_s}: is not a time; give seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
         raise OutputError(f"{screenshot}: is a file; give a folder for the pictures")
     # the viewer has read a stretch when it is opened, and needs it no more
@@ -117,7 +119,7 @@ def plot_recording(
     require_writable_picture(picture_path, force=force)
     if at_s is not None:
         if not math.isfinite(at_s):
-            raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
+            raise RecordingError(f"--at {at_s}: is not a time; give seconds since the start")
         if from_s is None and to_s is None:
             from_s, to_s = at_s - AROUND_S, at_s + AROUND_S
         elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):

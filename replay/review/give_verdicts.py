@@ -116,8 +116,8 @@ class RequestedVerdicts:
             self.rejection_of_each_named_cycle or not self._given_labels
         ):
             raise ReviewError(
-                "--from and --to limit labels; add --product, --operator, --truck, --customer or "
-                "--stockpile, and name no cycle"
+                "--from and --to give the time span of a label; add --product, --operator, "
+                "--truck, --customer or --stockpile, and leave out the cycle"
             )
         trial = {
             "id": "",
@@ -229,7 +229,7 @@ def recount_review_with_verdicts(folder: Path, verdicts: RequestedVerdicts) -> S
         recording = folder / RECORDING
         try:
             if file_sha256(recording) != state.recording_sha256:
-                raise RecordingError(f"{recording} was replaced by another recording")
+                raise RecordingError(f"{recording} is not the recording that the review wrote")
             summary = read_frame(recording, "shift")
             track = decimate_position_track(read_frame(recording, "aligned"))
             rows, cycles = read_cycle_rows_of_review(folder, state)

@@ -25,7 +25,7 @@ from recordings.review.reviewer_verdicts import (
     assign_verdicts_to_rows,
     parse_verdicts,
 )
-from recordings.review.shift_facts import explain_why_no_cycle_counts
+from recordings.review.shift_facts import explain_why_no_cycle_is_counted
 from recordings.review.shift_ledger import (
     CSV,
     PARQUET,
@@ -67,7 +67,7 @@ class ShiftReview:
     @property
     def missing_tonnes_reason(self) -> str:
         """Why no cycle counts; empty if one does."""
-        return explain_why_no_cycle_counts(self.state, self.ledger)
+        return explain_why_no_cycle_is_counted(self.state, self.ledger)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields as plain JSON values."""

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordingOutput:
-    """Output of a replay's recording.
+    """Where a replay records to, and whether a viewer shows it.
 
     Attributes:
         path: path of the recording; None records nothing.
         force: whether to replace an existing recording.
         live: whether to show it in the viewer while it is written.
-        viewer: open viewer to use for that.
+        viewer: viewer that is already open; None starts one if `live`.
     """
 
     path: Path | None = None

@@ -70,7 +70,7 @@ def write_logs_and_truths(
     for target in targets:
         if target.suffix not in WRITERS:
             raise OutputError(
-                f"{target}: no format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
+                f"{target}: unknown format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
                 "or no suffix for a rosbag2 directory"
             )
     with stage_output_files(

@@ -198,7 +198,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "evidence.json: more: Extra inputs are not permitted, which the schema"),
     "a number as text": Tampering(
         in_evidence("chain", "counter", to="2"), TAMPERED, TAMPERED, "the campaign",
-        "evidence.json: holds a value of a type that the schema of evidence does not allow"),
+        "evidence.json: writes a value as another type"),
     "the machine's id": Tampering(
         in_evidence("campaign", "machine", "id", to="sledge-8"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",

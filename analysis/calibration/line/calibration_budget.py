@@ -241,7 +241,9 @@ def compute_widest_half_interval_kg(
 ) -> float:
     """Largest half interval of a later mass at these masses."""
     confidence_1, readings = calibration.confidence_1, float(calibration.budget_at[1])
-    return max(inversion.half_interval_kg(mass_kg, confidence_1, readings) for mass_kg in masses_kg)
+    return max(
+        inversion.compute_half_interval_kg(mass_kg, confidence_1, readings) for mass_kg in masses_kg
+    )
 
 
 def make_line_inversion_for_points(calibration: Calibration, points: list[Point]) -> LineInversion:

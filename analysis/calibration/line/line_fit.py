@@ -146,8 +146,8 @@ def fit_calibration_line(
     low, high = float(points.x_kg.min()), float(points.x_kg.max())
     margin = options.margin_1 * (high - low)
     at = (high + margin, int(np.median(points.readings)))
-    u_kg = inversion.later_mass_u_kg(*at)
-    half_kg = inversion.half_interval_kg(at[0], options.confidence_1, at[1])
+    u_kg = inversion.compute_later_mass_u_kg(*at)
+    half_kg = inversion.compute_half_interval_kg(at[0], options.confidence_1, at[1])
     rows = make_point_rows(campaign, line)
     left_out = [row.error_left_out_kg for row in rows]
     c0 = line.level_kg - line.slope_1 * line.centre_kg

@@ -132,13 +132,13 @@ class LineInversion:
         """Add an uncertainty common to all later masses, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
-    def later_mass_u_kg(
+    def compute_later_mass_u_kg(
         self, mass_kg: float, reading_count: float, u_random_kg: float = 0.0
     ) -> float:
         """Standard uncertainty of a later mass, in kg."""
         return self._compute_half_interval_or_u_kg(mass_kg, None, reading_count, u_random_kg)
 
-    def half_interval_kg(
+    def compute_half_interval_kg(
         self, mass_kg: float, confidence_1: float, reading_count: float, u_random_kg: float = 0.0
     ) -> float:
         """Half-width of the interval of a mass weighed after the campaign.
@@ -167,7 +167,7 @@ class LineInversion:
         def compute_half_interval_excess_kg(tail: float) -> float:
             confidence_1 = 1.0 - 2.0 * tail
             return (
-                self.half_interval_kg(mass_kg, confidence_1, reading_count, u_random_kg)
+                self.compute_half_interval_kg(mass_kg, confidence_1, reading_count, u_random_kg)
                 - distance_kg
             )
 

@@ -92,8 +92,8 @@ def compare_known_mass_with_calibration(
     run = (float(machine_reading.readings), machine_reading.u_random_kg or 0.0)
     mass = calibration.alpha_1 * machine_reading.mass_kg + calibration.beta_kg
     difference = mass - reference_kg
-    u = inversion.later_mass_u_kg(reference_kg, *run)
-    limit = inversion.half_interval_kg(reference_kg, calibration.confidence_1, *run)
+    u = inversion.compute_later_mass_u_kg(reference_kg, *run)
+    limit = inversion.compute_half_interval_kg(reference_kg, calibration.confidence_1, *run)
     tail = inversion.compute_exceedance_probability(abs(difference), reference_kg, *run)
     matters = 2.0 * limit if min_relevant_drift_kg is None else min_relevant_drift_kg
     # the limit is given by then, so that what a drift leaves within it is as good as normal

@@ -153,8 +153,8 @@ def judge_loads_by_error_limits(calibration: Calibration, rule: DecisionRule) ->
                 load_kg=reference_kg - rule.tare_kg,
                 limit_kg=limit,
                 error_kg=error_kg,
-                u_kg=inversion.later_mass_u_kg(reference_kg, readings),
-                guard_kg=inversion.half_interval_kg(reference_kg, one_sided, readings),
+                u_kg=inversion.compute_later_mass_u_kg(reference_kg, readings),
+                guard_kg=inversion.compute_half_interval_kg(reference_kg, one_sided, readings),
                 verdict=choose_verdict_by_exceedance_risk(outside, rule.risk_1),
                 outside_1=outside,
             )

@@ -94,10 +94,10 @@ class TrialDriver(MachineDriver):
             case Rest():
                 times = self.stand_still(manoeuvre.duration_s, self.mass_kg)
             case Start():
-                body = replace(body, coulomb_x_N=self.draw_coulomb_friction())
+                body = replace(body, coulomb_x_N=self.draw_coulomb_friction_newtons())
                 sign = self._choose_start_direction(manoeuvre)
                 direction = "forward" if sign > 0.0 else "reverse"
-                throttle = manoeuvre.throttle * self.draw_throttle()
+                throttle = manoeuvre.throttle * self.draw_throttle_fraction()
                 order = StartOrder(
                     sign,
                     throttle,

@@ -318,13 +318,13 @@ class MachineDriver:
             time_s, coulomb, warming_s
         )
 
-    def draw_coulomb_friction(self) -> float:
+    def draw_coulomb_friction_newtons(self) -> float:
         """Draw the Coulomb friction of the next start in N, on a cold machine."""
         drawn = self._make_random_generator("start_coulomb").standard_normal()
         varied = self.scenario.starts.coulomb_std_N * float(drawn)
         return max(self.scenario.machine.coulomb_N + varied, 0.0)
 
-    def draw_throttle(self) -> float:
+    def draw_throttle_fraction(self) -> float:
         """Draw the throttle fraction of the next start."""
         starts = self.scenario.starts
         return float(

@@ -196,8 +196,10 @@ class ShiftDriver(MachineDriver):
     ) -> None:
         """Drive one start along the way (1) or against it (-1), and stand afterwards."""
         sign = direction * self.facing
-        body = replace(self._make_body_with_load(), coulomb_x_N=self.draw_coulomb_friction())
-        throttle = self.draw_throttle()
+        body = replace(
+            self._make_body_with_load(), coulomb_x_N=self.draw_coulomb_friction_newtons()
+        )
+        throttle = self.draw_throttle_fraction()
         open_s = (
             LIMITS.haul_throttle_s
             if distance_m > 2.0 * self.shift.back_m
@@ -251,7 +253,9 @@ class ShiftDriver(MachineDriver):
             shift.load_kg, shift.load_std_kg
         )
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
-        body = replace(self._make_body_with_load(), coulomb_x_N=self.draw_coulomb_friction())
+        body = replace(
+            self._make_body_with_load(), coulomb_x_N=self.draw_coulomb_friction_newtons()
+        )
         self._record_boom_angles(_DIG, at_s=self.time_s)
         digging_s = shift.dig_s + LIMITS.digging_cruise_s
         order = StartOrder(

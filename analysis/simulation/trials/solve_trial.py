@@ -128,15 +128,15 @@ class _TrialSolver:
 
         stalled, state = self._solve_stall_until_breakaway(axis, sign, full, start_s, heading_rad)
         asked = Commands(_make_constant_drive_command(axis, sign * full))
-        opened, state = machine.follow_commands_until(
+        opened, state = machine.integrate_motion_until(
             names[0], stalled.end_s, steady_s, state, asked
         )
         signs = LongitudinalYawPair(sign, 0.0) if axis == 0 else LongitudinalYawPair(0.0, sign)
         rate = LongitudinalYawPair(float(state[0]), float(state[3]))
         keeping = self.body.required_force_and_torque(rate, _STILL, float(state[6]), signs)[axis]
         asked = Commands(_make_constant_drive_command(axis, float(keeping)))
-        kept, state = machine.follow_commands_until(names[1], steady_s, braking_s, state, asked)
-        braked = machine.follow_commands_until_rest(
+        kept, state = machine.integrate_motion_until(names[1], steady_s, braking_s, state, asked)
+        braked = machine.integrate_motion_until_rest(
             names[2], braking_s, state, self._brake_commands(state)
         )
         phases = [stalled, *opened, *kept, *braked]
@@ -203,8 +203,8 @@ class _TrialSolver:
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
         )
         asked = Commands(waveform_drive, kinks_s=kinks)
-        driven, state = machine.follow_commands_until(None, start_s, end_s, state, asked)
-        braked = machine.follow_commands_until_rest(
+        driven, state = machine.integrate_motion_until(None, start_s, end_s, state, asked)
+        braked = machine.integrate_motion_until_rest(
             "braking", end_s, state, self._brake_commands(state)
         )
         phases = [*driven, *braked]
@@ -240,13 +240,18 @@ class DrivenMotion:
     valve_lag_s: float
     free: tuple[bool, bool]
 
-    def follow_commands_until(
-        self, name: str | None, start_s: float, end_s: float, state: Floats, commands: Commands
+    def integrate_motion_until(
+        self,
+        phase_name: str | None,
+        start_s: float,
+        end_s: float,
+        state: Floats,
+        commands: Commands,
     ) -> tuple[list[MotionPhase], Floats]:
         """Integrate the motion under the commands from `start_s` to `end_s`.
 
         Args:
-            name: name of the phases.
+            phase_name: name of the phases.
             start_s: where this begins, since the start of the trial.
             end_s: where it ends, likewise.
             state: (7,) v, drive and brake force, ω, drive and brake torque, heading.
@@ -263,7 +268,7 @@ class DrivenMotion:
         for stage_s in [*(k for k in sorted(commands.kinks_s) if start_s < k < end_s), end_s]:
             while start_s < stage_s:
                 phase, state, changed = machine.integrate_until_stiction_changes(
-                    name, start_s, stage_s, state, commands
+                    phase_name, start_s, stage_s, state, commands
                 )
                 phases.append(phase)
                 start_s = phase.end_s
@@ -274,17 +279,17 @@ class DrivenMotion:
                     machine = self._find_consistent_stiction(state, self.free, loose)
         return phases, state
 
-    def follow_commands_until_rest(
-        self, name: str | None, start_s: float, state: Floats, commands: Commands
+    def integrate_motion_until_rest(
+        self, phase_name: str | None, start_s: float, state: Floats, commands: Commands
     ) -> list[MotionPhase]:
-        """Follow the commands from `state` (7,) until both axes stand."""
+        """Integrate the motion under the commands from `state` (7,) until both axes stand."""
         phases: list[MotionPhase] = []
         moving = [axis for axis in (0, 1) if self.free[axis] and state[RATES[axis]] != 0.0]
         while moving:
             machine = self._find_consistent_stiction(state, free_axes=(0 in moving, 1 in moving))
             last_s = start_s + LIMITS.trial_max_stop_s
             phase, state, stood = machine.integrate_until_stiction_changes(
-                name, start_s, last_s, state, commands, stops_at_rest=True
+                phase_name, start_s, last_s, state, commands, stops_at_rest=True
             )
             phases.append(phase)
             start_s = phase.end_s

@@ -44,7 +44,9 @@ def compute_partial_correlation(A: Floats, f: Floats, is_moving: Bools) -> float
     return float(rest[:, 0] @ rest[:, 1] / norms.prod()) if norms.all() else float("nan")
 
 
-def compute_force_fraction_along_motion(speed: Floats, f: Floats, chosen_samples: Bools) -> float:
+def compute_fraction_of_samples_with_force_along_motion(
+    speed: Floats, f: Floats, chosen_samples: Bools
+) -> float:
     """Fraction of the samples whose force acts along the motion."""
     return (
         float((speed[chosen_samples] * f[chosen_samples] >= 0).mean())
@@ -53,7 +55,7 @@ def compute_force_fraction_along_motion(speed: Floats, f: Floats, chosen_samples
     )
 
 
-def compute_force_fraction_against_motion(
+def compute_fraction_of_braked_samples_with_opposing_force(
     A: Floats,
     f: Floats,
     is_braking: Bools,
@@ -84,7 +86,9 @@ def compute_force_fraction_against_motion(
     """
     judged = f if raw_force is None else raw_force
     if not has_enough_moving_samples(A, is_speeding_up):
-        return 1.0 - compute_force_fraction_along_motion(A[:, 1], judged, is_braking)
+        return 1.0 - compute_fraction_of_samples_with_force_along_motion(
+            A[:, 1], judged, is_braking
+        )
     own = f[is_speeding_up]
     model = np.column_stack([A, np.sign(A[:, 1])]) if has_scrubbing_tyres else A
     expected = model @ np.linalg.lstsq(model[is_speeding_up], own, rcond=None)[0]
@@ -97,7 +101,7 @@ def compute_force_fraction_against_motion(
     seen = braked & (np.abs(judged) > least)
     if np.count_nonzero(seen) <= LIMITS.signed_braking_fraction * np.count_nonzero(braked):
         return float("nan")
-    return 1.0 - compute_force_fraction_along_motion(A[:, 1], judged, seen)
+    return 1.0 - compute_fraction_of_samples_with_force_along_motion(A[:, 1], judged, seen)
 
 
 def fit_slope_with_noisy_x(x: Floats, y: Floats, is_used: Bools, x_noise: float = 0.0) -> float:

@@ -20,7 +20,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import reject_windows_with_excluded_rows
-from analysis.stages.motion.phases import count_rows_of_speed_rate_span
+from analysis.stages.motion.phases import count_rows_in_speed_rate_span
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
@@ -159,7 +159,7 @@ def reject_windows_with_digging(
     dug = mark_digging_samples(
         excitation["t_ns"].to_numpy(),
         digging,
-        count_rows_of_speed_rate_span(machine.settings),
+        count_rows_in_speed_rate_span(machine.settings),
     )
     return reject_windows_with_excluded_rows(gated, dug, "digging", machine.settings)
 

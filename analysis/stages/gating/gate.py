@@ -17,7 +17,7 @@ from analysis.stages.gating.gate_rules import (
 from analysis.stages.motion.phases import (
     average_acceleration_over_rate_span,
     compute_sign_of_yaw_rate_change,
-    count_rows_of_speed_rate_span,
+    count_rows_in_speed_rate_span,
 )
 from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.arrays import Bools, Floats, Ints
@@ -171,7 +171,7 @@ def mark_settled_windows(
 def mark_possible_braking(is_braking: Bools, settings: Settings) -> Bools:
     """Braking samples, and those before them that may brake undetected, (rows,)."""
     return flag_windows_with_flagged_rows(
-        is_braking[::-1], count_rows_of_speed_rate_span(settings) + settings.smooth.samples
+        is_braking[::-1], count_rows_in_speed_rate_span(settings) + settings.smooth.samples
     )[::-1]
 
 

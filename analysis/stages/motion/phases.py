@@ -28,7 +28,7 @@ def compute_trailing_speed_rate(speed: Floats, settings: Settings) -> Floats:
 
     NaN where a sample of that span is missing: rows beside a hole may be hours apart.
     """
-    span = min(count_rows_of_speed_rate_span(settings), speed.size)
+    span = min(count_rows_in_speed_rate_span(settings), speed.size)
     rate = np.full(speed.size, np.nan)
     rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.align.rate_hz / span
     rate[np.isnan(compute_trailing_mean(speed, span + 1))] = np.nan
@@ -37,11 +37,11 @@ def compute_trailing_speed_rate(speed: Floats, settings: Settings) -> Floats:
 
 def average_acceleration_over_rate_span(acceleration: Floats, settings: Settings) -> Floats:
     """Acceleration (rows,) averaged over the span of the speed rate, to have its delay."""
-    return compute_trailing_mean(acceleration, count_rows_of_speed_rate_span(settings))
+    return compute_trailing_mean(acceleration, count_rows_in_speed_rate_span(settings))
 
 
-def count_rows_of_speed_rate_span(settings: Settings) -> int:
-    """Number of rows over which the speed rate is computed, looking back."""
+def count_rows_in_speed_rate_span(settings: Settings) -> int:
+    """Number of rows over which the rate of change of a speed is computed, looking back."""
     return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
 
 
@@ -110,7 +110,7 @@ def mark_speed_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Set
     steady_m_s2, rate_hz = settings.phases.steady_acc_m_s2, settings.align.rate_hz
     span_s = min(LIMITS.fall_min_std * np.sqrt(2.0) * noise_m_s / steady_m_s2, LIMITS.stop_span_s)
     span = math.ceil(span_s * rate_hz)
-    if span <= count_rows_of_speed_rate_span(settings) or span >= speed.size:
+    if span <= count_rows_in_speed_rate_span(settings) or span >= speed.size:
         return np.ones(speed.size, np.bool_)
     size = np.abs(speed)
     falls = np.ones(speed.size, np.bool_)
@@ -121,7 +121,7 @@ def mark_speed_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Set
 
 def _mean_speed_over_span(speed: Floats, speed_rate: Floats, settings: Settings) -> Floats:
     return (
-        speed - speed_rate * count_rows_of_speed_rate_span(settings) / settings.align.rate_hz / 2.0
+        speed - speed_rate * count_rows_in_speed_rate_span(settings) / settings.align.rate_hz / 2.0
     )
 
 

@@ -39,6 +39,7 @@ from analysis.stages.noise.noise_spectra import (
     choose_relative_noise_band,
     compute_cross_spectra,
     compute_mean_block_spectrum,
+    compute_quantisation_covariances,
     convert_spectra_to_covariances,
     cut_into_detrended_pieces,
     estimate_lag_covariances,
@@ -47,7 +48,6 @@ from analysis.stages.noise.noise_spectra import (
     limit_noise_covariances_in_place,
     list_block_frequencies_per_sample,
     list_spectrum_frequencies,
-    quantisation_covariances,
     trim_stretch_to_settled_rows,
 )
 from analysis.stages.signals.mounting import Series
@@ -290,8 +290,8 @@ def estimate_covariances_and_sources(
             and step**2 / 12.0 > convert_spectra_to_covariances(spectra)[column, column, 0]
         )
         if step is not None and coarse:
-            own = quantisation_covariances(samples.x[:, column], samples.moving, step)[None, None]
-            spectra[column, column] = compute_cross_spectra(own)[0, 0]
+            own = compute_quantisation_covariances(samples.x[:, column], samples.moving, step)
+            spectra[column, column] = compute_cross_spectra(own[None, None])[0, 0]
             live[column] = False
     grown = [
         estimate_noise_growth_in_motion(samples, column, powers[column])

@@ -61,7 +61,7 @@ class ColumnNoise:
         """(p,) standard deviations of one sample."""
         return np.sqrt(np.maximum(np.diagonal(self.covariances[:, :, 0]), 0.0))
 
-    def noise_covariance_of_means(self, mean_samples: int) -> Floats:
+    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
         """(p, p) covariance of trailing means of `mean_samples`."""
         lag = np.arange(self.covariances.shape[2])
         pairs = np.maximum(mean_samples - lag, 0) / mean_samples**2
@@ -106,7 +106,7 @@ def collect_axis_noise(
     if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
         return AxisNoise(usual, None, None)
     mean, lasting = (
-        known.noise_covariance_of_means(settings.smooth.samples),
+        known.compute_covariance_of_means(settings.smooth.samples),
         known.power_at_zero_frequency(),
     )
     std = np.sqrt(np.diagonal(mean))
@@ -144,7 +144,7 @@ def compute_column_stds_after_moving_mean(
         known = ColumnNoise.select_axis_noise(axis, noise, settings.noise)
         if known is not None:
             seen = np.sqrt(
-                np.diagonal(known.noise_covariance_of_means(settings.smooth.samples))
+                np.diagonal(known.compute_covariance_of_means(settings.smooth.samples))
             ).tolist()
             told = dict(zip(known.names, seen, strict=True))
             stds |= {name: std for name, std in told.items() if std > 0.0}

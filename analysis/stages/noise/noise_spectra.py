@@ -253,7 +253,7 @@ def find_quantisation_step_of_readings(readings: Floats, total_readings: int) ->
     return step if (np.abs(whole - np.round(whole)) < LIMITS.multiple_tolerance_1).all() else None
 
 
-def quantisation_covariances(column: Floats, flags: Bools, step: float) -> Floats:
+def compute_quantisation_covariances(column: Floats, flags: Bools, step: float) -> Floats:
     """Covariances (LAGS,) of the rounding error for a step while x changes.
 
     On a ramp the error is a sawtooth of variance step²/12, and at a lag in which x changes by φ

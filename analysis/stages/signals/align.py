@@ -306,9 +306,9 @@ def pad_stamps_to_span(t_ns: Ints, start_ns: int, end_ns: int) -> Ints:
 
 
 def _list_long_gap_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
-    """Notes on what some channels lack at the ends of the log, and on the longest gap within.
+    """Notes on channels without readings at an end of the log, and in its longest gap between.
 
-    Of gaps within, those that are no mere pause.
+    A gap between counts from `LIMITS.reported_gap_s`; shorter ones are pauses.
     """
     required = select_required_series(series)
     begin, end = find_common_span_ns(required)

@@ -35,7 +35,7 @@ _STYLE: Final = "verifier.css"
 
 
 def build_verifier_page() -> bytes:
-    """The page, the same bytes whenever this version makes it."""
+    """The page; a given version always makes the same bytes."""
     style = f"\n{_read_page_source(_STYLE)}"
     script = "\n".join(('"use strict";', *(_read_page_source(name) for name in _SCRIPTS)))
     page = _read_page_source(_PAGE)

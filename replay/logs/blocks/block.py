@@ -75,7 +75,7 @@ def unpack_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8
     if block.max_unpacked_bytes > max(_ANY_BYTES, _MOST_GROWTH * block.stored_bytes):
         raise DamagedBlockError(
             f"it declares {block.max_unpacked_bytes:,} bytes, more than {_MOST_GROWTH:,} times "
-            "what is stored"
+            f"its {block.stored_bytes:,} stored bytes"
         )
     if not block.compression:
         done = file.read_into(block.offset, out_bytes)
@@ -86,7 +86,9 @@ def unpack_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8
     if block.is_truncated:
         return done
     if done != block.max_unpacked_bytes:
-        raise DamagedBlockError(f"{done:,} of the {block.unpacked_bytes:,} bytes it declares")
+        raise DamagedBlockError(
+            f"only {done:,} of the {block.unpacked_bytes:,} bytes it declares are there"
+        )
     if block.crc and zlib.crc32(out_bytes.data) != block.crc:
         raise DamagedBlockError("its CRC is wrong")
     return done
@@ -123,8 +125,10 @@ def _decompress_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.
                 return done
             done += count
         if not block.is_truncated and stream.read(1):
-            raise DamagedBlockError(f"more than the {block.unpacked_bytes:,} bytes it declares")
+            raise DamagedBlockError(
+                f"it unpacks to more than the {block.unpacked_bytes:,} bytes it declares"
+            )
     except (OSError, MemoryError, pa.ArrowException, zstandard.ZstdError) as error:
         if not block.is_truncated:
-            raise DamagedBlockError(" ".join(str(error).split()) or "no memory") from error
+            raise DamagedBlockError(" ".join(str(error).split()) or "not enough memory") from error
     return done

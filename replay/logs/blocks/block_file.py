@@ -83,9 +83,9 @@ class BlockFile(ABC):
         """Messages in file order; a damaged chunk is skipped."""
         return self._store.read_message_groups(connection_ids, start_ns, end_ns)
 
-    def earliest_log_time_bound_ns(self) -> int:
-        """Earliest log time by the index."""
-        return self._store.earliest_log_time_bound_ns
+    def log_time_lower_bound_ns(self) -> int:
+        """Lower bound of all log times, by the index."""
+        return self._store.log_time_lower_bound_ns
 
     @abstractmethod
     def check_whole_file_and_count_valid_crcs(self) -> int:

@@ -98,7 +98,7 @@ class BlockStore:
         return max((b.last_ns for b in self._blocks if b.counts), default=None)
 
     @property
-    def earliest_log_time_bound_ns(self) -> int:
+    def log_time_lower_bound_ns(self) -> int:
         """Lower bound of all log times."""
         return min((b.first_ns for b in self._blocks if b.counts), default=END_NS)
 

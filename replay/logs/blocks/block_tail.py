@@ -82,8 +82,8 @@ class GrowingBlockFile(ABC):
             batches += found
         return batches
 
-    def note_incomplete_end(self) -> None:
-        """See `Tail.note_incomplete_end`."""
+    def finish_and_note_incomplete_end(self) -> None:
+        """See `Tail.finish_and_note_incomplete_end`."""
         if self._is_truncated:
             rest = self._file.size - self._at
             what = f"it ends inside a record or chunk: its last {rest:,} bytes are not read"
@@ -97,7 +97,10 @@ class GrowingBlockFile(ABC):
         """Messages of a complete chunk; a damaged one is a loss."""
         try:
             if block.max_unpacked_bytes > LARGEST_BYTES:
-                raise DamagedBlockError(f"it declares {block.max_unpacked_bytes:,} bytes")
+                raise DamagedBlockError(
+                    f"it declares {block.max_unpacked_bytes:,} bytes, more than the limit of "
+                    f"{LARGEST_BYTES:,}"
+                )
             data = np.empty(block.max_unpacked_bytes, np.uint8)
             data = data[: unpack_block_into(block, self._file, data)]
         except DamagedBlockError as error:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from replay.logs.decoding.field_places import (
     FieldPlace,
-    InSpan,
     NestedMessage,
+    SpanField,
     StridedList,
     TextField,
     WalkedList,
@@ -23,12 +23,12 @@ from replay.logs.decoding.spans import (
     NoPlanError,
     Span,
     append_field_at_fixed_offset,
+    compute_first_number_alignment_bytes,
     compute_list_element_stride_bytes,
-    first_number_alignment_bytes,
+    compute_min_encoded_size_bytes,
     is_preceded_by_byte_size,
     list_members_as_encoded,
     make_span_of_fixed_size_element,
-    min_encoded_size_bytes,
 )
 from replay.logs.decoding.wire import Wire
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
@@ -37,7 +37,7 @@ from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Sc
 Wanted: TypeAlias = dict[str, "Wanted"]
 
 
-class Op(IntEnum):
+class DecodeOperation(IntEnum):
     """Operation of a step."""
 
     SPAN = 0
@@ -92,7 +92,7 @@ def compile_decode_program(record: RecordType, wanted_fields: Wanted, wire: Wire
     Raises:
         NoPlanError: a field fits no column, or the type is too large.
     """
-    least_bytes = min_encoded_size_bytes(record, wire)
+    least_bytes = compute_min_encoded_size_bytes(record, wire)
     compiler = _Compiler(wire)
     root = compiler.compile_message_fields(record, wanted_fields)
     steps = np.array(compiler.steps, np.int64).reshape(-1, len(Operand))
@@ -139,7 +139,7 @@ class _Compiler:
         if isinstance(field_type, RecordType):
             return self.compile_message_fields(field_type, wanted_subfields)
         if field_type == Scalar("string"):
-            self._close_span_and_append_step(Op.TEXT)
+            self._close_span_and_append_step(DecodeOperation.TEXT)
             return (
                 None
                 if wanted_subfields is None
@@ -154,7 +154,7 @@ class _Compiler:
 
     def _append_to_span(
         self, field_type: FieldType, wanted_subfields: Wanted | None
-    ) -> InSpan | None:
+    ) -> SpanField | None:
         """Place a number or fixed-size array in the open span, or else in a new one."""
         value = (
             None
@@ -164,21 +164,21 @@ class _Compiler:
         if value is None:
             # the first byte of a message is aligned to everything
             alignment = (
-                first_number_alignment_bytes(field_type, self.wire)
+                compute_first_number_alignment_bytes(field_type, self.wire)
                 if self.steps
                 else self.wire.max_alignment
             )
             span = Span(alignment)
             value = append_field_at_fixed_offset(span, field_type, self.wire)
             assert value is not None
-            self._close_span_and_append_step(Op.SPAN, alignment=alignment)
+            self._close_span_and_append_step(DecodeOperation.SPAN, alignment=alignment)
             self.span = span
         assert self.span is not None
         self.steps[-1][Operand.SIZE] = self.span.size
         return (
             None
             if wanted_subfields is None
-            else InSpan(self._allocate_first_mark_of_last_step(1), value)
+            else SpanField(self._allocate_first_mark_of_last_step(1), value)
         )
 
     def _compile_list_and_locate_it(
@@ -189,7 +189,7 @@ class _Compiler:
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
         if is_preceded_by_byte_size(list_type, self.wire):
             self._append_to_span(Scalar("uint32"), None)
-        least = min_encoded_size_bytes(list_type.element, self.wire)
+        least = compute_min_encoded_size_bytes(list_type.element, self.wire)
         length = -1 if list_type.length is None else list_type.length
         fixed = make_span_of_fixed_size_element(list_type.element, self.wire)
         if fixed is None:
@@ -203,7 +203,7 @@ class _Compiler:
         one, value = fixed
         stride = compute_list_element_stride_bytes(one)
         self._close_span_and_append_step(
-            Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride
+            DecodeOperation.STRIDED, alignment=one.alignment, size=one.size, stride=stride
         )
         return (
             None
@@ -218,14 +218,16 @@ class _Compiler:
         min_element_bytes: int,
         wanted_subfields: Wanted | None,
     ) -> WalkedList | None:
-        head = self._close_span_and_append_step(Op.LIST, size=min_element_bytes, length=length)
+        head = self._close_span_and_append_step(
+            DecodeOperation.LIST, size=min_element_bytes, length=length
+        )
         mark = -1 if wanted_subfields is None else self._allocate_first_mark_of_last_step(1)
         above, self.node = self.node, -1 if wanted_subfields is None else self.nodes
         self.nodes += wanted_subfields is not None
         self.depth += 1
         self.most_depth = max(self.depth, self.most_depth)
         located = self._compile_field_of_type(element_type, wanted_subfields)
-        end = self._close_span_and_append_step(Op.NEXT, jump=head + 1)
+        end = self._close_span_and_append_step(DecodeOperation.NEXT, jump=head + 1)
         self.steps[head][Operand.JUMP] = end + 1
         self.depth -= 1
         inner, self.node = self.node, above
@@ -235,7 +237,7 @@ class _Compiler:
 
     def _close_span_and_append_step(
         self,
-        operation: Op,
+        operation: DecodeOperation,
         *,
         alignment: int = 1,
         size: int = 0,

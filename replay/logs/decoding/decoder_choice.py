@@ -11,7 +11,7 @@ from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, make_fra
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.wire import CDR
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.decoding_libraries import ROSBAGS, Library
+from replay.logs.messages.decoding_libraries import ROSBAGS, DecodingLibrary
 from replay.logs.messages.message_fields import ALL, Field, PathStep
 from replay.logs.messages.message_types import MessageType
 from replay.logs.messages.raw_batch import RawBatch
@@ -54,7 +54,7 @@ class PerMessageDecoder:
 
 
 def _extract_value_at_path(
-    library: Library, message: Any, steps: Sequence[PathStep], value_type: str
+    library: DecodingLibrary, message: Any, steps: Sequence[PathStep], value_type: str
 ) -> Any:
     for number, step in enumerate(steps, 1):
         value = library.get(message, step.name)

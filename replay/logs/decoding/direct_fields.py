@@ -11,8 +11,8 @@ from replay.logs.decoding.field_places import (
     InlineArray,
     InlineField,
     InlineRecord,
-    InSpan,
     NestedMessage,
+    SpanField,
     TextField,
 )
 from replay.logs.decoding.gather_values import DTYPES, LOADS
@@ -102,7 +102,7 @@ def _find_fixed_field(message_layout: NestedMessage, steps: Steps) -> _FixedFiel
         below = here.fields[step.name]
         if isinstance(below, TextField):
             return _FixedField(below.mark, 0, below) if step.element is None else None
-        if isinstance(below, InSpan):
+        if isinstance(below, SpanField):
             mark, below = below.mark, below.value
         if isinstance(below, InlineArray) and step.element is not None:
             offset += below.offset

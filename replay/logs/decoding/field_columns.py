@@ -27,8 +27,8 @@ from replay.logs.decoding.field_places import (
     InlineField,
     InlineRecord,
     InlineValue,
-    InSpan,
     NestedMessage,
+    SpanField,
     StridedList,
     TextField,
     WalkedList,
@@ -140,7 +140,7 @@ class ColumnBuilder:
             return replace(parent_location, value=parent_location.value.fields[name])
         assert isinstance(parent_location.located, NestedMessage)
         located = parent_location.located.fields[name]
-        if isinstance(located, InSpan):
+        if isinstance(located, SpanField):
             return _Positions(
                 located.value,
                 self._read_positions_or_lengths_of_elements(located.mark, parent_location.chosen),

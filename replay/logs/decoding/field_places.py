@@ -35,7 +35,7 @@ class InlineArray:
 
 
 @dataclass(frozen=True, slots=True)
-class InSpan:
+class SpanField:
     """A value in the span whose position is noted as `mark`."""
 
     mark: int
@@ -75,4 +75,4 @@ class NestedMessage:
 
 
 InlineValue: TypeAlias = InlineField | InlineRecord | InlineArray
-FieldPlace: TypeAlias = InSpan | TextField | StridedList | WalkedList | NestedMessage
+FieldPlace: TypeAlias = SpanField | TextField | StridedList | WalkedList | NestedMessage

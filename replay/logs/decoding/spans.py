@@ -110,7 +110,7 @@ class ElementSpan(NamedTuple):
 
 def make_span_of_fixed_size_element(element_type: FieldType, wire: Wire) -> ElementSpan | None:
     """An element as a span of its own; None if its size varies."""
-    span = Span(first_number_alignment_bytes(element_type, wire))
+    span = Span(compute_first_number_alignment_bytes(element_type, wire))
     value = append_field_at_fixed_offset(span, element_type, wire)
     return None if value is None else ElementSpan(span, value)
 
@@ -120,16 +120,16 @@ def compute_list_element_stride_bytes(element_span: Span) -> int:
     return -(-element_span.size // element_span.alignment) * element_span.alignment
 
 
-def first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> int:
+def compute_first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> int:
     """Alignment of a field's first number, which may be a string's length."""
     if isinstance(field_type, RecordType):
         filled = (
             f
             for _, f in list_members_as_encoded(field_type, wire)
-            if min_encoded_size_bytes(f, wire)
+            if compute_min_encoded_size_bytes(f, wire)
         )
         first = next(filled, None)
-        return 1 if first is None else first_number_alignment_bytes(first, wire)
+        return 1 if first is None else compute_first_number_alignment_bytes(first, wire)
     if isinstance(field_type, Scalar) and field_type.kind != "string":
         return get_alignment_bytes(field_type.kind, wire)
     if (
@@ -137,7 +137,7 @@ def first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> int:
         and field_type.length is not None
         and not is_preceded_by_byte_size(field_type, wire)
     ):
-        return first_number_alignment_bytes(field_type.element, wire)
+        return compute_first_number_alignment_bytes(field_type.element, wire)
     return wire.length_alignment
 
 
@@ -147,7 +147,7 @@ def is_preceded_by_byte_size(list_type: ListOf, wire: Wire) -> bool:
     return wire.delimited_lists and not is_number
 
 
-def min_encoded_size_bytes(field_type: FieldType, wire: Wire) -> int:
+def compute_min_encoded_size_bytes(field_type: FieldType, wire: Wire) -> int:
     """Minimum size of a field in bytes, without padding.
 
     Raises:
@@ -157,14 +157,14 @@ def min_encoded_size_bytes(field_type: FieldType, wire: Wire) -> int:
         size = 4 if field_type.kind == "string" else get_scalar_size_bytes(field_type.kind)
     elif isinstance(field_type, RecordType):
         size = sum(
-            min_encoded_size_bytes(field, wire)
+            compute_min_encoded_size_bytes(field, wire)
             for _, field in list_members_as_encoded(field_type, wire)
         )
     elif field_type.length is None:
-        min_encoded_size_bytes(field_type.element, wire)
+        compute_min_encoded_size_bytes(field_type.element, wire)
         size = 4
     else:
-        size = field_type.length * min_encoded_size_bytes(field_type.element, wire)
+        size = field_type.length * compute_min_encoded_size_bytes(field_type.element, wire)
     if size > LARGEST_BYTES:
         raise NoPlanError("a field is larger than any message")
     return size

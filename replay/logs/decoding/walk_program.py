@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from estimators.arrays import Bytes, Ints
 from estimators.interpreted import compiled, compiled_inline, compiled_without_refcounts
 from replay.logs.decoding.bytes_at import fetch, load32, load64
-from replay.logs.decoding.decode_program import Op, Operand
+from replay.logs.decoding.decode_program import DecodeOperation, Operand
 
 # plain integers: numba freezes them into the machine code
-_SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)
+_SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in DecodeOperation)
 (_OP, _ALIGNMENT, _SIZE, _STRIDE, _LENGTH, _MARK, _NODE, _JUMP) = (int(c) for c in Operand)
 
 #: What can be wrong with a message, by the number that the walk gives.

@@ -28,7 +28,7 @@ def _return_unchanged(values: Any) -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class Library:
+class DecodingLibrary:
     """A library, by its name."""
 
     name: str
@@ -52,7 +52,7 @@ CONVERT: Final[dict[str, Callable[[Any], Any]]] = {
     "uint8": lambda value: int(value) & 0xFF,
 }
 
-ROSBAGS: Final = Library(
+ROSBAGS: Final = DecodingLibrary(
     "rosbags",
     lambda message, name: getattr(message, normalize_fieldname(name)),
     lambda stamp: int(stamp.sec) * 10**9 + int(stamp.nanosec),

@@ -126,7 +126,7 @@ def _refuse_invalid_list_element(
     by_name = f" or by name, {path_so_far}[NAME]" if parent.has_field_of_element_names else ""
     if step.element is None:
         raise FieldError(
-            f"'{path_so_far}' is a list; pick an element by index, {path_so_far}[0]{by_name}"
+            f"'{path_so_far}' is a list; select an element by index, {path_so_far}[0]{by_name}"
         )
     if step.element == ALL:
         return

@@ -6,7 +6,7 @@ from typing import Any, Final, TypeAlias
 
 import polars as pl
 
-from replay.logs.messages.decoding_libraries import ROSBAGS, Library
+from replay.logs.messages.decoding_libraries import ROSBAGS, DecodingLibrary
 
 STAMP_TYPES: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 HEADER_TYPE: Final = "std_msgs/msg/Header"
@@ -101,7 +101,7 @@ class MessageType:
     ros1: bool
     decode: Callable[[bytes], Any]
     #: whose objects `decode` gives
-    library: Library = ROSBAGS
+    library: DecodingLibrary = ROSBAGS
 
 
 @dataclass(frozen=True, slots=True)

@@ -182,7 +182,7 @@ class Rosbag2Directory:
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
         """Messages file by file."""
-        later = [part.earliest_log_time_bound_ns() for part in self._parts[1:]]
+        later = [part.log_time_lower_bound_ns() for part in self._parts[1:]]
         for part_number, part in enumerate(self._parts):
             behind = min(later[part_number:], default=END_NS)
             outer = {
@@ -256,9 +256,9 @@ class Rosbag2Directory:
                     "parts of one recording: messages in both count twice; give only one of them",
                 )
 
-    def earliest_log_time_bound_ns(self) -> int:
-        """Earliest log time of all files."""
-        return min((part.earliest_log_time_bound_ns() for part in self._parts), default=END_NS)
+    def log_time_lower_bound_ns(self) -> int:
+        """Lower bound of the log times of all files."""
+        return min((part.log_time_lower_bound_ns() for part in self._parts), default=END_NS)
 
     def check_whole_file_and_count_valid_crcs(self) -> int:
         """Check every file."""

@@ -159,7 +159,7 @@ def _require_value_of_key(mapping: Any, key: str) -> Any:
     if not isinstance(mapping, dict):
         raise _make_metadata_layout_error()
     if key not in mapping:
-        raise BrokenBytesError(f"it has no {key}")
+        raise BrokenBytesError(f"the key '{key}' is missing")
     return mapping[key]
 
 

@@ -61,8 +61,8 @@ class Db3Tail:
                 self._losses.add_loss(self._path, f"row {number} is not a message of a known topic")
         return [make_batch_of_messages(topic, *parts) for topic, parts in messages.items()]
 
-    def note_incomplete_end(self) -> None:
-        """See `Tail.note_incomplete_end`; transactions are never partial."""
+    def finish_and_note_incomplete_end(self) -> None:
+        """See `Tail.finish_and_note_incomplete_end`; transactions are never partial."""
         if self.read_error:
             rows = f"its rows after {self._last_id:,}" if self._last_id > LEAST_ID else "its rows"
             self._losses.add_loss(self._path, f"{rows} cannot be read: {self.read_error}")

@@ -200,7 +200,7 @@ def _describe_lost_rows(last_id_before: int, next_id: int) -> str:
     )
 
 
-class NearPages(NamedTuple):
+class PagesOfMessage(NamedTuple):
     """Pages read for one message: the first, their number and their bytes."""
 
     first: int
@@ -217,7 +217,7 @@ class OverflowPageReader:
         self._most = max(1, _MOST_BYTES // layout.page_bytes)
         self._at_once = self._most
         self._used = 0
-        self._near = NearPages(0, 0, np.empty(0, np.uint8))
+        self._near = PagesOfMessage(0, 0, np.empty(0, np.uint8))
 
     def join_spilled_messages(
         self,
@@ -255,7 +255,7 @@ class OverflowPageReader:
         needed = -(-bytes_left // (self._layout.usable_bytes - 4))
         pages = min(needed, self._at_once, self._layout.pages + 1 - page)
         data = self._near.data
-        self._near = NearPages(
+        self._near = PagesOfMessage(
             page, pages, data if data.size else np.empty(self._most * size, np.uint8)
         )
         target = self._near.data[: pages * size]
@@ -276,7 +276,7 @@ def find_offset_of_loaded_page(loaded_pages: NDArray[np.int64], page: int, page_
 def _join_overflow_chains(
     data: NDArray[np.uint8],
     loaded_pages: NDArray[np.int64],
-    loaded_ranges: NearPages,
+    loaded_ranges: PagesOfMessage,
     layout: PageLayout,
     rows: NDArray[np.int64],
     spills: NDArray[np.int64],

@@ -153,7 +153,7 @@ def find_first_row_after(database: sqlite3.Connection, query: str, row_id: int) 
     with convert_sqlite_errors():
         row = database.execute(f"{query} LIMIT 1", (row_id,)).fetchone()
     if row is not None and row[0] <= row_id:
-        raise BrokenBytesError("the tree has a loop")
+        raise BrokenBytesError("the pages of a table form a loop")
     return row
 
 

@@ -154,8 +154,8 @@ class Db3File:
             self._back_ns = back
         return max(row_time_ns - self._back_ns, UNKNOWN_NS)
 
-    def earliest_log_time_bound_ns(self) -> int:
-        """Earliest log time, by SQLite."""
+    def log_time_lower_bound_ns(self) -> int:
+        """Lower bound of all log times: the earliest, by SQLite."""
         try:
             ((earliest,),) = fetch_all_rows(self._database, "SELECT min(timestamp) FROM messages")
         except BrokenBytesError:
@@ -192,7 +192,9 @@ def read_connections_of_database(
     found = fetch_all_rows(database, "SELECT name FROM sqlite_master WHERE type = 'table'")
     tables = {name for (name,) in found}
     if not tables >= {"topics", "messages"}:
-        raise BrokenBytesError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
+        raise BrokenBytesError(
+            f"its tables are {', '.join(sorted(tables))}" if tables else "it has no tables"
+        )
     definitions: dict[str, tuple[str, str]] = {}
     if "message_definitions" in tables:
         definitions = {

@@ -71,7 +71,7 @@ class Container(Protocol):
         """
         ...
 
-    def earliest_log_time_bound_ns(self) -> int:
+    def log_time_lower_bound_ns(self) -> int:
         """Lower bound of all log times, as far as known without reading them."""
         ...
 
@@ -127,7 +127,7 @@ class Tail(Protocol):
         """
         ...
 
-    def note_incomplete_end(self) -> None:
+    def finish_and_note_incomplete_end(self) -> None:
         """Finish the log: incomplete data become losses."""
         ...
 

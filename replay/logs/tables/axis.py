@@ -20,8 +20,8 @@ from replay.logs.tables.header import (
     ColumnName,
     does_name_state_multiple_of_unit,
     find_zone_offset_s,
-    name_column_before_dash,
-    name_column_by_last_part,
+    keep_column_name_before_dash,
+    keep_last_part_of_column_name,
     reduce_to_lower_case_letters,
     split_unit_from_column_name,
 )
@@ -202,7 +202,7 @@ def find_time_columns_and_their_fields(
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
     found = rank_candidate_time_columns(columns, cells) or find_seconds_of_stamp(names)
     found = found or find_sole_time_column(columns, cells)
-    for part in (name_column_by_last_part, name_column_before_dash) if not found else ():
+    for part in (keep_last_part_of_column_name, keep_column_name_before_dash) if not found else ():
         columns = [part(column) for column in columns]
         if found := rank_candidate_time_columns(columns, cells):
             break
@@ -292,7 +292,7 @@ def find_time_unit(column_name: ColumnName) -> str | None:
     if does_name_state_multiple_of_unit(column_name.name):
         raise DialectError(
             f"column '{column_name.name}' counts multiples of a unit of time; set [log] rate_hz = "
-            "the rows in a second"
+            "rows per second"
         )
     if column_name.unit in _NS:
         return column_name.unit

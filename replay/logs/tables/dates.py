@@ -224,7 +224,7 @@ def split_dates_with_short_years(
     if is_day_first is None:
         first = date_groups.filter(is_short).row(0, named=True)
         raise TimeError(
-            f"'{first['d']}-{first['name']}-{first['y']}' has its year in two digits: set [log] "
+            f"'{first['d']}-{first['name']}-{first['y']}' has a two-digit year: set [log] "
             "day_first = true for day, month, year, false for year, month, day"
         )
     day, year = ("d", "y") if is_day_first else ("y", "d")
@@ -244,7 +244,7 @@ def decide_which_number_is_day(
         same = bool((one == two).all())
         if short and short[0] == 2:
             raise TimeError(
-                f"'{example}' has its year in two digits: set [log] day_first = true for day, "
+                f"'{example}' has a two-digit year: set [log] day_first = true for day, "
                 "month, year, false for month, day, year"
             )
         if largest[0] > 12 or dots or same:
@@ -277,7 +277,10 @@ def parse_times_of_day_and_list_notes(
     if re.fullmatch(_MINUTES, first_clock_time):
         pattern = f"^{_MINUTES}$"
     elif first_clock_time.count(":") < 2:
-        raise TimeError(f"'{first_clock_time}' may be hours and minutes or minutes and seconds")
+        raise TimeError(
+            f"'{first_clock_time}' may be hours and minutes or minutes and seconds; export it as "
+            "hh:mm:ss, or set another column as [log] time"
+        )
     part = extract_named_groups(text, pattern)
     if pattern != f"^{_CLOCK}$":
         part = part.with_columns(h=pl.lit("0"))

@@ -100,7 +100,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     """
     # a cell of a damaged file may be all of it
     csv.field_size_limit(min(sys.maxsize, 2**31 - 1))
-    separators = _candidate_separators(hints)
+    separators = _list_candidate_separators(hints)
     if hints.decimal not in (None, ".", ","):
         raise DialectError(f"no decimal sign '{hints.decimal}'; [log] decimal is '.' or ','")
     decimals = (hints.decimal,) if hints.decimal else (".", ",")
@@ -124,7 +124,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     return _find_header_rows(reading, lines, hints)
 
 
-def _candidate_separators(hints: TableHints) -> tuple[str, ...]:
+def _list_candidate_separators(hints: TableHints) -> tuple[str, ...]:
     """Separator that the machine file names, else all known ones."""
     if hints.separator is None:
         return SEPARATORS
@@ -313,8 +313,8 @@ def _find_dialect_of_header_only_table(
             reading = _DialectTrial(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
             return _find_header_rows(reading, lines, hints)
     raise DialectError(
-        "it holds no table of numbers that could be recognised; if it is one, set "
-        "[log] separator, decimal or header_row"
+        "no table of numbers was recognised in it; if it holds one, set [log] separator, decimal "
+        "or header_row"
     )
 
 

@@ -144,13 +144,13 @@ def reduce_to_lower_case_letters(text: str) -> str:
     return "".join(each for each in text.lower() if each.isalpha())
 
 
-def name_column_by_last_part(column_name: ColumnName) -> ColumnName:
-    """Column named by the last part of its name: payload.ts, /robot/time."""
+def keep_last_part_of_column_name(column_name: ColumnName) -> ColumnName:
+    """The column with only the last part of its name: `ts` of payload.ts."""
     return replace(column_name, bare=re.split(r"[./]", column_name.bare)[-1])
 
 
-def name_column_before_dash(column_name: ColumnName) -> ColumnName:
-    """Column named by the part before its channel: Time (s) - Speed (m/s)."""
+def keep_column_name_before_dash(column_name: ColumnName) -> ColumnName:
+    """The column with only its name before ' - ': `Time (s)` of Time (s) - Speed (m/s)."""
     bare, unit = split_unit_from_column_name(column_name.name.partition(" - ")[0])
     return replace(column_name, bare=bare, unit=unit)
 

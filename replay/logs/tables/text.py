@@ -213,7 +213,8 @@ def _detect_text_encoding(path: Path) -> str:
         b"\n".join(head.split(b"\n", LIMITS.names_lines)[: LIMITS.names_lines])
     ):
         raise DialectError(
-            "its names are not in Western letters; set [log] encoding, cp1251 or cp932 for example,"
+            "its column names are neither UTF-8 nor Western; set [log] encoding, such as cp1251 or "
+            "cp932,"
         )
     # bytes that no name has are a fault of a cell, which polars takes as it is
     readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)
@@ -262,7 +263,7 @@ def write_sheet_as_csv(path: Path, sheet: str | None, copies: ExitStack) -> Path
     except ImportError:
         raise DialectError(
             "Excel files need another library: pip install 'payscope[excel]', or save the sheet as "
-            "CSV; nothing can be set"
+            "CSV; its format can then be set"
         ) from None
     refuse_oversized_workbook(path)
     try:

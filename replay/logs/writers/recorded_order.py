@@ -22,7 +22,7 @@ class RecordedTopic:
     Attributes:
         connection: number of the topic in the container.
         log_time_ns: (n,) log times, ascending.
-        records: function that returns the records `[first, last)` by layout.
+        records: function that returns the messages `[first, last)`, grouped by layout.
     """
 
     connection: int

@@ -52,8 +52,10 @@ def test_what_is_kept_after_many_manoeuvres_is_what_is_kept_after_a_few(laps: in
         now = samples.with_columns(pl.col("log_time_ns") + lap * lap_ns)
         for begin in range(0, lap_ns, LOOK_NS):
             since = pl.col("log_time_ns") - now["log_time_ns"][0]
-            follower.take("table", now.filter(since.is_between(begin, begin + LOOK_NS, "left")))
-            follower.rows()
+            follower.append_samples(
+                "table", now.filter(since.is_between(begin, begin + LOOK_NS, "left"))
+            )
+            follower.collect_complete_rows()
         kept[lap] = reachable_bytes(follower)
     assert follower.manoeuvres >= 2 * laps - 1
     assert follower.spins >= laps - 1

@@ -43,8 +43,8 @@ def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
 def test_noise_that_is_kept_is_that_of_its_columns(noise):
     for samples in (1, 10, 10):
         np.testing.assert_array_equal(
-            noise.noise_covariance_of_means(samples),
-            noise.columns.noise_covariance_of_means(samples),
+            noise.compute_covariance_of_means(samples),
+            noise.columns.compute_covariance_of_means(samples),
         )
 
 

@@ -104,7 +104,7 @@ class _Fit:
     def make_mass_coefficients_of_state(self, state: int) -> Floats:
         return np.eye(self.masses_kg.size)[state]
 
-    def mass_sum_u_kg(self, coefficients: Floats) -> float:
+    def compute_mass_sum_u_kg(self, coefficients: Floats) -> float:
         return self.each_u_kg * float(np.linalg.norm(coefficients))
 
 

@@ -58,4 +58,4 @@ def test_a_growth_is_judged_by_the_payload_as_well_whose_uncertainty_is_smaller(
     assert weights.sum() == pytest.approx(0.0, abs=1e-12)
     payload_kg = float(weights @ shift.fit.masses_kg)
     assert payload_kg == pytest.approx(400.0, abs=60.0)
-    assert shift.fit.mass_sum_u_kg(weights) < shift.fit.u_kg
+    assert shift.fit.compute_mass_sum_u_kg(weights) < shift.fit.u_kg

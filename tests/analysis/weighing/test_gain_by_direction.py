@@ -204,5 +204,5 @@ class _TwoLoads:
     def make_mass_coefficients_of_state(self, state: int) -> Floats:
         return np.eye(2)[state]
 
-    def mass_sum_u_kg(self, weights: Floats) -> float:
+    def compute_mass_sum_u_kg(self, weights: Floats) -> float:
         return 50.0 * float(np.abs(weights).any())

@@ -23,7 +23,7 @@ class WhiteNoise:
     def __init__(self, speed_m_s: float) -> None:
         self.variances = np.diag([0.01**2, speed_m_s**2, 60.0**2])
 
-    def noise_covariance_of_means(self, samples: int) -> Floats:
+    def compute_covariance_of_means(self, samples: int) -> Floats:
         return self.variances / samples
 
 

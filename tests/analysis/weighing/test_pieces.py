@@ -45,5 +45,5 @@ def test_columns_of_pieces_are_those_of_the_whole(found, samples, monkeypatch):
 class _White:
     """Noise of three columns that averages out."""
 
-    def noise_covariance_of_means(self, samples):
+    def compute_covariance_of_means(self, samples):
         return np.diag([0.04, 0.0009, 2500.0]) / samples

@@ -90,7 +90,7 @@ def test_few_manoeuvres_have_none_and_those_one_way_none_of_the_other():
 def test_every_term_needs_load_states_and_is_wider_over_a_longer_way():
     assert all(term.by_load for term in GROUND)
     widths = {
-        term.name: term.width(motion(LIMITS.ground_min_manoeuvres), PriorSettings())
+        term.name: term.compute_prior_std(motion(LIMITS.ground_min_manoeuvres), PriorSettings())
         for term in GROUND
     }
     assert widths["ground_forward_0_2m"] < widths["ground_forward_2_6m"]

@@ -20,7 +20,7 @@ class WhiteNoise:
     def __init__(self, acceleration_m_s2: float) -> None:
         self.variances = np.diag([acceleration_m_s2**2, SPEED_NOISE_M_S**2, 60.0**2])
 
-    def noise_covariance_of_means(self, samples: int) -> Floats:
+    def compute_covariance_of_means(self, samples: int) -> Floats:
         return self.variances / samples
 
 

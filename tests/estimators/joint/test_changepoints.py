@@ -35,11 +35,7 @@ def state_of(levels, **more):
 def log_posterior(drawn, state):
     """Of a partition, where manoeuvres do not scatter."""
     stretches = Stretches.from_boundaries(np.asarray(state), drawn.kind)
-    return (
-        PartitionPosterior(drawn, SPREAD, 0.0, None)
-        .evaluate_partition_posterior(stretches)
-        .log_posterior
-    )
+    return PartitionPosterior(drawn, SPREAD, 0.0, None).fit_partition(stretches).log_posterior
 
 
 class TestPartitions:

@@ -131,27 +131,27 @@ FORGED: dict[str, tuple[Forge, str]] = {
     "unit in words": (put(UNIT, UNIT.replace("\\kilogram", "kg")), "unit 'kg'"),
     "no unit": (
         put(f"{VALUE}\n<si:unit>\\kilogram</si:unit>", VALUE),
-        "single si:unit",
+        "exactly one si:unit",
     ),
     "grams for kilograms": (
         put("<si:uncertainty>0.0016", "<si:uncertainty>16.0"),
         "is not possible for",
     ),
-    "two values": (put(VALUE, VALUE * 2), "single si:value"),
+    "two values": (put(VALUE, VALUE * 2), "exactly one si:value"),
     "no number": (put(VALUE, "<si:value>NaN</si:value>"), "decimal number"),
     "infinite": (put(VALUE, "<si:value>1e999</si:value>"), "not finite"),
     "negative": (put(VALUE, "<si:value>-20.0</si:value>"), "not a possible mass of a weight"),
     "comma": (put(VALUE, "<si:value>20,0005</si:value>"), "decimal number"),
     "value cut by an element": (
         put(VALUE, "<si:value>20<si:x/>.0005</si:value>"),
-        "single si:value",
+        "exactly one si:value",
     ),
     "no uncertainty": (drop("<si:expandedUnc>.*?</si:expandedUnc>"), "0 uncertainties"),
     "U of 0": (put("<si:uncertainty>0.0016", "<si:uncertainty>0"), "uncertainty of 0"),
     "negative U": (put("<si:uncertainty>0.0016", "<si:uncertainty>-0.0016"), "uncertainty of"),
     "U without k": (drop("<si:coverageFactor>2</si:coverageFactor>"), "coverageFactor"),
-    "k of 0": (put("Factor>2<", "Factor>0<"), "not a coverage factor"),
-    "k of a thousand": (put("Factor>2<", "Factor>1000<"), "not a coverage factor"),
+    "k of 0": (put("Factor>2<", "Factor>0<"), "is not from 1 to 100"),
+    "k of a thousand": (put("Factor>2<", "Factor>1000<"), "is not from 1 to 100"),
     "U without probability": (
         drop("<si:coverageProbability>0.95</si:coverageProbability>"),
         "coverageProbability",
@@ -165,17 +165,17 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     # the numbers
     "a value too few": (
         put(LIST, "<si:valueXMLList>19.9991"),
-        "1 values, and the number of its names is 2",
+        "1 values but 2 names",
     ),
-    "a value too many": (put(LIST, LIST + " 20.1"), "3 values, and the number of its names is 2"),
-    "no values": (put(LIST, "<si:valueXMLList>"), "no single si:valueXMLList"),
-    "two lists of values": (put(LIST, LIST + "</si:valueXMLList>" + LIST), "no single si:value"),
+    "a value too many": (put(LIST, LIST + " 20.1"), "3 values but 2 names"),
+    "no values": (put(LIST, "<si:valueXMLList>"), "exactly one si:valueXMLList"),
+    "two lists of values": (put(LIST, LIST + "</si:valueXMLList>" + LIST), "exactly one si:value"),
     "a list and a value": (
         put(
             "</si:expandedUncXMLList></si:realListXMLList>",
             "</si:expandedUncXMLList></si:realListXMLList><si:real/>",
         ),
-        "not one si:real",
+        "exactly one si:real",
     ),
     "no number": (put(LIST, "<si:valueXMLList>19.9991 NaN"), "'NaN' is not a decimal number"),
     "no number, of another weight": (put(LIST, "<si:valueXMLList>NaN 20.0005"), "decimal number"),
@@ -184,14 +184,17 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     "decimal commas": (put(LIST, "<si:valueXMLList>19,9991 20,0005"), "decimal number"),
     "separated by semicolons": (
         put(LIST, "<si:valueXMLList>19.9991;20.0005"),
-        "1 values, and the number of its names is 2",
+        "1 values but 2 names",
     ),
-    "list cut by an element": (put(LIST, "<si:valueXMLList>19.9991 <si:x/>20.0005"), "single si:"),
+    "list cut by an element": (
+        put(LIST, "<si:valueXMLList>19.9991 <si:x/>20.0005"),
+        "exactly one si:",
+    ),
     "more values than any set has": (put(LIST, LIST + " 20" * 1000), "more than 1000"),
     # their units
     "no units": (
         drop(r"<si:unitXMLList>[^<]*</si:unitXMLList>(?=\n<si:expanded)"),
-        "single si:unitXMLList",
+        "exactly one si:unitXMLList",
     ),
     "a unit of a length among them": (
         put(
@@ -235,7 +238,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
         lambda data: data.replace(b"coverageFactorXMLList", b"coverageFactor"),
         "coverageFactorXMLList",
     ),
-    "k of 0": (put("FactorXMLList>2<", "FactorXMLList>2 0<"), "not a coverage factor"),
+    "k of 0": (put("FactorXMLList>2<", "FactorXMLList>2 0<"), "is not from 1 to 100"),
     "three k of two values": (put("FactorXMLList>2<", "FactorXMLList>2 2 2<"), "3 entries"),
     "U without probability": (
         drop("<si:coverageProbabilityXMLList>.*</si:coverageProbabilityXMLList>"),
@@ -243,7 +246,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     ),
     "probability in percent": (put("ProbabilityXMLList>0.95", "ProbabilityXMLList>95"), "prob"),
     # whose each is
-    "a name too few": (put(NAMES, "SN-weight-1"), "number of its names is 1"),
+    "a name too few": (put(NAMES, "SN-weight-1"), "values but 1 names"),
     "a name of no item": (
         put(NAMES, "SN-weight-9 SN-weight-1"),
         "'SN-weight-9', which is the name of 0 items",
@@ -306,7 +309,7 @@ SIGNED: dict[str, tuple[Forge, str]] = {
             data,
             flags=re.S,
         ),
-        "not a child",
+        "not directly below the root",
     ),
     "signature of a part": (put('URI=""', 'URI="#weight-1"'), "does not cover the whole"),
     "no reference": (drop("<ds:Reference .*</ds:Reference>"), "does not cover the whole"),

@@ -9,7 +9,7 @@ from recordings.review.review_state import ReviewState
 from recordings.review.shift_facts import (
     describe_long_gaps,
     describe_truncated_logs,
-    explain_why_no_cycle_counts,
+    explain_why_no_cycle_is_counted,
     list_mean_phase_durations,
     list_shift_names_and_values,
     summarise_shift_in_line,
@@ -57,7 +57,7 @@ def test_cycles_that_differ_in_a_number_alone_have_one_reason() -> None:
     ledger = rows(shift)[:3].with_columns(
         counted=pl.lit(value=False), withheld_for=pl.Series(reasons)
     )
-    assert explain_why_no_cycle_counts(shift, ledger) == (
+    assert explain_why_no_cycle_is_counted(shift, ledger) == (
         "2 cycles, such as: ± 286 kg is more than 250 kg; 1 cycle: not dumped yet"
     )
 

@@ -97,7 +97,9 @@ def test_a_mass_that_is_not_traceable_is_said(
 
 
 def test_a_machine_file_is_no_campaign(campaign: Path) -> None:
-    with pytest.raises(CampaignError, match=r"sledge\.toml: is a machine file, no campaign file"):
+    with pytest.raises(
+        CampaignError, match=r"sledge\.toml: is a machine file, not a campaign file"
+    ):
         load_campaign_and_machine(campaign.parent / "sledge.toml")
 
 

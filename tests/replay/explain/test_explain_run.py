@@ -268,7 +268,7 @@ class TestRefused:
         join_to_one_line(payscope("explain", log, "-m", machine_file, "-o", target), "--apply")
         join_to_one_line(
             payscope("explain", tmp_path / "out.rrd", "--apply", "-o", target),
-            "name that file with -m",
+            "give that file with -m",
         )
 
     def test_the_machine_file_itself_as_output(

@@ -81,7 +81,7 @@ def test_a_run_with_a_recording_that_has_no_result_leaves_with_1(
         (["query", "KEPT", "SELECT 1 FROM nothing"], "no table 'nothing'"),
         (["report", "nowhere", "-o", "x.html"], "no such folder"),
         (["compare", "KEPT"], "give either other results (B) or other settings"),
-        (["compare", "KEPT", "KEPT", "--from", "monday"], "is not a day"),
+        (["compare", "KEPT", "KEPT", "--from", "monday"], "is not a date"),
         (["compare", "KEPT", "KEPT", "--from", "2030-01-01"], "no log in common"),
         (["open", "KEPT", "zzz"], "no result begins with 'zzz'"),
     ],

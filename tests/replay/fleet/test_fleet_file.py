@@ -52,10 +52,10 @@ def test_the_first_rule_that_fits_counts_and_names_the_machine_file(tmp_path: Pa
     [
         (RULE.replace("logs =", "log ="), "unknown key 'machines.0.log'; did you mean 'logs'?"),
         ("[fleet]\nname = 'x'\n", "machines: is missing"),
-        (RULE.replace("{machine}/", ""), "give either name or {machine}"),
-        (RULE + 'name = "x"\n', "give either name or {machine}"),
+        (RULE.replace("{machine}/", ""), "needs either name or {machine}"),
+        (RULE + 'name = "x"\n', "needs either name or {machine}"),
         (RULE.replace("*.mcap", "{machine}.mcap"), "more than once"),
-        (RULE.replace("*.mcap", "**/*.mcap"), "give the folder before {machine}"),
+        (RULE.replace("*.mcap", "**/*.mcap"), "put the folder above it first"),
         ("[limits]\nsecond = 3\n" + RULE, "did you mean 'seconds'?"),
         ("[channels.x]\n", "is a machine file"),
         ("[[machines]\n", "is not TOML"),

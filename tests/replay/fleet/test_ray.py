@@ -30,7 +30,7 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = os.environ["RAY_DEDUP_LOGS"] = "0"
 import ray
 from ray.cluster_utils import Cluster
 
-from replay.fleet.ray_engine import LostTask, TaskWork
+from replay.fleet.ray_engine import LostTask, TaskWithMemory
 from replay.fleet.ray_engine import start_ray_engine
 
 def work(what):
@@ -52,7 +52,7 @@ with start_ray_engine(cluster.address, None) as engine:
     assert engine.count_parallel_slots() == 3
     assert {n["NodeManagerAddress"] for n in ray.nodes()} == {"127.0.0.1"}
     tasks = [*range(40), "die", "raise", "threads"]
-    asked = [TaskWork("large", 1 << 50), *(TaskWork(task, 1 << 20) for task in tasks)]
+    asked = [TaskWithMemory("large", 1 << 50), *(TaskWithMemory(task, 1 << 20) for task in tasks)]
     for task, result in engine.run_tasks(work, asked):
         assert task not in done
         done[task] = result

@@ -96,7 +96,7 @@ def test_a_wrong_topic_is_answered_with_the_nearest(write_log: Write) -> None:
     [
         ("efort[left]", r"no field 'efort\[left\]'; did you mean 'effort\[\]'\?"),
         ("header.stmp", r"did you mean 'header.stamp'\?"),
-        ("effort", r"'effort' is a list; pick an element by index, effort\[0\] or by name"),
+        ("effort", r"'effort' is a list; select an element by index, effort\[0\] or by name"),
         ("header", r"'header' is a std_msgs/msg/Header; give one of header"),
         ("header.stamp[0]", r"'header.stamp' is not a list"),
         ("", r"'' is not a field name"),

@@ -72,7 +72,7 @@ def test_broken_metadata_is_a_loss_and_the_files_are_read(split: Path, old: str,
     [
         ("", "it is not laid out as rosbag2 does"),
         ("[" * 20_000, "it is nested too deeply"),
-        ("a: b", "it has no rosbag2_bagfile_information"),
+        ("a: b", "the key 'rosbag2_bagfile_information' is missing"),
         ("a: b\nc: [d", "expected ',' or ']', but got '<stream end>' on line 2"),
     ],
     ids=["empty", "deep", "another", "torn"],

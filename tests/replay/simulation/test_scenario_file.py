@@ -60,8 +60,11 @@ def test_an_empty_file_is_the_papers_campaign(tmp_path):
             "campaign.throttle_force_N: the driving force reaches 6000 N",
         ),
         ("[machine]\na = 1\nb = 2", "(and 1 more fault)"),
-        ("[channels.force_x_N]", "is a machine file, no scenario file"),
-        ("[campaign]\n[[masses]]", "is a campaign file of `payscope calibrate`, no scenario file"),
+        ("[channels.force_x_N]", "is a machine file, not a scenario file"),
+        (
+            "[campaign]\n[[masses]]",
+            "is a campaign file of `payscope calibrate`, not a scenario file",
+        ),
         (MANOEUVRE + "kind = 'spinn'", "0: unknown 'kind' 'spinn'; did you mean 'spin'?"),
         (MANOEUVRE + "start_s = 3", "campaign.manoeuvres.0: 'kind' is missing"),
         (

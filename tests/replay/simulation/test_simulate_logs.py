@@ -219,7 +219,7 @@ def test_a_folder_log_replaces_a_file_of_its_name_with_force(tmp_path):
 @pytest.mark.parametrize(
     ("output", "says"),
     [
-        ("log.zip", "no format '.zip'; use .bag, .mcap, .db3, .csv"),
+        ("log.zip", "unknown format '.zip'; use .bag, .mcap, .db3, .csv"),
         ("absent/log.bag", "no folder"),
         ("file/log.bag", "no folder"),
     ],

@@ -62,7 +62,7 @@ def test_the_interval_of_the_slope_is_the_textbook_s():
 def test_tails_are_those_of_the_distribution_behind_the_interval():
     y = X + np.array([3.0, -5.0, 8.0, -2.0, -7.0, 4.0])
     found = inverse(y)
-    u = found.later_mass_u_kg(100.0, 1.0)
+    u = found.compute_later_mass_u_kg(100.0, 1.0)
     for distance in (0.0, 5.0, 20.0):
         exact = student_t.sf(distance / u, 4)
         assert found.compute_exceedance_probability(distance, 100.0, 1.0) == pytest.approx(

@@ -34,7 +34,7 @@ def test_now_is_the_calibration_as_it_stands():
     calibration = fitted(readings(days=5))
     (best, *_) = rank_loads_for_next_run(calibration)
     inversion = calibration.inversion
-    widest = max(inversion.half_interval_kg(3614.0 + 50.0 * k, 0.95, 4.0) for k in range(6))
+    widest = max(inversion.compute_half_interval_kg(3614.0 + 50.0 * k, 0.95, 4.0) for k in range(6))
     assert best.half_width_now_kg == pytest.approx(widest, rel=1e-5)
 
 

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.stages.estimation.fit_quality import compute_force_fraction_against_motion
+from analysis.stages.estimation.fit_quality import (
+    compute_fraction_of_braked_samples_with_opposing_force,
+)
 
 INERTIA_KG_M2, SCRUB_N_M = 90.0, 180.0
 
@@ -26,8 +28,8 @@ def spin_pulses(torque_of_stop_N_m: float) -> tuple[np.ndarray, np.ndarray, np.n
 
 def test_scrub_that_stops_a_spin_while_the_drive_still_pushes_is_no_lost_sign() -> None:
     A, torque, slows = spin_pulses(torque_of_stop_N_m=70.0)
-    assert compute_force_fraction_against_motion(A, torque, slows, ~slows) == 0.0
-    scrubbed = compute_force_fraction_against_motion(
+    assert compute_fraction_of_braked_samples_with_opposing_force(A, torque, slows, ~slows) == 0.0
+    scrubbed = compute_fraction_of_braked_samples_with_opposing_force(
         A, torque, slows, ~slows, has_scrubbing_tyres=True
     )
     assert np.isnan(scrubbed)
@@ -39,5 +41,7 @@ def test_a_drive_that_brakes_a_spin_still_shows_whether_it_has_a_sign(
 ) -> None:
     A, torque, slows = spin_pulses(torque_of_stop_N_m=-150.0)
     read = np.where(slows, sign * np.abs(torque), torque)
-    found = compute_force_fraction_against_motion(A, read, slows, ~slows, has_scrubbing_tyres=True)
+    found = compute_fraction_of_braked_samples_with_opposing_force(
+        A, read, slows, ~slows, has_scrubbing_tyres=True
+    )
     assert found == fraction

@@ -43,7 +43,7 @@ def test_the_standard_deviation_is_right_within_fifteen_percent(kind):
     for seed in range(910, 916):
         log = noisy_log(kind, seed)
         _, known = estimated(log)
-        means = np.sqrt(np.diag(known.noise_covariance_of_means(MEAN)))
+        means = np.sqrt(np.diag(known.compute_covariance_of_means(MEAN)))
         ratios.append(
             [*(known.stds_of_one_sample / log.std_of_means(1)), *(means / log.std_of_means(MEAN))]
         )
@@ -70,7 +70,7 @@ def test_a_setting_overrides_the_log_with_white_noise():
     known = ColumnNoise.select_axis_noise(X, frame, settings.noise)
     assert known is not None
     assert known.stds_of_one_sample[2] == pytest.approx(7.0)
-    assert known.noise_covariance_of_means(MEAN)[2] == pytest.approx([0.0, 0.0, 4.9])
+    assert known.compute_covariance_of_means(MEAN)[2] == pytest.approx([0.0, 0.0, 4.9])
     assert known.stds_of_one_sample[:2] == pytest.approx(STD[:2], rel=0.15)
 
 
@@ -86,7 +86,7 @@ def test_a_derivative_shares_the_noise_of_its_speed():
     for kind in ("derived acceleration", "derived acceleration, never stands"):
         _, known = estimated(noisy_log(kind, 3))
         ten, forty = (
-            np.sqrt(known.noise_covariance_of_means(samples)[0, 0]) for samples in (10, 40)
+            np.sqrt(known.compute_covariance_of_means(samples)[0, 0]) for samples in (10, 40)
         )
         assert 3.0 < ten / forty < 5.0, kind
         # dv/dt leads v: what is fast now was slow before
@@ -103,7 +103,7 @@ def test_the_covariance_of_a_mean_is_that_of_all_pairs():
         both = np.where(lag >= 0, ahead, ahead.transpose(1, 0, 2, 3))
         expected = both.mean(axis=(2, 3))
         np.testing.assert_allclose(
-            np.diag(known.noise_covariance_of_means(samples)),
+            np.diag(known.compute_covariance_of_means(samples)),
             np.maximum(np.diag(expected), 0.0),
             rtol=0.05,
         )
@@ -129,4 +129,4 @@ def test_without_a_log_settings_that_name_all_of_an_axis_are_its_noise():
     whole = NoiseSettings(force_N=60.0, acc_m_s2=0.01, speed_m_s=0.005)
     known = ColumnNoise.select_axis_noise(X, None, whole)
     assert known is not None
-    np.testing.assert_allclose(known.noise_covariance_of_means(MEAN), np.diag(STD**2) / MEAN)
+    np.testing.assert_allclose(known.compute_covariance_of_means(MEAN), np.diag(STD**2) / MEAN)
