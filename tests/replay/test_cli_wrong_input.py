@@ -253,7 +253,7 @@ class TestWrongInput:
     def test_unknown_option_and_command(self, payscope: Payscope) -> None:
         join_to_one_line(payscope("run", "--frobnicate"), "--frobnicate")
         join_to_one_line(payscope("rum"), "rum")
-        join_to_one_line(payscope("run"), "logs")
+        join_to_one_line(payscope("run"), "LOG")
 
 
 class TestOutputs:
