@@ -227,12 +227,10 @@ def compare_learnt_priors_with_pooled(document: EvidenceDocument) -> Findings:
         yield _make_irreproducible_finding(
             "learnt", "is there, although the campaign learns nothing"
         )
+    pooled = pool_learnt_terms_over_logs(learnt.logs, document.procedure_rules)
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
-        for terms in (
-            learnt.terms,
-            pool_learnt_terms_over_logs(learnt.logs, document.procedure_rules),
-        )
+        for terms in (learnt.terms, pooled)
     )
     if not all(near for _, near in find_differing_json_values(stored, computed)):
         yield _make_irreproducible_finding("learnt", "does not follow from its logs")
