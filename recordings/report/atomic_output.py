@@ -10,8 +10,12 @@ from typing import Final
 
 from estimators.errors import OutputError
 
-#: What shows that a folder is one that payscope writes whole.
-_OURS: Final = ("metadata.yaml", "evidence.json", "payscope-log.json")
+#: Folders that payscope writes whole, by the file that shows what a folder is.
+_WRITTEN_WHOLE: Final = {
+    "metadata.yaml": "a rosbag2 directory",
+    "evidence.json": "evidence",
+    "payscope-log.json": "a converted log",
+}
 
 
 class AppendOnlyFile:
@@ -98,12 +102,23 @@ def stage_output_file(target: Path, *, force: bool) -> Generator[Path]:
         yield stage / target.name
 
 
-def require_writable_folder(target: Path, *, force: bool) -> None:
+def require_writable_folder(target: Path, *, force: bool, marker: str | None = None) -> None:
     """Raise an error before the work begins if an output folder cannot be created.
+
+    Args:
+        target: folder to write.
+        force: whether an existing folder of its kind may be replaced.
+        marker: file that shows its kind; None for one that is never replaced.
 
     Raises:
         OutputError: the folder already exists, or its parent cannot be written to.
     """
+    for other, kind in _WRITTEN_WHOLE.items():
+        if marker not in (None, other) and (target / other).is_file():
+            raise OutputError(
+                f"{target}: is {kind}, which is not replaced by {_WRITTEN_WHOLE[marker]}; give "
+                "another output"
+            )
     with make_staging_folder([target], force=force):
         pass
 
@@ -182,7 +197,7 @@ def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
 
 
 def _is_folder_written_whole(folder: Path) -> bool:
-    return any((folder / name).is_file() for name in _OURS)
+    return any((folder / name).is_file() for name in _WRITTEN_WHOLE)
 
 
 def _replace_target(finished_output: Path, target: Path) -> None:

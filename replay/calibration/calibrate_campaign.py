@@ -24,7 +24,7 @@ from analysis.calibration.use.use_limits import LIMITS as USE_LIMITS
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.calibration.bundle_checks import check_bundle
-from recordings.calibration.bundle_folder import STATEMENT
+from recordings.calibration.bundle_folder import EVIDENCE, STATEMENT
 from recordings.calibration.calibration_recording import write_calibration_recording
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.derived_values import (
@@ -176,7 +176,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     refuse_campaign.refuse_outputs_among_campaign_files(
         campaign_file, campaign, (folder, timestamp_request_file, dcc and dcc.file)
     )
-    require_writable_folder(folder, force=force)
+    require_writable_folder(folder, force=force, marker=EVIDENCE)
     stretch = refuse_campaign.load_range_of_notary_list(campaign_file, campaign)
     if timestamp_request_file is not None:
         refuse_campaign.refuse_impossible_timestamp_request(

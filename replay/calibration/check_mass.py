@@ -11,6 +11,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Cam
 from analysis.calibration.campaign.campaign_subjects import Conditions, ReferenceMass
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
+from recordings.calibration.bundle_folder import EVIDENCE
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.report.atomic_output import require_writable_folder, stage_output_files
 from recordings.signatures.signing import read_signing_key_or_none
@@ -80,7 +81,7 @@ def write_evidence_of_mass_check(
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
     campaign = _make_campaign_of_single_run(last, log, mass_on_board)
-    require_writable_folder(evidence_folder, force=force)
+    require_writable_folder(evidence_folder, force=force, marker=EVIDENCE)
     with stage_output_files([evidence_folder], force=force) as stage:
         made = stage / evidence_folder.name
         made.mkdir()

@@ -120,7 +120,7 @@ def convert_log(
         OutputError: the folder cannot be written, or is there already.
     """
     refuse_input_as_output(target, [log.path])
-    require_writable_folder(target, force=force)
+    require_writable_folder(target, force=force, marker=DESCRIPTION)
     making = RunningConversion(log, topics)
     try:
         with open_unfinished_folder(target) as folder:

@@ -24,6 +24,7 @@ from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
+from recordings.calibration.bundle_folder import EVIDENCE
 from recordings.report.atomic_output import (
     require_writable_folder,
     require_writable_output,
@@ -175,7 +176,7 @@ def run_demo(
     hauled, truth = make_paths_of_simulated_logs(hauling, shift), make_shift_truth_path(shift)
     for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
         require_writable_output(output, force=force)
-    require_writable_folder(evidence, force=force)
+    require_writable_folder(evidence, force=force, marker=EVIDENCE)
     if page.exists() and force:
         refuse_unsuitable_review_folder(page)
     else:

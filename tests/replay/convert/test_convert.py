@@ -261,6 +261,17 @@ def test_two_conversions_to_one_folder_are_one_too_many(bag: Path, tmp_path: Pat
     assert_one_line(refused.value)
 
 
+def test_a_folder_of_another_kind_is_not_replaced_with_force(
+    bag: Path, tmp_path: Path, payscope: Payscope
+) -> None:
+    evidence = tmp_path / "evidence"
+    evidence.mkdir()
+    (evidence / "evidence.json").write_text("{}")
+    said = payscope("convert", bag, "-o", evidence, "--force")
+    join_to_one_line(said, "is evidence, which is not replaced by a converted log")
+    assert [each.name for each in evidence.iterdir()] == ["evidence.json"]
+
+
 def test_a_folder_that_was_changed_says_so(bag: Path, tmp_path: Path, payscope: Payscope) -> None:
     folder = converted(bag, tmp_path / "shift")
     part = folder / "rare_one/part-00000.parquet"
