@@ -192,10 +192,10 @@ TAMPERINGS: dict[str, Tampering] = {
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
     "the notice": Tampering(
         in_evidence("notice", to="Legal for trade."),
-        TAMPERED, TAMPERED, "the campaign", "evidence.json: notice: Input should be"),
+        TAMPERED, TAMPERED, "the campaign", "the schema of evidence at notice: Input should be"),
     "an unknown key": Tampering(
         lambda b: b.evidence.update(more=1), TAMPERED, TAMPERED, "the campaign",
-        "evidence.json: more: Extra inputs are not permitted, which the schema"),
+        "the schema of evidence at more: Extra inputs are not permitted"),
     "a number as text": Tampering(
         in_evidence("chain", "counter", to="2"), TAMPERED, TAMPERED, "the campaign",
         "evidence.json: writes a value as another type"),
@@ -277,7 +277,7 @@ TAMPERINGS: dict[str, Tampering] = {
         lambda b: b.evidence["learnt"]["terms"].update(
             const_yaw={"mean": 0.0, "std": 1.0, "mean_u": 1.0}),
         TAMPERED, TAMPERED, "learnt priors",
-        "evidence.json: learnt.terms.const_yaw.[key]: Input should be"),
+        "the schema of evidence at learnt.terms.const_yaw.[key]: Input should be"),
     "what a log said of a nuisance": Tampering(
         in_evidence("learnt", "logs", 0, "posterior", to=lambda x: x + 0.01),
         TAMPERED, IRREPRODUCIBLE, "learnt priors",
@@ -332,7 +332,8 @@ TAMPERINGS: dict[str, Tampering] = {
         TAMPERED, None, "chain", "evidence.json: chain.counter: is 1, and that before it 1"),
     "a tolerance that forgives": Tampering(
         in_evidence("replay_tolerance_kg", to=1e9),
-        TAMPERED, TAMPERED, "the campaign", "evidence.json: replay_tolerance_kg: Input should be"),
+        TAMPERED, TAMPERED, "the campaign",
+        "the schema of evidence at replay_tolerance_kg: Input should be"),
     "the software": Tampering(
         in_evidence("software", "python", to="4.0.0"),
         TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
