@@ -46,7 +46,7 @@ from replay.commands import (
     view,
     warm_up,
 )
-from replay.commands.command_help import write_help_as_users_read_it
+from replay.commands.payscope_command import write_help_as_users_read_it
 
 app = typer.Typer(
     name="payscope",

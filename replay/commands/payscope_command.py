@@ -1,4 +1,4 @@
-"""Help of the commands: paragraphs as wide as the terminal, values named as other tools name them.
+"""What all commands share: help that names values, and no output among the inputs.
 
 Typer prints the Python type of every value (`<list[Path]>`), and `<bool>` where an option takes
 none. No command begins that would write over what it is given.
