@@ -217,7 +217,7 @@ def test_what_is_wrong_with_a_regressor_is_said_in_one_line():
     A = planar_rows.make_planar_regressor(**MOTIONS["joint"])
     with pytest.raises(DataError, match="6 columns; 2 parameters"):
         find_identifiable_parameters(A, planar_rows.STRAIGHT_PARAMETERS)
-    with pytest.raises(DataError, match="each above zero"):
+    with pytest.raises(DataError, match="noise must hold 6 values, above zero"):
         find_identifiable_parameters(A, planar_rows.PARAMETERS, 0.0 * LOADER)
     A[3, 1, 2] = np.nan
     with pytest.raises(DataError, match="exclude these samples"):

@@ -102,7 +102,7 @@ def test_of_samples_that_share_a_stamp_the_last_is_kept_and_the_others_counted(r
     [
         (["fast"] * 500, "is String, not a number"),
         ([None] * 500, "holds no number in 500 samples"),
-        ([np.nan] * 499 + [1.0], "holds a single sample"),
+        ([np.nan] * 499 + [1.0], "holds a single sample, but at least two are needed"),
     ],
 )
 def test_a_field_without_numbers_is_an_error_that_names_channel_field_and_topic(
