@@ -115,11 +115,12 @@ class TestShow:
         join_to_one_line(
             payscope("show", recording, "gate", "--at", 2, "--from", 1), "use one or the other"
         )
-        for ends in (["--from", 5, "--to", 1], ["--from", "nan"], ["--to", "inf"]):
-            join_to_one_line(
-                payscope("show", recording, "gate", *ends), "is not a time span", "earlier first"
-            )
-        join_to_one_line(payscope("show", recording, "gate", "--at", "nan"), "is not a time")
+        ends = ["--from", 5, "--to", 1]
+        join_to_one_line(
+            payscope("show", recording, "gate", *ends), "is not a time span", "earlier first"
+        )
+        for time in (["--from", "nan"], ["--to", "inf"], ["--at", "nan"]):
+            join_to_one_line(payscope("show", recording, "gate", *time), "a finite number")
         join_to_one_line(payscope("show", recording, "masses", "--at", 2), "has no time")
         join_to_one_line(payscope("show", recording, "--at", 2), "need the name of a frame")
 

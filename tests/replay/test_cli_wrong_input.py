@@ -152,7 +152,9 @@ class TestWrongInput:
         self, payscope: Payscope, log: Path, tmp_path: Path, text: str, says: str
     ) -> None:
         (tmp_path / "m.toml").write_text(text)
-        join_to_one_line(payscope("run", log, "-m", tmp_path / "m.toml"), says, "no machine file")
+        join_to_one_line(
+            payscope("run", log, "-m", tmp_path / "m.toml"), says, "not a machine file"
+        )
 
     def test_machine_file_without_channels_says_which_it_needs(
         self, payscope: Payscope, log: Path, tmp_path: Path

@@ -109,7 +109,11 @@ def test_another_file_with_the_name_of_a_table_is_named(
         (".bag", b"\x89MCAP0\r\n", "not a ROS 1 bag; it is an MCAP file; its name ends in .mcap"),
         (".bag", b"RRF2\0\0", "it is a recording; its name ends in .rrd"),
         (".db3", b"%PDF-1.7", "not a rosbag2 .db3 file; it is a PDF document"),
-        (".mcap", b"\x89MCAP9\r\n", "not an MCAP file; it does not start with the MCAP magic"),
+        (
+            ".mcap",
+            b"\x89MCAP9\r\n",
+            "not an MCAP file; it does not start with the MCAP magic bytes",
+        ),
     ],
 )
 def test_a_log_with_the_name_of_another_format_is_named(

@@ -80,10 +80,13 @@ def test_a_file_torn_anywhere_keeps_every_complete_chunk_and_states_the_tear(
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (lambda data: data[:-1], "does not end with a footer and the MCAP magic"),
-        (lambda data: data[:-8], "does not end with a footer and the MCAP magic"),
-        (lambda data: data[:-8] + b"no magic", "does not end with a footer and the MCAP magic"),
-        (lambda data: data + bytes(512), "does not end with a footer and the MCAP magic"),
+        (lambda data: data[:-1], "does not end with a footer and the MCAP magic bytes"),
+        (lambda data: data[:-8], "does not end with a footer and the MCAP magic bytes"),
+        (
+            lambda data: data[:-8] + b"no magic",
+            "does not end with a footer and the MCAP magic bytes",
+        ),
+        (lambda data: data + bytes(512), "does not end with a footer and the MCAP magic bytes"),
         (lambda data: data[:-70] + b"\xff" + data[-69:], "the CRC of its summary is wrong"),
     ],
     ids=["a byte less", "no magic", "another magic", "zeros behind", "a wrong summary"],
@@ -172,7 +175,7 @@ def test_a_topic_that_cannot_be_decoded_costs_that_topic_not_the_log(mixed: Path
     problems = dict(log.topics().select("topic", "problem").rows())
     assert [topic for topic, problem in problems.items() if problem is None] == ["/joints", "/torn"]
     assert "definition of a service" in problems["/event"]
-    assert "lacks c/msg/Missing" in problems["/lacking"]
+    assert "the definition of c/msg/Missing" in problems["/lacking"]
     assert "contains itself" in problems["/loop"]
     assert "its JSON schema lists no properties" in problems["/json"]
     assert {loss.topic for loss in log.losses()} == {t for t, p in problems.items() if p}
