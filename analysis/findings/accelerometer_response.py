@@ -80,21 +80,17 @@ def fit_imu_to_boom_angle_slope_and_std(inputs: FindingInputs) -> tuple[float, f
     if not {ACC, _BOOM} <= set(inputs.aligned.columns) or not inputs.select_measured_channels(ACC):
         return None
     reads = get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
-    boom = get_column_values(inputs.aligned, _BOOM)
-    used = inputs.is_resting_sample & np.isfinite(reads) & np.isfinite(boom)
-    size = max(round(LIMITS.stand_block_s * inputs.machine.settings.align.rate_hz), 1)
-    count = int(used.sum()) // size
-    if count < LIMITS.stand_min_blocks:
+    x, y = inputs.average_blocks_at_rest(get_column_values(inputs.aligned, _BOOM), reads)
+    if x.size < LIMITS.stand_min_blocks:
         return None
-    x, y = (each[used][: count * size].reshape(count, size).mean(axis=1) for each in (boom, reads))
     x, y = x - x.mean(), y - y.mean()
-    if np.sqrt(x @ x / count) < LIMITS.boom_min_std_rad:
+    if np.sqrt(x @ x / x.size) < LIMITS.boom_min_std_rad:
         return None
     slope = float(x @ y) / float(x @ x)
     unexplained = float(((y - slope * x) ** 2).sum())
     if unexplained > LIMITS.boom_unexplained_1 * float(y @ y):
         return None
-    return slope, float(np.sqrt(unexplained / (count - 2) / float(x @ x)))
+    return slope, float(np.sqrt(unexplained / (x.size - 2) / float(x @ x)))
 
 
 def compute_imu_spectra_after_starts_and_at_rest(

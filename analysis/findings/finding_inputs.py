@@ -228,14 +228,18 @@ class FindingInputs:
 
     def compute_mean_and_std_of_signal_at_rest(self, signal: Floats) -> tuple[float, float]:
         """Mean and standard deviation of (n,) values at standstill, by means over half a second."""
-        signal = signal[self.is_resting_sample]
-        signal = signal[np.isfinite(signal)]
-        size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)
-        count = signal.size // size
-        if count < LIMITS.stand_min_blocks:
+        (blocks,) = self.average_blocks_at_rest(signal)
+        if blocks.size < LIMITS.stand_min_blocks:
             return float("nan"), float("nan")
-        blocks = signal[: count * size].reshape(count, size).mean(axis=1)
-        return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
+        std_of_mean = float(blocks.std(ddof=1)) / float(np.sqrt(blocks.size))
+        return float(np.median(blocks)), 1.2533 * std_of_mean
+
+    def average_blocks_at_rest(self, *signals: Floats) -> list[Floats]:
+        """Means (blocks,) over half a second at standstill, of signals (n,) where all are known."""
+        used = self.is_resting_sample & np.logical_and.reduce([np.isfinite(x) for x in signals])
+        size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)
+        count = int(used.sum()) // size
+        return [x[used][: count * size].reshape(count, size).mean(axis=1) for x in signals]
 
     def look_up_mass_of_samples_kg(self, motion: MotionSamples) -> Floats:
         """Mass of the load of each sample by the joint fit, (n,) in kg."""

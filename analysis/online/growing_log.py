@@ -219,8 +219,8 @@ class GrowingLog:
         """Drop samples within a gap of a topic, of which no row is made; whether it goes on."""
         assert self.basis is not None
         newest_ns = [int(frame["unix_ns"][-1]) for frame in self._raw.values() if frame.height]
-        awaited_ns, is_awaited = min(newest_ns), min(newest_ns) == self._awaited_unix_ns
-        self._awaited_unix_ns = awaited_ns
+        awaited_ns = min(newest_ns)
+        is_awaited, self._awaited_unix_ns = awaited_ns == self._awaited_unix_ns, awaited_ns
         # a topic that comes is asked first: what counts as a gap costs more than the question
         if not is_awaited or max(newest_ns) - awaited_ns <= SIGNAL_LIMITS.longest_gap_s * 1e9:
             return False
