@@ -1,11 +1,13 @@
 """What following costs: the share of a processor at 100 Hz, and the latency from disk to estimate.
 
     python -P benchmarks/follow_live.py [--seconds 40] [--speed 1] [--replay-share 0.1]
+                                        [--chunk-kib 0]
 
 A recorder in a process of its own writes simulated starts in real time (or `--speed` times as
-fast), a tick of 10 ms at a time, each on disk at once. A row could be estimated when the sample
-that completes it was written; the latency is from then to the return of its step. With a share, the
-log so far is replayed in the background as `payscope follow` does it.
+fast), a tick of 10 ms at a time, each message on disk at once; or in chunks of so many KiB, packed
+with lz4, as recorders write unless told otherwise. A row could be estimated when the sample that
+completes it was written; the latency is from then to the return of its step. With a share, the log
+so far is replayed in the background as `payscope follow` does it.
 """
 
 import json
@@ -45,26 +47,32 @@ NOISE = [
 ]
 
 
-def record(source: Path, target: Path, times: Path, seconds: float, speed: float) -> None:
+def record(
+    source: Path, target: Path, times: Path, seconds: float, speed: float, chunk_kib: int
+) -> None:
     """Write the messages when they are due.
 
-    `times` gets of each tick the header stamp that every topic has reached, and its wall time.
+    `times` gets of each write the header stamp that every topic has reached, and its wall time.
     """
     written_at: list[tuple[int, float]] = []
     with source.open("rb") as read, target.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.NONE, use_chunking=False)
+        writer = Writer(
+            file,
+            compression=CompressionType.LZ4 if chunk_kib else CompressionType.NONE,
+            use_chunking=bool(chunk_kib),
+            chunk_size=chunk_kib * 1024,
+        )
         writer.start("ros2", "benchmark")
         channels: dict[int, int] = {}
         first, began, tick = None, time.monotonic(), 0
         reached: dict[int, int] = {}
+        written = 0
         for schema, channel, message in make_reader(read).iter_messages():
             first = message.log_time if first is None else first
             due = message.log_time - first
             if due > seconds * 1e9:
                 break
             if due // TICK_NS > tick:
-                file.flush()
-                written_at.append((min(reached.values()), time.monotonic()))
                 tick = due // TICK_NS
                 time.sleep(max(0.0, began + tick * TICK_NS / 1e9 / speed - time.monotonic()))
             if channel.id not in channels:
@@ -79,11 +87,17 @@ def record(source: Path, target: Path, times: Path, seconds: float, speed: float
             # behind the four bytes that say how it is encoded, a message begins with its header
             seconds_1970, rest_ns = HEADER_STAMP.unpack_from(message.data, 4)
             reached[channel.id] = seconds_1970 * 10**9 + rest_ns
+            if file.tell() > written:
+                file.flush()
+                written = file.tell()
+                written_at.append((min(reached.values()), time.monotonic()))
         writer.finish()
     times.write_text(json.dumps(written_at))
 
 
-def followed(folder: Path, seconds: float, speed: float, replay_share: float) -> list[str]:
+def followed(
+    folder: Path, seconds: float, speed: float, replay_share: float, chunk_kib: int
+) -> list[str]:
     """A row of the table."""
     runs = int(seconds // 10) + 1
     plan = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": runs}})
@@ -107,13 +121,15 @@ def followed(folder: Path, seconds: float, speed: float, replay_share: float) ->
             now = time.monotonic()
             seen.extend((basis.t0_unix_ns + row.t_ns, now) for row in rows if row.gate)
 
-    recorder = multiprocessing.Process(target=record, args=(source, target, times, seconds, speed))
+    recorder = multiprocessing.Process(
+        target=record, args=(source, target, times, seconds, speed, chunk_kib)
+    )
     recorder.start()
     while not target.exists():
         time.sleep(0.01)
     began, spent = time.monotonic(), time.process_time()
     with replays:
-        follow_logs([target], machine, on_rows, idle_s=5.0)
+        follow_logs([target], machine, on_rows, idle_s=60.0)
     took_s = time.monotonic() - began
     share = (time.process_time() - spent) / took_s
     recorder.join()
@@ -125,7 +141,7 @@ def followed(folder: Path, seconds: float, speed: float, replay_share: float) ->
     steady = late_ms[rows > stamps[0] + 5e9]
     most_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return [
-        f"{speed:g}×",
+        f"{speed:g}×, {f'chunks of {chunk_kib} KiB' if chunk_kib else 'no chunks'}",
         f"{100 * share:.1f} %",
         f"{np.median(steady):.0f}",
         f"{100 * np.mean(steady > LATE_MS):.0f} %",
@@ -175,13 +191,15 @@ def steps(machine: Any) -> str:
     return markdown(["part of a step", "µs"], rows)
 
 
-def main(seconds: float = 40.0, speed: float = 1.0, replay_share: float = 0.0) -> None:
+def main(
+    seconds: float = 40.0, speed: float = 1.0, replay_share: float = 0.0, chunk_kib: int = 0
+) -> None:
     machine = load_machine("cat262c.toml", NOISE)
     print(steps(machine))
     with TemporaryDirectory() as name:
-        row = followed(Path(name), seconds, speed, replay_share)
+        row = followed(Path(name), seconds, speed, replay_share, chunk_kib)
     head = [
-        "speed",
+        "speed, recorder",
         "of a processor",
         "latency ms: median",
         "above 50",

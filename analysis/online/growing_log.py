@@ -186,7 +186,12 @@ class GrowingLog:
             if is_log_complete:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
                 raise DataError(f"no message arrived on the topics {missing}")
+            newest_ns = max(int(frame["log_time_ns"][-1]) for frame in self._raw.values())
+            self._drop_samples_before_last_topic(newest_ns)
             return False
+        self._drop_samples_before_last_topic(
+            max(int(frame["log_time_ns"][0]) for frame in self._raw.values())
+        )
         head = cut_topics_to_first_seconds(self._raw)
         if head is None:
             if not is_log_complete:
@@ -215,6 +220,17 @@ class GrowingLog:
         }
         return True
 
+    def _drop_samples_before_last_topic(self, begins_ns: int) -> None:
+        """Drop samples between the begin of the log and that of the last topic, but for the ends.
+
+        Args:
+            begins_ns: log time from which samples of the last topic can come.
+        """
+        first_ns = min(int(frame["log_time_ns"][0]) for frame in self._raw.values())
+        ends_ns = round((SIGNAL_LIMITS.longest_gap_s + self._kept_s) * 1e9)
+        if begins_ns - first_ns > 2 * ends_ns:
+            self._drop_samples_between("log_time_ns", first_ns + ends_ns, begins_ns - ends_ns)
+
     def _drop_samples_while_topic_is_missing(self) -> bool:
         """Drop samples within a gap of a topic, of which no row is made; whether it goes on."""
         assert self.basis is not None
@@ -233,15 +249,18 @@ class GrowingLog:
         ends_ns = round(longest_ns + (SIGNAL_LIMITS.longest_gap_s + self._kept_s) * 1e9)
         if max(newest_ns) - awaited_ns <= ends_ns:
             return False
+        self._drop_samples_between("unix_ns", awaited_ns + ends_ns, max(newest_ns) - ends_ns)
+        return True
+
+    def _drop_samples_between(self, time_column: str, from_ns: int, until_ns: int) -> None:
+        """Drop samples between two times, except the newest of each topic."""
         for topic, frame in self._raw.items():
-            stamps = frame["unix_ns"].to_numpy()
             first, after = np.searchsorted(
-                stamps, [awaited_ns + ends_ns, max(newest_ns) - ends_ns]
+                frame[time_column].to_numpy(), [from_ns, until_ns]
             ).tolist()
             after = min(after, frame.height - LIMITS.kept_min_samples)
             if after > first:
                 self._raw[topic] = pl.concat([frame[:first], frame[after:]], rechunk=True)
-        return True
 
     def _make_next_excitation_rows(self, *, is_log_complete: bool) -> pl.DataFrame | None:
         assert self.basis is not None

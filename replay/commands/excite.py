@@ -32,7 +32,7 @@ def command(
         float | None, typer.Option(help="Window in s, between T and 3 T; 2 T by default.")
     ] = None,
     yard: Annotated[
-        float | None, typer.Option(help="Greatest distance in m from the start.")
+        float | None, typer.Option(min=0.0, help="Greatest distance in m from the start.")
     ] = None,
     overrides: Annotated[
         list[str] | None,
