@@ -46,11 +46,12 @@ test-times: $(TEST_STAMP) ## the tests alone, and which files and tests took mos
 	$(BIN)/payscope warm-up
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" --processor-times
 
-slow: $(TEST_STAMP) ## the same statements over many trials and examples (ten minutes)
-	$(BIN)/python -m pytest $(PARALLEL) -m slow --hypothesis-profile unseen
+slow: $(TEST_STAMP) ## what takes a second or more each, many trials and examples (half an hour)
+	$(BIN)/payscope warm-up
+	$(BIN)/python -m pytest $(PARALLEL) -m slow
 
-unseen: $(TEST_STAMP) ## the tests with examples drawn anew, where `tests` repeats its own (ten minutes)
-	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" --hypothesis-profile unseen
+unseen: $(TEST_STAMP) ## all tests with examples drawn anew, where others repeat their own (an hour)
+	$(BIN)/python -m pytest $(PARALLEL) --hypothesis-profile unseen
 
 $(BIN)/python:
 	$(PYTHON) .ci/make_environment.py .venv

@@ -6,6 +6,7 @@ import pytest
 from analysis.model.machine import Machine
 from benchmarks.independent.turning_logs import FAULTS, turn_log
 from benchmarks.turning import planar_of, turned
+from tests.twins import mark_slow_after
 
 #: Logs of each fault for `make slow`; `make test` has one of two faults, of some seconds each.
 SEEDS = range(3)
@@ -14,17 +15,20 @@ SLOW = pytest.mark.slow
 
 @pytest.mark.parametrize(
     ("fault", "quantity", "seeds"),
-    [
-        ("IMU 5 cm off", "com_x_m", (1,)),
-        # its spins creep: 15 % too heavy where their sign of speed was a direction
-        ("rolling and Coulomb", "mass_kg", (610011,)),
-        pytest.param("Coulomb friction of turning", "inertia_z_kg_m2", SEEDS, marks=SLOW),
-        pytest.param("IMU 5 cm off", "com_x_m", SEEDS, marks=SLOW),
-        pytest.param("track 1 %", "inertia_z_kg_m2", SEEDS, marks=SLOW),
-        pytest.param("rolling and Coulomb", "mass_kg", range(610011, 610014), marks=SLOW),
-        # tyres that scrub hold its spins, and the point that it turns about is not the origin
-        pytest.param("skid-steer", "inertia_z_kg_m2", range(640000, 640004), marks=SLOW),
-    ],
+    mark_slow_after(
+        1,
+        [
+            ("IMU 5 cm off", "com_x_m", (1,)),
+            # its spins creep: 15 % too heavy where their sign of speed was a direction
+            ("rolling and Coulomb", "mass_kg", (610011,)),
+            pytest.param("Coulomb friction of turning", "inertia_z_kg_m2", SEEDS, marks=SLOW),
+            pytest.param("IMU 5 cm off", "com_x_m", SEEDS, marks=SLOW),
+            pytest.param("track 1 %", "inertia_z_kg_m2", SEEDS, marks=SLOW),
+            pytest.param("rolling and Coulomb", "mass_kg", range(610011, 610014), marks=SLOW),
+            # tyres that scrub hold its spins, and the point that it turns about is not the origin
+            pytest.param("skid-steer", "inertia_z_kg_m2", range(640000, 640004), marks=SLOW),
+        ],
+    ),
 )
 def test_what_is_said_of_a_faulty_log_is_within_three_standard_uncertainties(
     fault, quantity, seeds
@@ -43,6 +47,7 @@ def test_what_spins_tell_an_arc_is_a_covariance_where_priors_alone_tell_terms_ap
     assert all(row["inertia_z_std_kg_m2"] > 0.0 for row in told)
 
 
+@pytest.mark.slow
 def test_a_machine_file_that_states_nothing_is_told_what_is_not_in_the_uncertainty():
     for seed in SEEDS:
         said = planar_of(turn_log(FAULTS["clean"], seed, stated=False)).filter(kind="joint")

@@ -34,7 +34,9 @@ def test_no_cell_has_a_cutoff_above_what_its_rate_can_hold() -> None:
 
 
 @pytest.mark.parametrize(
-    "cell", [Cell(1.0, 20.0, derived=True), Cell(50.0, 2.0, derived=True)], ids=str
+    "cell",
+    mark_slow_after(1, [Cell(1.0, 20.0, derived=True), Cell(50.0, 2.0, derived=True)]),
+    ids=str,
 )
 def test_wheels_that_slip_and_give_the_acceleration_tell_how_much(cell: Cell) -> None:
     """By 7.5 % at 2.5 kN; the mass was up to 51 kg too small."""

@@ -1,5 +1,7 @@
 """An answer that is read back from a recording, of today and of before the joint fit."""
 
+import pytest
+
 from analysis import Run, Settings
 from analysis.model.answer import make_answer
 from recordings import read_recording, write_recording
@@ -26,6 +28,7 @@ def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_p
     )
 
 
+@pytest.mark.slow
 def test_a_recorded_answer_is_the_answer(drives, tmp_path):
     run = drives(30.0)
     kept = read_recording(write_recording(run, tmp_path / "new.rrd"))

@@ -101,7 +101,7 @@ def test_an_engine_that_is_off_at_a_stand_is_no_frozen_channel(seed: int) -> Non
     assert replayed.frames["findings"].is_empty()
 
 
-@pytest.mark.parametrize("is_on_boom", [True, False])
+@pytest.mark.parametrize("is_on_boom", mark_slow_after(1, [True, False]))
 def test_an_imu_that_turns_with_the_boom_is_found_by_gravity_along_x(is_on_boom: bool) -> None:
     log = drawn_log(INDEPENDENT)
     imu, speed = log.topics["imu"], log.topics["speed"]
@@ -123,6 +123,7 @@ def test_an_imu_that_turns_with_the_boom_is_found_by_gravity_along_x(is_on_boom:
     assert causes[:1] == ["imu_on_boom"] if is_on_boom else "imu_on_boom" not in causes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", mark_slow_after(1, [INDEPENDENT, SIMULATED]))
 def test_a_torque_that_clips_is_found_where_arithmetic_makes_the_force_of_it(seed: int) -> None:
     log = drawn_log(seed)
@@ -148,6 +149,7 @@ def test_a_torque_that_clips_is_found_where_arithmetic_makes_the_force_of_it(see
     assert limits_N[1] == pytest.approx(limits_N[0], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_pressure_that_rests_while_the_other_works_is_not_clipped() -> None:
     log = drawn_log(INDEPENDENT)
     torque = log.topics["torque"]

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from analysis.model.methods import METHODS
 
 REPO = Path(__file__).resolve().parents[3]
@@ -55,6 +57,7 @@ def first_loaded_by_a_drive(methods, *, rehearsed):
     ).stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_drive_loads_nothing_that_was_not_rehearsed():
     assert first_loaded_by_a_drive(tuple(METHODS), rehearsed=True) == "[]"
     assert "advance_window" in first_loaded_by_a_drive(("ls",), rehearsed=False)

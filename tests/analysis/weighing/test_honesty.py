@@ -53,21 +53,21 @@ def holds(load, true_kg):
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, SEEDS))
-@pytest.mark.parametrize("name", mark_slow_after(6, FAULTY))
+@pytest.mark.parametrize("name", mark_slow_after(2, FAULTY))
 def test_a_fault_is_in_the_interval(name, seed, machine):
     scenario = Scenario.model_validate(sections(name, sensors={"seed": seed}))
     load, true_kg = weighed(scenario, machine)
     assert holds(load, true_kg), (load["mass_kg"], load["u_kg"])
 
 
-@pytest.mark.parametrize("name", HARMLESS)
+@pytest.mark.parametrize("name", mark_slow_after(1, HARMLESS))
 def test_what_is_harmless_is_weighed(name, machine):
     load, true_kg = weighed(Scenario.model_validate(sections(name)), machine)
     assert not load["withheld"], load["withheld_for"]
     assert holds(load, true_kg)
 
 
-@pytest.mark.parametrize("seed", DESIGNS)
+@pytest.mark.parametrize("seed", mark_slow_after(1, DESIGNS))
 def test_a_machine_that_was_drawn_is_weighed(seed, machine):
     load, true_kg = weighed(Scenario.model_validate(draw_design(seed)), machine)
     assert not load["withheld"], load["withheld_for"]

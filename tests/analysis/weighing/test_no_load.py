@@ -12,7 +12,7 @@ from tests.twins import mark_slow_after
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(6)))
-@pytest.mark.parametrize("name", ["a rack", "an arm"])
+@pytest.mark.parametrize("name", mark_slow_after(1, ["a rack", "an arm"]))
 def test_no_load_is_said_that_the_machine_could_not_carry(
     name: str, seed: int, tmp_path: Path
 ) -> None:

@@ -64,7 +64,7 @@ def drive(seed: int, stiffness_share: float) -> tuple[pl.DataFrame, float]:
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(4)))
-@pytest.mark.parametrize("stiffness_share", [0.0, 1.0])
+@pytest.mark.parametrize("stiffness_share", mark_slow_after(1, [0.0, 1.0]))
 def test_a_payload_holds_whether_the_load_presses_the_tracks_or_not(
     tmp_path: Path, seed: int, stiffness_share: float
 ) -> None:

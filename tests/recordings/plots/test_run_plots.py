@@ -35,13 +35,14 @@ def pages(drives) -> dict[float, Figure]:
     return {seconds: draw_run_overview(drives(seconds)) for seconds in DRAWN_S}
 
 
-@pytest.mark.parametrize("suffix", SIGNATURES)
+@pytest.mark.parametrize("suffix", mark_slow_after(1, SIGNATURES))
 def test_the_suffix_says_the_format(drives, tmp_path: Path, suffix: str):
     path = plot_run(drives(60.0), tmp_path / f"loads{suffix}", figure_name="loads")
     assert path.read_bytes().startswith(SIGNATURES[suffix])
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_a_run_without_a_calibration_can_be_drawn(drives, tmp_path: Path):
     plot_run(drives(60.0, calibration=False), tmp_path / "page.png")
 
@@ -51,6 +52,7 @@ def test_an_empty_run_and_names_that_look_like_formulas_can_be_drawn(tmp_path: P
     plot_run(Run({"gate": pl.DataFrame(schema={"t_ns": pl.Int64})}, about), tmp_path / "page.png")
 
 
+@pytest.mark.slow
 def test_the_names_of_many_logs_stay_on_the_page(drives, tmp_path: Path):
     run = drives(30.0)
     logs = tuple(InputFile(name=f"shift_{n}.bag", sha256="0", size_bytes=1) for n in range(40))
@@ -292,6 +294,7 @@ def lanes(figure: Figure) -> Axes:
     return figure.subfigs[1].axes[named.index(["gate", "yaw gate", "phase"])]
 
 
+@pytest.mark.slow
 def test_few_states_are_drawn_as_stretches_and_many_as_shares_of_time(drives, pages):
     short, long = lanes(pages[60.0]), lanes(draw_run_overview(drives(2400.0)))
     assert not short.patches
@@ -306,6 +309,7 @@ def test_few_states_are_drawn_as_stretches_and_many_as_shares_of_time(drives, pa
     assert len(full) > 0.9 * len(tops)
 
 
+@pytest.mark.slow
 def test_no_legend_covers_a_panel(drives, pages):
     for figure in (pages[60.0], draw_run_overview(drives(700.0))):
         figure.draw_without_rendering()

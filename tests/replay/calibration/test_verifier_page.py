@@ -29,6 +29,7 @@ from tests.replay.made_evidence import Made
 from tests.replay.released_evidence import FORMAT_2, FORMAT_3, unpacked
 from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.tamperings import TAMPERINGS, in_evidence
+from tests.twins import mark_slow_after
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -228,11 +229,30 @@ def test_alpha_changed_in_evidence_and_page_alike_is_found(
 
 @pytest.mark.parametrize(
     "name",
-    ["alpha", "the uncertainty", "a row of the budget", "a reference mass", "what masses share",
-     "the mass of a reading", "a dropped reading", "a run excluded afterwards", "the points",
-     "an edited report", "a removed report", "one digest removed", "an added file", "spaces",
-     "a compressed table", "another recording", "the counter", "the intended use"],
-)  # fmt: skip
+    mark_slow_after(
+        1,
+        [
+            "alpha",
+            "the uncertainty",
+            "a row of the budget",
+            "a reference mass",
+            "what masses share",
+            "the mass of a reading",
+            "a dropped reading",
+            "a run excluded afterwards",
+            "the points",
+            "an edited report",
+            "a removed report",
+            "one digest removed",
+            "an added file",
+            "spaces",
+            "a compressed table",
+            "another recording",
+            "the counter",
+            "the intended use",
+        ],
+    ),
+)
 def test_a_tampering_is_found_with_the_key(
     verifier: Verifier, made: Made, tmp_path: Path, name: str
 ) -> None:
@@ -463,6 +483,7 @@ def test_it_is_accessible_and_fits_a_phone(opened: Any, made: Made) -> None:
     assert not opened.complaints
 
 
+@pytest.mark.slow
 def test_a_statement_that_was_made_for_another_bundle_is_found(
     verifier: Verifier, made: Made, tmp_path: Path
 ) -> None:

@@ -13,6 +13,7 @@ from analysis.stages.signals.mounting import transfer_acceleration_to_origin
 from estimators.errors import ScenarioError
 from tests.analysis.simulation.quiet import NO_NOISE as QUIET
 from tests.analysis.simulation.quiet import TOGETHER
+from tests.twins import mark_slow_after
 
 WHEELS = MachineBody(name="as simulated", wheel_radius_m=0.42, track_width_m=1.5, force_share=0.5)
 PLANAR = (
@@ -121,13 +122,16 @@ def test_the_gyroscopes_bias_is_on_its_three_axes_and_nowhere_else():
 
 @pytest.mark.parametrize(
     ("key", "topic", "pattern", "lsb"),
-    [
-        ("torque_lsb_N_m", "torque", "^torque_.*$", 5.0),
-        ("acc_lsb_m_s2", "imu", "^specific_force_.*$", 0.02),
-        ("gyro_lsb_rad_s", "imu", "^.*_rate_rad_s$", 0.003),
-        ("speed_lsb_m_s", "speed", "^speed_.*$", 0.01),
-        ("angle_lsb_rad", "imu", "^(pitch|roll)_rad$", 0.001),
-    ],
+    mark_slow_after(
+        1,
+        [
+            ("torque_lsb_N_m", "torque", "^torque_.*$", 5.0),
+            ("acc_lsb_m_s2", "imu", "^specific_force_.*$", 0.02),
+            ("gyro_lsb_rad_s", "imu", "^.*_rate_rad_s$", 0.003),
+            ("speed_lsb_m_s", "speed", "^speed_.*$", 0.01),
+            ("angle_lsb_rad", "imu", "^(pitch|roll)_rad$", 0.001),
+        ],
+    ),
 )
 def test_quantised_channels_are_whole_steps_within_half_a_step_of_what_they_were(
     key, topic, pattern, lsb

@@ -82,6 +82,7 @@ def test_no_start_without_a_pile_digs(
     assert find_digging_starts(frame, MACHINE).is_empty()
 
 
+@pytest.mark.slow
 @given(
     st.floats(3600.0, 4700.0),
     st.floats(0.0, 600.0),
@@ -197,7 +198,7 @@ def test_a_machine_that_drives_on_is_in_no_pile() -> None:
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3)))
-@pytest.mark.parametrize("name", WITHOUT_BUCKET)
+@pytest.mark.parametrize("name", mark_slow_after(1, WITHOUT_BUCKET))
 def test_machines_without_a_bucket_have_no_pile(name: str, seed: int, tmp_path: Path) -> None:
     drawn = WITHOUT_BUCKET[name](seed)
     path = tmp_path / "drawn.parquet"
