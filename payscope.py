@@ -109,6 +109,8 @@ def _run(module: str) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         import_module(module).main()
+    except KeyboardInterrupt:  # before the command line is there, which says the same
+        sys.exit(130)
     except ImportError as error:
         package = (error.name or "").partition(".")[0]
         if not _is_installed():  # neither its version nor what it needs is found

@@ -92,6 +92,8 @@ def stage_output_files(targets: Sequence[Path], *, force: bool) -> Generator[Pat
         except OSError as error:
             reason = error.strerror or error
             raise OutputError(f"{targets[0]}: cannot be written ({reason})") from None
+        except OutputError as error:  # of a file within, by the name that the user gave
+            raise OutputError(str(error).replace(str(stage), str(stage.parent))) from None
 
 
 @contextmanager
@@ -203,6 +205,14 @@ def _is_folder_written_whole(folder: Path) -> bool:
 def _replace_target(finished_output: Path, target: Path) -> None:
     """Move the output into place, over an existing file or folder."""
     # only a file can be renamed over what is there, and only over a file
-    if target.exists() and (target.is_dir() or finished_output.is_dir()):
-        target.replace(finished_output.with_name(f"{target.name}.replaced"))
-    finished_output.replace(target)
+    if not (target.exists() and (target.is_dir() or finished_output.is_dir())):
+        finished_output.replace(target)
+        return
+    replaced = finished_output.with_name(f"{target.name}.replaced")
+    try:
+        target.replace(replaced)
+        finished_output.replace(target)
+    except BaseException:  # a fault, or a signal that comes between both: what was there stays
+        if replaced.exists() and not target.exists():
+            replaced.replace(target)
+        raise

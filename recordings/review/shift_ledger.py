@@ -6,6 +6,7 @@ A cycle is found in it by number, id or local time.
 import datetime as dt
 import re
 from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from zoneinfo import ZoneInfo
@@ -32,8 +33,8 @@ CSV: Final = "ledger.csv"
 CHECK: Final = "check"
 NO_LABELS: Final = Labels()
 _QUALITY: Final = ("quality", "withheld_for", "counted")
-#: How a text begins that a spreadsheet computes.
-FORMULA: Final = r"^[=+\-@\t\r]"
+#: How a text begins that a spreadsheet computes; some take the full-width signs as well.
+FORMULA: Final = "^[=+\\-@\t\r\n\uff1d\uff0b\uff0d\uff20]"
 _TIME: Final = re.compile(
     r"(?:(?P<day>\d{4}-\d\d-\d\d)[ T])?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?"
     r"\s*(?P<offset>Z|[+-]\d\d:?\d\d)?"
@@ -189,7 +190,10 @@ def write_ledger_parquet_and_csv(ledger: pl.DataFrame, folder: Path) -> None:
 
     In the CSV, an apostrophe precedes texts that a spreadsheet would evaluate as formulas.
     """
-    ledger.write_parquet(folder / PARQUET, compression="zstd")
+    # by way of memory: polars says of a full disk only that some computing failed
+    written = BytesIO()
+    ledger.write_parquet(written, compression="zstd")
+    (folder / PARQUET).write_bytes(written.getvalue())
     texts = [name for name, kind in ledger.schema.items() if kind == pl.String]
     safe = [
         pl.when(pl.col(name).str.contains(FORMULA))

@@ -23,7 +23,12 @@ from pydantic import (
 
 from estimators.errors import EvidenceError
 from recordings.signatures.signature_limits import LIMITS
-from recordings.signatures.signing import PublicKey
+from recordings.signatures.signing import (
+    KEY_VARIABLE,
+    PublicKey,
+    SigningKey,
+    read_signing_key_or_none,
+)
 
 #: The environment variable that names another keyring.
 KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"
@@ -136,11 +141,30 @@ def load_keyring(path: Path | None = None) -> Keyring:
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
         raise EvidenceError(f"{path}: is not a keyring: a keyring contains only [[keys]] tables")
-    keys = tuple(_parse_keyring_row(path, number, row) for number, row in enumerate(rows, start=1))
+    keys = tuple(
+        validate_known_key(row, f"{path}: key {number}") for number, row in enumerate(rows, start=1)
+    )
     ids = [each.public_key.key_id for each in keys]
     if len(set(ids)) < len(ids):
         raise EvidenceError(f"{path}: lists the same key twice; remove one entry")
     return Keyring(path, keys)
+
+
+def read_valid_signing_key_or_none(path: Path | None) -> SigningKey | None:
+    """Read a key as `read_signing_key_or_none`, unless the user's keyring lets it sign nothing.
+
+    Raises:
+        EvidenceError: as that; the keyring has revoked the key, or it is not valid today.
+    """
+    key = read_signing_key_or_none(path)
+    known = None if key is None else load_keyring().find_key_by_id_or_prefix(key.public_key.key_id)
+    today = dt.datetime.now(dt.UTC).date()
+    if known is not None and (fault := known.explain_distrust(today, None)):
+        raise EvidenceError(
+            f"{path or KEY_VARIABLE}: the key of {known.owner}, "
+            f"{known.public_key.key_id[:12]}…, {fault}; sign with another key"
+        )
+    return key
 
 
 def save_keyring(keyring_path: Path, keys: Sequence[KnownKey]) -> Keyring:
@@ -157,13 +181,14 @@ def save_keyring(keyring_path: Path, keys: Sequence[KnownKey]) -> Keyring:
         table.update(each.model_dump(exclude_defaults=True))
         tables.append(table)
     text = _HEAD + ("\n" + tomlkit.dumps({"keys": tables}) if keys else "")
-    partial = keyring_path.with_name(f".{keyring_path.name}.{os.getpid()}")
+    kept = keyring_path.resolve()  # of a link, what it points at: others may read that
+    partial = kept.with_name(f".{kept.name}.{os.getpid()}")
     try:
-        keyring_path.parent.mkdir(parents=True, exist_ok=True)
+        kept.parent.mkdir(parents=True, exist_ok=True)
         try:
             partial.touch(mode=0o600, exist_ok=False)
             partial.write_text(text, encoding="utf-8")
-            partial.replace(keyring_path)
+            partial.replace(kept)
         finally:
             with suppress(OSError):
                 partial.unlink()
@@ -191,7 +216,8 @@ def revoke_key_in_keyring(keyring: Keyring, key_id: str, day: dt.date, reason: s
     """Mark a key as revoked, and write the keyring.
 
     Raises:
-        EvidenceError: no such key, or the file cannot be written.
+        EvidenceError: no such key, it was revoked on that day or before, the reason is too long, or
+            the file cannot be written.
     """
     known = keyring.find_key_by_id_or_prefix(key_id)
     if known is None:
@@ -201,16 +227,31 @@ def revoke_key_in_keyring(keyring: Keyring, key_id: str, day: dt.date, reason: s
         fault = f"several keys begin with '{key_id}'" if alike else f"no key '{key_id}'"
         remedy = f"give more digits of one of {have}" if alike else f"its keys: {have}"
         raise EvidenceError(f"{keyring.path}: {fault}; {remedy}")
-    revoked = known.model_copy(update={"revoked": day, "because": reason})
+    if known.revoked is not None and known.revoked <= day:
+        raise EvidenceError(
+            f"{keyring.path}: key {known.public_key.key_id[:12]}… of {known.owner} was revoked on "
+            f"{known.revoked} already; only an earlier --day can replace that"
+        )
+    changed = {"revoked": day, "because": reason or known.because}
+    revoked = validate_known_key({**known.model_dump(), **changed}, f"{keyring.path}: key {key_id}")
     return save_keyring(
         keyring.path, tuple(revoked if each is known else each for each in keyring.keys)
     )
 
 
-def _parse_keyring_row(path: Path, key_number: int, row: object) -> KnownKey:
+def validate_known_key(row: object, name: str) -> KnownKey:
+    """Key of a row of a keyring.
+
+    Args:
+        row: fields of the key.
+        name: file and key, for the error.
+
+    Raises:
+        EvidenceError: a field is missing, wrong or too long.
+    """
     try:
         return KnownKey.model_validate(row)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, first["loc"]))
-        raise EvidenceError(f"{path}: key {key_number}: {place or 'it'}: {first['msg']}") from None
+        raise EvidenceError(f"{name}: {place or 'it'}: {first['msg']}") from None

@@ -27,7 +27,12 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import select_mass_defining_settings
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.signatures.canonical_json import encode_canonical_json
-from recordings.signatures.keyring import Keyring, KnownKey, add_key_to_keyring, load_keyring
+from recordings.signatures.keyring import (
+    Keyring,
+    add_key_to_keyring,
+    load_keyring,
+    validate_known_key,
+)
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key_file
 from replay.calibration.campaign_file import copy_machine_with_campaign_empty_mass
@@ -279,7 +284,9 @@ def accept_signature_of_known_key(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "
             f"--key KEY or keep it: {signature.command_to_add_key}"
         )
-    add_key_to_keyring(keyring, KnownKey(key=signature.public_key, owner=owner))
+    fields = {"key": signature.public_key, "owner": owner}
+    known = validate_known_key(fields, f"{keyring.path}: key {signature.key_id[:12]}…")
+    add_key_to_keyring(keyring, known)
     return replace(signature, how="known", owner=owner)
 
 

@@ -50,8 +50,8 @@ from recordings.report.atomic_output import (
     stage_output_files,
 )
 from recordings.signatures.canonical_json import encode_canonical_json
-from recordings.signatures.keyring import load_keyring
-from recordings.signatures.signing import SigningKey, read_signing_key_or_none
+from recordings.signatures.keyring import load_keyring, read_valid_signing_key_or_none
+from recordings.signatures.signing import SigningKey
 from replay.calibration import refuse_campaign
 from replay.calibration.campaign_file import load_campaign_and_machine
 from replay.calibration.campaign_limits import LIMITS
@@ -168,7 +168,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
     campaign, machine = load_campaign_and_machine(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
-    key = read_signing_key_or_none(key_file)
+    key = read_valid_signing_key_or_none(key_file)
     xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
     before = (
         None if previous is None else read_previous_evidence(previous, campaign.machine.id, key)

@@ -14,7 +14,7 @@ from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.bundle_folder import EVIDENCE
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.report.atomic_output import require_writable_folder, stage_output_files
-from recordings.signatures.signing import read_signing_key_or_none
+from recordings.signatures.keyring import read_valid_signing_key_or_none
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
@@ -75,7 +75,7 @@ def write_evidence_of_mass_check(
     Raises:
         PayscopeError: the input is wrong; nothing has been written then.
     """
-    key = read_signing_key_or_none(key_file)
+    key = read_valid_signing_key_or_none(key_file)
     before = read_previous_evidence(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:

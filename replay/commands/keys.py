@@ -54,20 +54,22 @@ def add(
 ) -> None:
     """Add a public key to the keyring."""
     from estimators.errors import EvidenceError
-    from recordings.signatures.keyring import KnownKey, add_key_to_keyring, load_keyring
+    from recordings.signatures.keyring import add_key_to_keyring, load_keyring, validate_known_key
 
     public = _read_public_key_or_key_file(key)
     if not owner.strip():
         raise EvidenceError("--owner is empty; give the name of the key's owner")
     if valid_from and valid_to and valid_to < valid_from:
         raise EvidenceError("--valid-to is before --valid-from")
-    known = KnownKey(
-        key=public.base64_text,
-        owner=owner.strip(),
-        valid_from=None if valid_from is None else valid_from.date(),
-        valid_to=None if valid_to is None else valid_to.date(),
-    )
-    keyring = add_key_to_keyring(load_keyring(), known)
+    keyring = load_keyring()
+    fields = {
+        "key": public.base64_text,
+        "owner": owner.strip(),
+        "valid_from": None if valid_from is None else valid_from.date(),
+        "valid_to": None if valid_to is None else valid_to.date(),
+    }
+    known = validate_known_key(fields, f"{keyring.path}: key {public.key_id[:12]}…")
+    keyring = add_key_to_keyring(keyring, known)
     typer.echo(f"{keyring.path}: key {public.key_id[:12]}… of {known.owner} added")
 
 

@@ -193,7 +193,8 @@ def decode_log_into_cache(
         if not cache_folder.is_dir():  # what another process made meanwhile is the same
             begun.rename(cache_folder)
     except OSError as error:
-        raise OutputError(f"{cache_folder.parent}: cannot be written ({error.strerror})") from None
+        reason = error.strerror or error  # polars says it in the text alone
+        raise OutputError(f"{cache_folder.parent}: cannot be written ({reason})") from None
     finally:
         shutil.rmtree(begun, ignore_errors=True)
 

@@ -1,5 +1,6 @@
 """The command `query`: a SELECT over named sources, with its rows shown or written to a file."""
 
+import re
 import shlex
 import warnings
 from collections.abc import Generator, Sequence
@@ -33,6 +34,8 @@ _KEY: Final = "key"
 #: Digits of a key that name a recording of a fleet.
 _KEY_DIGITS: Final = 12
 OPENS: Final = "opens"
+#: How polars says that a Parquet file cannot be written; of other files it raises OSError.
+_WRITE_FAULT: Final = re.compile(r"(?:underlying IO error|Invalid thrift): (.+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +78,7 @@ class Query:
                 f"{path}: CSV cannot hold lists, and the columns {', '.join(listed)} are lists; "
                 "leave them out, or write .parquet or .arrow"
             )
-        with stage_output_file(path, force=force) as partial, self._convert_to_query_errors():
+        with stage_output_file(path, force=force) as partial, self._convert_to_query_errors(path):
             match file_format:
                 case "csv":
                     self.rows.sink_csv(partial)
@@ -90,14 +93,17 @@ class Query:
         return format_viewer_command_of_row(first, self.named.recordings, self.named.fleet)
 
     @contextmanager
-    def _convert_to_query_errors(self) -> Generator[None]:
-        """Raise errors in computing rows as payscope errors."""
+    def _convert_to_query_errors(self, output: Path | None = None) -> Generator[None]:
+        """Raise errors in computing rows, and in writing them, as payscope errors."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", LossWarning)  # the command says losses itself
                 yield
         except pl.exceptions.PolarsError as error:
             failures = [each.failure for each in self.named.sources if each.failure]
+            fault = _WRITE_FAULT.search(str(error))
+            if output is not None and fault and not failures:
+                raise OutputError(f"{output}: cannot be written ({fault[1]})") from None
             raise (
                 failures[0] if failures else convert_to_query_error(error, self.named.tables)
             ) from None

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import payscope
 from recordings import write_recording
 from recordings.report.atomic_output import require_writable_output
 from replay import load_machine, open_log, run
@@ -110,6 +111,31 @@ def test_a_disk_that_fills_up_under_a_table_is_one_line_and_leaves_nothing(
     assert left.returncode == 2
     assert left.stderr == f"payscope: {out}: cannot be written (File too large)\n"
     assert list(out.parent.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files have no limit there")
+def test_a_disk_that_fills_up_under_rows_of_a_query_is_one_line_and_leaves_nothing(
+    log: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "full" / "rows.parquet"
+    out.parent.mkdir()
+    left = limited(1_000, "query", log, "SELECT * FROM sledge", "-o", out)
+    assert left.returncode == 2
+    assert left.stderr.startswith(f"payscope: {out}: cannot be written (")
+    assert left.stderr.count("\n") == 1
+    assert list(out.parent.iterdir()) == []
+
+
+def test_a_signal_before_the_command_line_is_there_is_no_traceback(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupt(_: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(payscope, "import_module", interrupt)
+    with pytest.raises(SystemExit) as left:
+        payscope.main()
+    assert left.value.code == 130
 
 
 def test_a_signal_while_the_hidden_folder_goes_leaves_nothing(

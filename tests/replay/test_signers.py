@@ -30,7 +30,10 @@ from recordings.signatures.signing import (
     read_signing_key_or_none,
 )
 from replay.calibration.apply_evidence import CalibrationRequest, load_and_verify_calibration
-from replay.calibration.calibrate_campaign import read_previous_evidence
+from replay.calibration.calibrate_campaign import (
+    calibrate_from_campaign,
+    read_previous_evidence,
+)
 from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.machine_setups import NamedFiles, make_setups_of_machine
 from tests.conftest import REPO
@@ -242,6 +245,60 @@ def test_keys_are_revoked_from_the_command_line(
     assert held.valid_from == dt.date(2026, 1, 1)
     join_to_one_line(payscope("keys", "revoke", "0123"), "no key '0123'")
     assert keyring.exists()
+
+
+def test_a_revocation_moves_to_no_later_day_and_keeps_its_reason(
+    made: Made, keyring: Path, payscope: Payscope
+) -> None:
+    held = add_key_to_keyring(load_keyring(), known(made, revoked="2026-06-01", because="lost"))
+    key_id = held.keys[0].public_key.key_id[:12]
+    join_to_one_line(
+        payscope("keys", "revoke", key_id), f"{keyring}: key {key_id}… of Test lab was revoked on"
+    )
+    assert load_keyring().keys == held.keys
+    assert payscope("keys", "revoke", key_id, "--day", "2026-05-01").status == 0
+    (earlier,) = load_keyring().keys
+    assert (earlier.revoked, earlier.because) == (dt.date(2026, 5, 1), "lost")
+
+
+def test_a_text_that_a_keyring_cannot_hold_is_refused_in_one_line_and_changes_nothing(
+    made: Made, keyring: Path, payscope: Payscope
+) -> None:
+    for owner in ("A" * 201, "A\nB"):
+        join_to_one_line(payscope("keys", "add", made.public, "--owner", owner), "owner: ")
+    held = add_key_to_keyring(load_keyring(), known(made))
+    key_id = held.keys[0].public_key.key_id[:12]
+    said = payscope("keys", "revoke", key_id, "--because", "A" * 201)
+    join_to_one_line(said, f"{keyring}: key {key_id}: because: ")
+    assert load_keyring().keys == held.keys
+
+
+def test_a_keyring_that_is_a_link_is_changed_where_it_is_kept(made: Made, keyring: Path) -> None:
+    kept = keyring.with_name("shared.toml")
+    kept.parent.mkdir()
+    kept.touch()
+    keyring.symlink_to(kept)
+    add_key_to_keyring(load_keyring(), known(made))
+    assert keyring.is_symlink()
+    assert len(load_keyring(kept).keys) == 1
+
+
+@pytest.mark.usefixtures("keyring")
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"revoked": "2026-06-01", "because": "lost disk"}, "was revoked on 2026-06-01"),
+        ({"valid_to": "2026-06-01"}, "was valid to 2026-06-01 only"),
+    ],
+)
+def test_a_key_that_the_keyring_does_not_trust_signs_no_evidence(
+    made: Made, tmp_path: Path, more: dict[str, object], words: str
+) -> None:
+    """Test: calibrate, with the key revoked or expired. Expected: no replay, no evidence."""
+    add_key_to_keyring(load_keyring(), known(made, **more))
+    with pytest.raises(EvidenceError, match=f"^{made.private}: .*{words}.*sign with another key$"):
+        calibrate_from_campaign(made.campaign, tmp_path / "evidence", key_file=made.private)
+    assert not (tmp_path / "evidence").exists()
 
 
 @pytest.mark.parametrize(

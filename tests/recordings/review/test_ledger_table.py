@@ -24,6 +24,11 @@ from recordings.review.ledger_table import (
     write_ledger_as_xlsx,
 )
 from recordings.review.reviewer_verdicts import LABELS
+from recordings.review.shift_ledger import (
+    PARQUET,
+    escape_spreadsheet_formula,
+    write_ledger_parquet_and_csv,
+)
 
 HEADS = [column.head for column in COLUMNS]
 
@@ -139,6 +144,18 @@ def test_a_csv_is_for_the_locale_that_is_asked_for(
     named = dict(zip(heads, row, strict=True))
     assert (named["top speed"], named["local time"]) == (haul, "2026-07-01 14:00:00")
     assert named["note"] == "'=1+1"
+
+
+@pytest.mark.parametrize("first", ["=", "+", "-", "@", "\t", "\n", "\uff1d"])
+def test_a_text_that_some_spreadsheet_computes_begins_with_an_apostrophe(first: str) -> None:
+    assert escape_spreadsheet_formula(f"{first}1+1") == f"'{first}1+1"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_ledger_on_a_full_disk_is_a_fault_of_the_disk(tmp_path: Path) -> None:
+    (tmp_path / PARQUET).symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left on device"):
+        write_ledger_parquet_and_csv(ledger("2026-07-01T12:00:00Z"), tmp_path)
 
 
 def test_a_text_of_a_workbook_is_no_formula(tmp_path: Path) -> None:

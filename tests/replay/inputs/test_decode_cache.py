@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import polars as pl
 import pytest
 
 from estimators.errors import LogError, OutputError
@@ -103,3 +104,16 @@ def test_times_and_fields_that_were_not_decoded_come_from_the_log(
         assert part.equals(log.read(topic, [field], start_ns=middle, end_ns=middle + 10**9))
     with pytest.raises(LogError, match="no topic"):
         kept.read("/boom", ["angle"])
+
+
+def test_a_disk_that_fills_up_under_it_is_said(
+    driven: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths, machine_file, _ = driven
+
+    def fill_up(*_: object, **__: object) -> None:
+        raise OSError("No space left on device (os error 28)")  # as polars says it
+
+    monkeypatch.setattr(pl.DataFrame, "write_ipc", fill_up)
+    with pytest.raises(OutputError, match=r"kept: cannot be written \(No space left on device"):
+        decode_logs_in_parallel([open_log(paths[0])], load_machine(machine_file), tmp_path / "kept")
