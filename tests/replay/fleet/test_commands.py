@@ -11,6 +11,7 @@ import pytest
 from benchmarks.fleet_logs import SerialEngine
 from replay.fleet import ray_engine as module
 from tests.replay.sledge import Payscope, join_to_one_line
+from tests.twins import mark_slow_after
 
 SQL = "SELECT machine, count(*) AS n FROM loads GROUP BY machine"
 
@@ -20,6 +21,7 @@ def serial(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "start_ray_engine", lambda *_: SerialEngine())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("serial", "kept_replays")
 def test_run_again_query_report_compare_open(
     payscope: Payscope, fleet_folder: Path, tmp_path: Path
@@ -122,7 +124,9 @@ main()
 
 @pytest.mark.parametrize(
     "words",
-    [[], ["query", "x", "y"], ["run", "x", "-m", "y", "-o", "z"], ["report", "x", "-o", "y"]],
+    mark_slow_after(
+        1, [[], ["query", "x", "y"], ["run", "x", "-m", "y", "-o", "z"], ["report", "x", "-o", "y"]]
+    ),
 )
 def test_without_the_extra_it_says_in_one_line_what_to_install(words: list[str]) -> None:
     left = subprocess.run(
@@ -135,6 +139,7 @@ def test_without_the_extra_it_says_in_one_line_what_to_install(words: list[str])
     assert left.stderr == ("payscope: fleet: ray is not installed; pip install 'payscope[fleet]'\n")
 
 
+@pytest.mark.slow
 def test_nothing_but_a_fleets_run_imports_ray() -> None:
     code = (
         "import sys, replay.commands.cli, replay.fleet.gathered_tables\n"

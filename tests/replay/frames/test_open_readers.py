@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 #: Takes the head of a source whose chunks take long, and ends.
 TAKES_THE_HEAD = """
 import sys, time
@@ -22,6 +24,7 @@ print(rows["x"].to_list(), flush=True)
 """
 
 
+@pytest.mark.slow
 def test_a_script_that_takes_the_head_of_a_log_ends_well():
     for _ in range(3):
         left = subprocess.run(

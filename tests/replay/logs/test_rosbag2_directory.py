@@ -12,6 +12,7 @@ from estimators.errors import LogError
 from replay import open_log
 from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.written_logs import Joints, write_mcap, write_rosbag2
+from tests.twins import mark_slow_after
 
 DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(30)]
 EFFORT = [float(k) for k in range(30)]
@@ -69,12 +70,15 @@ def test_broken_metadata_is_a_loss_and_the_files_are_read(split: Path, old: str,
 
 @pytest.mark.parametrize(
     ("text", "fault"),
-    [
-        ("", "it is not laid out as rosbag2 does"),
-        ("[" * 20_000, "it is nested too deeply"),
-        ("a: b", "the key 'rosbag2_bagfile_information' is missing"),
-        ("a: b\nc: [d", "expected ',' or ']', but got '<stream end>' on line 2"),
-    ],
+    mark_slow_after(
+        1,
+        [
+            ("", "it is not laid out as rosbag2 does"),
+            ("[" * 20_000, "it is nested too deeply"),
+            ("a: b", "the key 'rosbag2_bagfile_information' is missing"),
+            ("a: b\nc: [d", "expected ',' or ']', but got '<stream end>' on line 2"),
+        ],
+    ),
     ids=["empty", "deep", "another", "torn"],
 )
 def test_what_is_wrong_with_metadata_is_said_in_words(split: Path, text: str, fault: str) -> None:

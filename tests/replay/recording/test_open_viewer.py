@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import pytest
+
 from tests.replay.sledge import Payscope
 from tests.viewer_needed import VIEWER
 
 pytestmark = VIEWER
 
 
+@pytest.mark.slow
 def test_a_stretch_of_one_tab_is_photographed(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:

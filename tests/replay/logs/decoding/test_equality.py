@@ -59,7 +59,7 @@ def columnar(sample: Sample, fields: list[Field], encoding: str) -> pl.DataFrame
     return decoded.frame
 
 
-@pytest.mark.parametrize("encoding", ["cdr_le", "cdr_be", "ros1"])
+@pytest.mark.parametrize("encoding", mark_slow_after(1, ["cdr_le", "cdr_be", "ros1"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
 def test_all_fields_of_a_random_type_are_those_of_rosbags(
@@ -70,6 +70,7 @@ def test_all_fields_of_a_random_type_are_those_of_rosbags(
     assert same(columnar(sample, fields, encoding), rosbags(sample, fields, encoding))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", mark_slow_after(1, ["xcdr2_be", "xcdr2_le"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
