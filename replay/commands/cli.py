@@ -109,6 +109,10 @@ def main() -> None:
         status = _print_error_and_get_exit_status(format_usage_error(error))
     except (KeyboardInterrupt, typer.Abort):
         status = 130
+    except SystemError:  # all that compiled code says of an interrupt
+        if not received:
+            raise
+        status = 128 + received[0]
     except BrokenPipeError:
         _discard_buffered_stdout()
         status = 0

@@ -68,14 +68,14 @@ class _LimitWatch(threading.Thread):
         self._end = time.monotonic() + seconds
         self._seconds, self._memory_bytes = seconds, memory_bytes
         self._held = read_resident_memory_bytes()
-        self._reason = ""
+        self.reason = ""
 
     def run(self) -> None:
         while not self.done.wait(LIMITS.look_s):
-            self._reason = self._describe_exceeded_limit()
-            if self._reason:
+            self.reason = self._describe_exceeded_limit()
+            if self.reason:
                 break
-        if not self._reason or self.done.is_set():
+        if not self.reason or self.done.is_set():
             return
         signal.pthread_kill(self._watched, signal.SIGALRM)
         if not self.done.wait(LIMITS.grace_s):
@@ -83,8 +83,8 @@ class _LimitWatch(threading.Thread):
 
     def raise_exceeded_limit(self, _number: int, _frame: FrameType | None) -> None:
         """Signal handler that raises in the watched thread."""
-        if self._reason and not self.done.is_set():
-            raise LimitError(self._reason)
+        if self.reason and not self.done.is_set():
+            raise LimitError(self.reason)
 
     def _describe_exceeded_limit(self) -> str:
         """Limit of time or memory that is exceeded, in words; empty if none."""
@@ -323,6 +323,10 @@ def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
     watch.start()
     try:
         yield
+    except SystemError as error:  # all that compiled code says of an interrupt
+        if watch.reason:
+            raise LimitError(watch.reason) from error
+        raise
     finally:
         watch.done.set()
         watch.join()

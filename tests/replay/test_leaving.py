@@ -13,11 +13,13 @@ import payscope
 from recordings import write_recording
 from recordings.report.atomic_output import require_writable_output
 from replay import load_machine, open_log, run
+from replay.commands import cli
 from replay.machines.machine_file import find_time_axis_of_machine
 from tests.replay.sledge import MACHINE, sledge
 from tests.twins import mark_slow_after
 
 SCRIPT = Path(sys.executable).with_name("payscope")
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @pytest.fixture(scope="module")
@@ -135,6 +137,25 @@ def test_a_signal_before_the_command_line_is_there_is_no_traceback(
     monkeypatch.setattr(payscope, "import_module", interrupt)
     with pytest.raises(SystemExit) as left:
         payscope.main()
+    assert left.value.code == 130
+
+
+def test_a_signal_within_compiled_code_is_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(**_: bool) -> int:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt as error:
+            raise SystemError("a call returned a result with an exception set") from error
+        return 0
+
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    monkeypatch.setattr(cli, "app", interrupted)
+    try:
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
     assert left.value.code == 130
 
 

@@ -28,6 +28,20 @@ def test_what_takes_too_long_is_interrupted_also_in_a_system_call() -> None:
     assert time.monotonic() - began < 10.0
 
 
+def test_the_limit_is_named_also_where_compiled_code_is_interrupted() -> None:
+    def run_compiled() -> None:
+        try:
+            time.sleep(10.0)
+        except LimitError as error:
+            raise SystemError("a call returned a result with an exception set") from error
+
+    with (
+        pytest.raises(LimitError, match=r"took longer than 0\.2 s"),
+        interrupt_over_limits(0.2, _MUCH),
+    ):
+        run_compiled()
+
+
 def test_what_needs_too_much_memory_is_interrupted() -> None:
     held: list[bytes] = []
 
