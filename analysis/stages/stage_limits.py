@@ -59,6 +59,13 @@ class StageLimits:
     # phases
     #: Time in s over which a stop takes off more speed than its noise; a cruise before it does not.
     stop_span_s: float = 1.0
+    #: Gravity along the motion, less the speed rate, from which a descent is one: 3 % of grade.
+    #: Rolling resistance is mostly less, and a tilted accelerometer mostly shows less.
+    descent_min_m_s2: float = 0.3
+    #: Force along the motion up to which the drive is idle, as a fraction of the driving force,
+    idle_force_1: float = 0.1
+    #: which is this quantile of all forces.
+    driving_force_quantile: float = 0.95
     #: Standard deviations from which a fall of the speed is no noise: of 10 000 rows of a cruise a
     #: few fall so by chance.
     fall_min_std: float = 3.0

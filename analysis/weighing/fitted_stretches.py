@@ -16,6 +16,7 @@ from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_
 from analysis.stages.gating.segments import assign_manoeuvre_numbers_to_samples
 from analysis.stages.motion.phases import (
     count_rows_in_speed_rate_span,
+    mark_samples_held_downhill,
     mark_speed_falls_beyond_noise,
     mark_stopping_samples,
 )
@@ -95,6 +96,7 @@ def assign_fitted_manoeuvre_numbers(
         speed = get_column_values(excitation, "speed_x_m_s")
         brakes &= mark_speed_falls_beyond_noise(speed, noise_m_s, settings)
         brakes |= mark_stopping_samples(speed, stands, moving_threshold_m_s, settings)
+        brakes |= mark_samples_held_downhill(excitation, settings)
         driving &= ~mark_possible_braking(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 

@@ -96,6 +96,33 @@ def mark_stopping_samples(
     return found
 
 
+def mark_samples_held_downhill(excitation: pl.DataFrame, settings: Settings) -> Bools:
+    """Samples of a descent in which the drive is idle, (n,), so that unmeasured brakes may act.
+
+    Brakes that hold the speed show neither in the speed nor in the force. Rolling freely counts as
+    well; the force of either says nothing of the mass.
+
+    Args:
+        excitation: frame with the regressors and phases.
+        settings: settings with the grid rate.
+    """
+    way = np.sign(get_column_values(excitation, "speed_x_m_s"))
+    along = average_acceleration_over_rate_span(
+        way * get_column_values(excitation, "regressor_acc_x_m_s2"), settings
+    )
+    force = get_column_values(excitation, "force_x_N")
+    known = np.abs(force[np.isfinite(force)])
+    if not known.size:
+        return np.zeros(force.size, np.bool_)
+    idle_N = LIMITS.idle_force_1 * float(np.quantile(known, LIMITS.driving_force_quantile))
+    held = (along < -LIMITS.descent_min_m_s2) & (way * force < idle_N)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(np.int8)))
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - first < LIMITS.stop_span_s * settings.align.rate_hz:
+            held[first:end] = False
+    return held
+
+
 def mark_speed_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Settings) -> Bools:
     """Samples within a fall of the speed that its noise does not explain, (n,).
 
