@@ -1,6 +1,6 @@
 """The priors of the joint fit's nuisances, and those that a calibration learnt."""
 
-from typing import Literal
+from typing import Literal, Self
 
 from pydantic import BaseModel, Field
 
@@ -170,3 +170,18 @@ class PriorSettings(BaseModel):
         description="whether a log of several loads tells what the means of learnt priors have "
         "wrong (`told`), as later logs do, or nothing does, as in the calibration's own logs",
     )
+
+    def copy_without_learnt(self) -> Self:
+        """The same, without the priors that a calibration learnt."""
+        return self.model_copy(update={"learnt": {}})
+
+    def copy_with_multiplied_stds(self, factor: float) -> Self:
+        """The same, with all standard deviations multiplied by a factor."""
+        learnt = {
+            name: term.model_copy(update={"std": term.std * factor})
+            for name, term in self.learnt.items()
+        }
+        stds = {
+            n: v * factor for n, v in self.model_dump(exclude={"learnt", "learnt_means"}).items()
+        }
+        return self.model_copy(update={**stds, "learnt": learnt})

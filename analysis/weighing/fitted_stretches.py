@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from functools import wraps
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -48,6 +49,26 @@ def count_standstills_so_far(excitation: pl.DataFrame) -> Ints:
     """Number of stands so far, (n,); unknown motion counts as a stand."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
+
+
+def mark_slow_parts_of_drives(speed: Floats) -> Bools:
+    """Samples of the slow part between two fast parts of a drive, (n,).
+
+    A load may change there on the move: under a chute, or while it is dumped.
+
+    Args:
+        speed: (n,) in m/s.
+    """
+    size = np.abs(speed)
+    top_m_s = float(np.quantile(size, LIMITS.driving_speed_quantile))
+    pace = np.select([size > LIMITS.fast_1 * top_m_s, size < LIMITS.slow_1 * top_m_s], [1, -1], 0)
+    paced = np.flatnonzero(pace)
+    first = paced[np.flatnonzero(np.diff(pace[paced], prepend=0))]
+    slow = np.zeros(speed.size, np.bool_)
+    for begin, end in pairwise(first[1:]):
+        if pace[begin] < 0:
+            slow[begin : paced[np.searchsorted(paced, end) - 1] + 1] = True
+    return slow
 
 
 def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:

@@ -74,7 +74,7 @@ def fit_with_searched_load_states(
             hidden,
             _refit_with_scatter_estimated_from_states(held, inputs, repeatability_kg, kind),
         ]
-    likely = [settled, *(each for each in fits if _is_single_load_excluded(each))]
+    likely = [settled, *(each for each in fits if is_single_load_excluded(each))]
     if len(likely) == 1:
         return settled
     return min(
@@ -85,10 +85,11 @@ def fit_with_searched_load_states(
     )
 
 
-def _is_single_load_excluded(fit: JointFit) -> bool:
-    """Whether the log practically excludes a single load."""
-    least = LOAD_LIMITS.hidden_loads_max_single_probability
-    return fit.mass_count > 1 and _require_load_states(fit).single_probability < least
+def is_single_load_excluded(
+    fit: JointFit, max_probability: float = LOAD_LIMITS.hidden_loads_max_single_probability
+) -> bool:
+    """Whether the log excludes a single load, whose probability is below the given one."""
+    return fit.mass_count > 1 and _require_load_states(fit).single_probability < max_probability
 
 
 @dataclass(frozen=True)

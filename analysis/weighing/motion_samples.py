@@ -25,7 +25,6 @@ from analysis.weighing.fitted_stretches import (
     clear_stretch_numbers_at_noise_speed,
     compute_index_in_stretch,
     count_gaps_so_far,
-    count_standstills_so_far,
     extend_manoeuvres_to_break_away,
     find_manoeuvre_direction_of_samples,
     find_stretch_spans,
@@ -106,8 +105,7 @@ class MotionSamples:
         boom_and_bucket_angles_rad: measured angles, as hints of a load change.
         is_digging: whether each sample lies in a digging start; None if unknown.
         empty: whether each sample is named as empty machine; None if none is.
-        earlier_stop_count: number of earlier stops or gaps, the only places where a load changes;
-            None if `manoeuvre_of_sample` says so.
+        earlier_stop_count: number of earlier stops or gaps, where alone a load may change; or None.
         long_gap_count: number of earlier gaps as long as between files.
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
@@ -278,6 +276,7 @@ def collect_motion_samples(
     gated: pl.DataFrame,
     machine: Machine,
     noise: ColumnNoiseModel,
+    stop_count_of_sample: Ints,
     *,
     braking: bool = True,
 ) -> MotionSamples:
@@ -289,6 +288,7 @@ def collect_motion_samples(
         gated: frame with the accepted windows.
         machine: machine file with wheels and settings.
         noise: noise of the columns.
+        stop_count_of_sample: number of earlier stops, the only places where a load changes.
         braking: whether braking is fitted, if it counts as driving.
     """
     settings = machine.settings
@@ -328,9 +328,9 @@ def collect_motion_samples(
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
-    stood = count_standstills_so_far(excitation)
     manoeuvre = number_manoeuvres_and_split_long_drives(
-        stood, count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz)
+        stop_count_of_sample,
+        count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz),
     )
     longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
     long_gap_count = count_gaps_so_far(known, longest_hole)
@@ -359,7 +359,7 @@ def collect_motion_samples(
         tuple(get_column_values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         mark_samples_of_stated_empty_span(aligned, machine),
-        stood,
+        stop_count_of_sample,
         long_gap_count,
         machine.machine.wheel_radius_u_1,
         None if ratio is None else ratio / ratio[group >= 0].max(initial=np.finfo(float).tiny),

@@ -1,6 +1,6 @@
 """Weigh a log: the joint fit, its sensitivity to the priors, and the test of braking."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
@@ -11,11 +11,12 @@ import polars as pl
 from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearntTerm, PriorSettings
-from analysis.stages.noise.column_noise import ColumnNoise
+from analysis.stages.noise.column_noise import ColumnNoise, DerivativeNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.weighing.braking_comparison import compare_mass_with_braking_to_driving
 from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
+from analysis.weighing.fitted_stretches import count_standstills_so_far, mark_slow_parts_of_drives
 from analysis.weighing.gain_by_direction import (
     DirectionGain,
     estimate_force_gain_by_driving_direction,
@@ -37,7 +38,11 @@ from analysis.weighing.joint_fit import (
     refit_without_unlikely_effects,
 )
 from analysis.weighing.joint_result import JointFit, find_term_index
-from analysis.weighing.load_search import fit_with_searched_load_states
+from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
+from analysis.weighing.load_search import (
+    fit_with_searched_load_states,
+    is_single_load_excluded,
+)
 from analysis.weighing.missing_terms import (
     ForceCurvature,
     MissingTerm,
@@ -46,6 +51,7 @@ from analysis.weighing.missing_terms import (
     list_scaled_terms_absent_from_model,
 )
 from analysis.weighing.motion_samples import (
+    Bools,
     ColumnNoiseModel,
     Floats,
     MotionSamples,
@@ -166,29 +172,6 @@ def find_term_farthest_from_prior(fit: JointFit, priors: PriorSettings) -> tuple
     return fit.find_term_farthest_from_prior(widths)
 
 
-@dataclass(frozen=True)
-class _DerivativeNoise:
-    """Noise if the acceleration is the derivative of the speed.
-
-    The mean of n samples is the difference of two speeds over n steps; covariances at short lags do
-    not add up to that.
-    """
-
-    columns: ColumnNoise
-    rate_hz: float
-
-    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
-        """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.compute_covariance_of_means(mean_samples)
-        if mean_samples < LIMITS.derivative_mean_samples:
-            return found
-        found = found.copy()
-        speed = self.columns.compute_covariance_of_means(1)[1, 1]
-        found[0, :] = found[:, 0] = 0.0
-        found[0, 0] = 2.0 * speed * (self.rate_hz / mean_samples) ** 2
-        return found
-
-
 def weigh(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
@@ -216,6 +199,32 @@ def weigh(
     return _weigh_with_priors(aligned, excitation, gated, noise, machine, priors)
 
 
+@dataclass(frozen=True)
+class _MotionSource:
+    """Frames of a log, of which the motion that is fitted is selected.
+
+    `slow` (n,) are the parts of drives where a load may change; None if it changes at stands alone.
+    """
+
+    aligned: pl.DataFrame
+    excitation: pl.DataFrame
+    gated: pl.DataFrame
+    machine: Machine
+    noise: ColumnNoiseModel
+    slow: Bools | None = None
+
+    def select_motion(self, *, braking: bool) -> MotionSamples:
+        """Motion with or without braking, where braking counts as driving."""
+        frames = self.aligned, self.excitation, self.gated
+        stops = count_standstills_so_far(self.excitation)
+        if self.slow is not None:
+            stops += np.cumsum(np.diff(self.slow, prepend=False) & self.slow)
+        found = collect_motion_samples(*frames, self.machine, self.noise, stops, braking=braking)
+        return align_paths_of_bench_records(
+            found if self.slow is None else found.exclude_samples(self.slow)
+        )
+
+
 def _weigh_with_priors(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
@@ -230,13 +239,8 @@ def _weigh_with_priors(
     if known is None or excitation.height < SIGNAL_LIMITS.window_min_readings:
         return None
     rate_hz = settings.align.rate_hz
-    columns = _DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
-
-    def select_motion(*, braking: bool) -> MotionSamples:
-        found = collect_motion_samples(
-            aligned, excitation, gated, machine, columns, braking=braking
-        )
-        return align_paths_of_bench_records(found)
+    columns = DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
+    source = _MotionSource(aligned, excitation, gated, machine, columns)
 
     def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
         fitted = JointFitInputs.prepare_from_motion(motion, columns, priors, begin)
@@ -249,10 +253,10 @@ def _weigh_with_priors(
             fit_jointly(fitted, states), fitted, machine.machine.repeatability_kg
         )
 
-    whole = select_motion(braking=True)
-    if not _has_enough_samples(whole):
+    started = _fit_and_choose_where_loads_change(source, fit_load_states)
+    if started is None:
         return None
-    fit = fit_load_states(whole)
+    source, whole, fit = started
     excluded = find_creeping_load_changes(fit).tolist()
     if excluded:
         whole = _exclude_manoeuvres(whole, excluded)
@@ -270,7 +274,7 @@ def _weigh_with_priors(
         grown = tuple(better.get(each.manoeuvre_id, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
-        driving = _exclude_manoeuvres(select_motion(braking=False), excluded)
+        driving = _exclude_manoeuvres(source.select_motion(braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.prepare_from_motion(driving, columns, priors, fit)
             alone = fit_jointly(
@@ -297,10 +301,10 @@ def _weigh_with_priors(
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None
     alone = refit_without_learnt_priors(fit, columns, priors)
-    own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
+    own, own_priors = (fit, priors) if alone is None else (alone, priors.copy_without_learnt())
     halved_kg, doubled_kg = (
         refit_with_extra_terms(
-            fit, columns, _multiply_prior_stds(priors, factor), fit_rows=rows
+            fit, columns, priors.copy_with_multiplied_stds(factor), fit_rows=rows
         ).masses_kg
         for factor in (0.5, 2.0)
     )
@@ -334,6 +338,25 @@ def _weigh_with_priors(
     )
 
 
+def _fit_and_choose_where_loads_change(
+    source: _MotionSource, fit_load_states: Callable[[MotionSamples], JointFit]
+) -> tuple[_MotionSource, MotionSamples, JointFit] | None:
+    """Fit the motion, with loads that change on the move if that excludes a single load."""
+    whole = source.select_motion(braking=True)
+    if not _has_enough_samples(whole):
+        return None
+    fit = fit_load_states(whole)
+    slow = mark_slow_parts_of_drives(whole.speed)
+    if fit.mass_count == 1 and slow.any() and not whole.has_single_load:
+        on_the_move = replace(source, slow=slow)
+        moving = on_the_move.select_motion(braking=True)
+        if _has_enough_samples(moving):
+            tried = fit_load_states(moving)
+            if is_single_load_excluded(tried, LOAD_LIMITS.on_the_move_max_single_probability):
+                return on_the_move, moving, tried
+    return source, whole, fit
+
+
 def _has_enough_samples(motion: MotionSamples) -> bool:
     """Whether enough samples may be fitted."""
     fewest = count_rows_in_duration(
@@ -359,11 +382,7 @@ def refit_without_learnt_priors(
         if wheels is None or wheels.estimates_of_this_log is None
         else replace(fit, kinematics=wheels.estimates_of_this_log)
     )
-    return refit_with_extra_terms(own, noise, _drop_learnt_priors(priors))
-
-
-def _drop_learnt_priors(priors: PriorSettings) -> PriorSettings:
-    return priors.model_copy(update={"learnt": {}})
+    return refit_with_extra_terms(own, noise, priors.copy_without_learnt())
 
 
 def widen_learnt_priors_by_mean_u(priors: PriorSettings) -> PriorSettings:
@@ -375,15 +394,3 @@ def widen_learnt_priors_by_mean_u(priors: PriorSettings) -> PriorSettings:
         for name, term in priors.learnt.items()
     }
     return priors.model_copy(update={"learnt": learnt})
-
-
-def _multiply_prior_stds(priors: PriorSettings, factor: float) -> PriorSettings:
-    """Priors with their standard deviations multiplied by a factor."""
-    learnt = {
-        name: term.model_copy(update={"std": term.std * factor})
-        for name, term in priors.learnt.items()
-    }
-    widths = {
-        n: v * factor for n, v in priors.model_dump(exclude={"learnt", "learnt_means"}).items()
-    }
-    return priors.model_copy(update={**widths, "learnt": learnt})

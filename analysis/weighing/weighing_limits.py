@@ -163,6 +163,13 @@ class WeighingLimits:
     empty_step_min_std: float = 6.0
     empty_step_min_1: float = 0.03
 
+    # fitted_stretches
+    #: Speed of a drive that is fast, and of one that is slow, as fractions of
+    fast_1: float = 0.6
+    slow_1: float = 0.4
+    #: this quantile of the speed of a log: under a chute a machine creeps at a fifth of it.
+    driving_speed_quantile: float = 0.9
+
     # force_hysteresis
     #: Prior standard deviation of half the loop over the largest force: sensors have 1 to 5 %.
     hysteresis_prior_share: float = 0.03
@@ -330,8 +337,6 @@ class WeighingLimits:
     curvature_min_fraction: float = 0.01
     #: and by no more than this: a term that moves it farther is collinear with it.
     curvature_max_fraction: float = 0.5
-    #: Means of so many samples of a derivative are differences.
-    derivative_mean_samples: int = 20
     #: Rounds of the fit that finds the errors of a calibration's means: terms are products.
     learnt_mean_rounds: int = 2
     #: Shortest driving that is fitted, in s.

@@ -81,6 +81,29 @@ class ColumnNoise:
         return self.covariances[:, :, 0] * weights[0] + later + later.T
 
 
+@dataclass(frozen=True)
+class DerivativeNoise:
+    """Noise if the acceleration is the derivative of the speed.
+
+    The mean of n samples is the difference of two speeds over n steps; covariances at short lags do
+    not add up to that.
+    """
+
+    columns: ColumnNoise
+    rate_hz: float
+
+    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
+        """(3, 3) noise covariance of a trailing mean of so many samples."""
+        found = self.columns.compute_covariance_of_means(mean_samples)
+        if mean_samples < LIMITS.derivative_mean_samples:
+            return found
+        found = found.copy()
+        speed = self.columns.compute_covariance_of_means(1)[1, 1]
+        found[0, :] = found[:, 0] = 0.0
+        found[0, 0] = 2.0 * speed * (self.rate_hz / mean_samples) ** 2
+        return found
+
+
 def find_nearest_semidefinite_matrix(covariance: Floats) -> Floats:
     """Nearest positive semidefinite matrix, since sums of estimated lags may be negative."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))

@@ -31,6 +31,8 @@ class NoiseLimits:
     # column_noise
     #: Standard deviation of the noise of Coulomb's sign, which is nearly exact.
     sign_noise_std_1: float = 0.001
+    #: Means of so many samples of a derivative are differences.
+    derivative_mean_samples: int = 20
 
     # grid_noise
     #: Rows of noise that covariances are taken from: sums over all lags are right to 5 %.
