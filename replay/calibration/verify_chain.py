@@ -1,4 +1,4 @@
-"""The command `verify` for several bundles: each one, and the chain of each machine."""
+"""The command `verify` for several bundles: verify each bundle, and each machine's chain."""
 
 import datetime as dt
 from collections.abc import Mapping, Sequence
@@ -22,9 +22,9 @@ class VerifiedChain:
     """Result of verifying several bundles.
 
     Attributes:
-        bundles: results of the bundles, in the given order.
+        bundles: result of each bundle, in the given order.
         findings: errors in the chains.
-        notes: signer of each number.
+        notes: signer of each evidence in a chain, by its counter.
     """
 
     bundles: tuple[Verification, ...]
@@ -40,7 +40,7 @@ class VerifiedChain:
 
     @property
     def chain_verdict(self) -> str:
-        """The outcome in a sentence."""
+        """The outcome for all bundles, as a sentence."""
         these = format_count(len(self.bundles), "bundle")
         if self.outcome is None:
             return f"{these}: each verified, with one chain for each machine"
@@ -74,7 +74,7 @@ def verify_bundles_and_chains(
 ) -> VerifiedChain:
     """Verify several bundles, and that each machine's bundles form one chain.
 
-    Evidence that was superseded may have expired.
+    Only the latest evidence of each machine must not have expired.
 
     Args:
         folders: the bundles, in any order.
