@@ -1,4 +1,4 @@
-"""Direct fields: at a fixed distance from a mark of every message, gathered during the pass."""
+"""Direct fields, at a fixed offset from a mark in every message, are gathered during the walk."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -41,7 +41,7 @@ _ATTRIBUTES: Final = ("PANDAS_ATTRS", "attrs", "pandas")
 _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
 #: Errors that polars raises for text that it cannot parse; a panic is not an `Exception`.
 _POLARS_ERRORS: Final = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
-#: Escape of the NUL character, which column names must not have.
+#: Constants that Python writes and JSON does not have, and the escape of the NUL character.
 _NUL: Final = rb"\u0000"
 _NO_JSON: Final = (b"NaN", b"Infinity", _NUL)
 #: Kinds of JSON values, by the Python type that represents them; other types are numbers.
