@@ -152,7 +152,7 @@ class FollowedDigests:
     def compare_with_replayed_frames(
         self, replayed_frames: Mapping[str, pl.DataFrame]
     ) -> list[Agreement]:
-        """Compare with the frames of a replay."""
+        """Compare the digests with the frames of a replay, for the gate and each method."""
         return [
             self._minutes.get(name, _MinuteDigests()).compare_with_replayed_digests(name, replayed)
             for name, replayed in _digest_replayed_frames(replayed_frames).items()

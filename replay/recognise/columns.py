@@ -1,4 +1,4 @@
-"""Columns of a log: fields and elements of short lists, with units and meanings of their names."""
+"""List the columns of a log, with elements of short lists, units and the meanings of names."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -33,8 +33,8 @@ _CALLED_BY_UNIT: Final = {
     "rpm": "rpm", "drehzahl": "rpm", "kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W",
     "amps": "A", "nm": "N*m",
 }  # fmt: skip
-#: Units of signals that SAE J1939-71 and ISO 11783-7 define, by name in small letters: a decoded
-#: CAN log seldom states them.
+#: Units of signals that SAE J1939-71 and ISO 11783-7 define, by name in lower case, since decoded
+#: CAN logs seldom state them.
 _UNIT_OF_SIGNAL: Final = {
     "wheelbasedvehiclespeed": "km/h", "navigationbasedvehiclespeed": "km/h",
     "tachographvehiclespeed": "km/h", "frontaxlespeed": "km/h",

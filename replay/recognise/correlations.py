@@ -51,7 +51,7 @@ _OF_SIDES: Final = (
 
 
 def find_accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
-    """Three axes of the only accelerometer; empty if there are several or axes are missing."""
+    """Find the three axes of the only accelerometer; empty if there are several, or not three."""
     found = [
         c for c in columns if c.name_meaning.quantity == "acceleration" and c.name_meaning.axis
     ]
@@ -140,7 +140,7 @@ def guess_accelerometer_units(
 def find_accelerations_without_gravity(
     reader: ColumnReader, columns: Sequence[LogColumn]
 ) -> set[LogColumn]:
-    """Columns of an accelerometer without gravity on any axis: some program removed it."""
+    """Find the axes of an accelerometer whose gravity a program has removed; empty otherwise."""
     axes = [column for column in find_accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
         return set()
@@ -363,7 +363,7 @@ def read_times_and_readings_of_proposal(
 
 
 def compute_slope_at_times(times_s: Floats, sample_times_s: Floats, samples: Floats) -> Floats:
-    """Slope of `samples`, sampled at `sample_times_s`, about each of the times `times_s`."""
+    """Change of `samples`, taken at `sample_times_s`, over a short span about each of `times_s`."""
     half = LIMITS.slope_span_s / 2
     return np.interp(times_s + half, sample_times_s, samples) - np.interp(
         times_s - half, sample_times_s, samples

@@ -305,7 +305,7 @@ def find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
 
 
 def _propose_force_from_power(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose a force from power, or current and voltage, over the speed, if any."""
+    """Propose a force from power, or current times voltage, over speed; return whether it can."""
     current = next(
         (c for c in columns if c.name_meaning.is_of_supply and c.has_dimension_of_unit("A")), None
     )

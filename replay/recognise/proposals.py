@@ -39,7 +39,7 @@ class LogColumn:
         return self.has_dimension_of_unit(find_unit_in_name(channel))
 
     def has_dimension_of_unit(self, unit: str) -> bool:
-        """Whether the unit has the dimension of another; percent equals only percent."""
+        """Whether the unit has the dimension of another; percent matches only percent."""
         is_alike = self.unit == unit or "percent" not in (self.unit, unit)
         return self.unit is not None and is_alike and has_same_dimension(self.unit, unit)
 

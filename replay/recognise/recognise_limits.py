@@ -39,8 +39,8 @@ class RecogniseLimits:
     unit_ratio_range: tuple[float, float] = (0.6, 1.7)
     #: Smallest correlation with which this ratio is judged, so that noise does not determine it.
     unit_min_correlation: float = 0.9
-    #: Gravity on an axis of an accelerometer, in m/s²: what it shows on a machine that may stand on
-    #: a slope of 15 degrees, with the gain errors of a cheap one,
+    #: Range of gravity on an axis of an accelerometer, in m/s²: on slopes of up to 15 degrees, with
+    #: the gain errors of a cheap sensor.
     gravity_m_s2: tuple[float, float] = (9.3, 10.2)
     #: The same range in g.
     gravity_g: tuple[float, float] = (0.95, 1.04)

@@ -52,7 +52,7 @@ def _is_encoder_of_drive(column: LogColumn) -> bool:
 
 
 def _find_turn_unit(column: LogColumn) -> str | None:
-    """Unit of a column that turns: rad/s of an angular speed that states none."""
+    """Unit of a column of revolutions, or of angular speed (by default rad/s); None for others."""
     if column.unit is None and column.quantity == "angular speed":
         return "rad/s"
     return column.unit if column.unit in TURN_UNITS else None

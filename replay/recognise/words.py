@@ -78,7 +78,7 @@ _ELSEWHERE: Final = re.compile(
 
 
 def _compile_pattern_of_long_words(words: tuple[str, ...]) -> re.Pattern[str] | None:
-    """Pattern of the long words; None without any."""
+    """Compile a pattern of the words that are long enough for parts of compounds, or None."""
     long = [word for word in words if len(word) > LIMITS.part_word_min_letters]
     return re.compile("|".join(long)) if long else None
 
@@ -106,7 +106,7 @@ def is_side_prefix_confirmed(name: str, all_names: Collection[str]) -> bool:
 
 
 def move_trailing_side_to_front(column_name: str) -> str:
-    """The name with a side at its end put in front, so that a unit is last: `torque_nm.left`."""
+    """Move a side at a name's end to its front, so that a unit is last, as in `torque_nm.left`."""
     *rest, last = re.split(r"[._ ](?=[^._ ]*$)", column_name)
     is_side = any(last.lower() in words for words in _SIDES.values())
     return f"{last}_{rest[0]}" if rest and rest[0] and is_side else column_name
