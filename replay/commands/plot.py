@@ -1,4 +1,4 @@
-"""`payscope plot`: pictures of a recording."""
+"""`payscope plot`: draw pictures of a recording."""
 
 from enum import StrEnum
 from pathlib import Path

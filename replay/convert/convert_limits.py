@@ -18,8 +18,8 @@ class ConvertLimits:
     span_bytes: int = 512 << 20
 
     # unfinished_folder
-    #: Rows of a row group: a reader of some rows unpacks whole groups; smaller ones are larger on
-    #: the disk,
+    #: Rows of a row group: reading a few rows decompresses whole groups, but smaller groups take
+    #: more space.
     group_rows: int = 1 << 17
     #: Bytes at which a row group ends, for large rows such as images.
     group_bytes: int = 32 << 20

@@ -12,8 +12,8 @@ class InputLimits:
     """
 
     # channel_inputs
-    #: Time in ns by which parts of one recording reach into each other at most; what they reach
-    #: further in is there twice, or of another recording.
+    #: Time in ns by which parts of one recording may overlap; with a longer overlap, it is recorded
+    #: twice, or there are two recordings.
     overlap_ns: int = 1_000_000_000
     #: Smallest fraction of the messages in such an overlap that are in both logs.
     repeated_min_fraction: float = 0.5

@@ -85,7 +85,7 @@ class _SampleLattice(NamedTuple):
         return cls(slowest["topic"], int(slowest["start_ns"]), 1e9 / rate_hz)
 
     def find_next_offset_on_lattice_ns(self, min_offset_ns: int, table: pl.DataFrame) -> int:
-        """First offset from `min_offset_ns` on that puts a log's first stamp on the lattice."""
+        """Find the first offset from `min_offset_ns` with a log's first stamp on the lattice."""
         (start_ns,) = table.filter(pl.col("topic") == self.topic)["start_ns"]
         between_ns = int(start_ns) - self.start_ns
         periods = math.ceil(

@@ -224,7 +224,7 @@ class LocatedKeys(NamedTuple):
 def find_keys_and_model_of_location(
     model: type[BaseModel], location: Sequence[int | str]
 ) -> LocatedKeys:
-    """Keys of a location, without pydantic's union tags, and the model of that table."""
+    """Find the keys of an error's location, without pydantic's union tags, and the model there."""
     here: Any = model
     keys: list[str] = []
     for part in location:

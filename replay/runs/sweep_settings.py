@@ -173,7 +173,7 @@ def list_value_combinations(options: Sequence[str]) -> list[tuple[str, ...]]:
         options: `key=from:to:step` (both ends included) or `key=a,b,c`.
 
     Returns:
-        Each as overrides of a machine file, `key=value`, in the order of `options`; the last varies
+        Combinations, each as overrides `key=value` in the order of `options`; the last varies
         fastest.
 
     Raises:

@@ -114,12 +114,12 @@ def simulate_scenario_to_logs(
         force: whether to replace existing logs.
 
     Returns:
-        Paths of the logs, in order of loads or of time; they share one time line.
+        Paths of the logs, in order of loads or of time; all logs are on one time line.
 
     Raises:
         OutputError: no format has that suffix, an output is there already, or the folder cannot
             be written to.
-        ScenarioError: the machine cannot be driven as asked.
+        ScenarioError: the machine cannot be driven as requested.
     """
     targets = make_paths_of_simulated_logs(scenario, output)
     if scenario.shift is None:
@@ -143,15 +143,15 @@ def simulate_scenario_to_logs(
 
 
 def make_shift_truth_path(output: Path) -> Path:
-    """Path of the truth of a simulated shift."""
+    """Make the path of the truth of a simulated shift."""
     return output.with_name(f"{output.stem}.cycles.json")
 
 
 def make_paths_of_simulated_logs(scenario: Scenario, output: Path) -> list[Path]:
-    """Paths of the logs that `simulate` writes.
+    """Make the paths of the logs that `simulate` writes.
 
     Raises:
-        OutputError: the output has no name.
+        OutputError: the output is a folder, without the name of a log.
     """
     if not output.name:
         raise OutputError(f"{output}: is a folder; give a log in it, such as '{output}/log.mcap'")
@@ -177,5 +177,5 @@ def _make_numbered_paths(output: Path, path_count: int) -> list[Path]:
 
 
 def _format_load_for_file_name(load_kg: float) -> str:
-    # a point would start a suffix
+    # a point would begin a suffix
     return f"{load_kg:03.0f}" if load_kg.is_integer() else str(load_kg).replace(".", "_")
