@@ -1,7 +1,7 @@
 """Common behaviour of all commands: help that names values, and outputs that replace no input.
 
-Typer prints the Python type of every value (`<list[Path]>`), and `<bool>` where an option takes
-none. No command begins that would write over what it is given.
+Typer would print the Python type of every value (`<list[Path]>`), and `<bool>` for an option that
+has none. A command that would overwrite one of its inputs is refused before it begins.
 """
 
 import inspect
