@@ -135,7 +135,7 @@ def run_table_reader_process(request_json: str, tables_bytes: bytes) -> bytes | 
     return None if child.returncode or len(out) > LIMITS.tables_output_bytes else out
 
 
-#: The same bytes hold the same, and the reader takes a quarter of a second to start.
+#: Cached, since the reader takes a quarter of a second to start, and equal bytes give equal output.
 _ask_once: Final = lru_cache(maxsize=16)(run_table_reader_process)
 
 

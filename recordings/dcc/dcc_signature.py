@@ -19,8 +19,8 @@ _METHODS: Final = (
     *("SHA256_RSA_MGF1", "SHA384_RSA_MGF1", "SHA512_RSA_MGF1"),
 )
 _DIGESTS: Final = ("SHA256", "SHA384", "SHA512")
-#: Transforms of the one reference: without the signature, in canonical form; XPath and XSLT could
-#: choose what is signed.
+#: Accepted transforms of the only reference: without the signature, in canonical form; XPath or
+#: XSLT could restrict a signature to a part.
 _TRANSFORMS: Final = (
     "http://www.w3.org/2000/09/xmldsig#enveloped-signature",
     "http://www.w3.org/2001/10/xml-exc-c14n#",

@@ -1,6 +1,6 @@
 """Ledger of a shift: frame `cycles` with readable times, doubts and reviewers' verdicts.
 
-A cycle is found in it by number, id or local time.
+Cycles are found in it by number, id or local time.
 """
 
 import datetime as dt
@@ -29,11 +29,11 @@ from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
 
 PARQUET: Final = "ledger.parquet"
 CSV: Final = "ledger.csv"
-#: Quality of a load that counts and is worth a second look.
+#: Quality of a load that counts, but is worth a second look.
 CHECK: Final = "check"
 NO_LABELS: Final = Labels()
 _QUALITY: Final = ("quality", "withheld_for", "counted")
-#: How a text begins that a spreadsheet computes; some take the full-width signs as well.
+#: Start of a text that a spreadsheet would compute as a formula; some accept full-width signs too.
 FORMULA: Final = "^[=+\\-@\t\r\n\uff1d\uff0b\uff0d\uff20]"
 _TIME: Final = re.compile(
     r"(?:(?P<day>\d{4}-\d\d-\d\d)[ T])?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?"
@@ -42,7 +42,7 @@ _TIME: Final = re.compile(
 
 
 def make_cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
-    """Ids of cycles: the time of their end, in UTC, or by an undated log's own clock."""
+    """Make the ids of cycles: the time of their end, in UTC, or by an undated log's own clock."""
     return pl.Series(
         "id",
         [_make_cycle_id_of_time(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]],
@@ -56,7 +56,7 @@ def make_ledger_frame(
     verdicts: Mapping[int, CycleVerdict],
     find_labels_at_time: Callable[[float], Labels] = lambda _: NO_LABELS,
 ) -> pl.DataFrame:
-    """Ledger with one row per cycle.
+    """Make the ledger, with a row per cycle.
 
     The quality is that of the frame, except "check" for a good load with a doubt.
 
@@ -64,8 +64,8 @@ def make_ledger_frame(
         cycles: frame `cycles`.
         t0_unix_ns: origin of the frame's times.
         verdicts: verdicts by row.
-        find_labels_at_time: labels of cycles that end at a unix time in s; the verdict's own labels
-            precede them.
+        find_labels_at_time: function that returns the labels of a cycle that ends at a Unix time in
+            s; the cycle's own labels have precedence.
     """
     rows = [verdicts.get(row) for row in range(cycles.height)]
     shared = [find_labels_at_time((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
@@ -109,7 +109,7 @@ def make_ledger_frame(
 
 
 def add_motion_columns(ledger_rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
-    """Ledger with local times, distances, speeds, standstills and energy by cycle number.
+    """Add local times, distances, speeds, standstills and energy to the ledger.
 
     Args:
         ledger_rows: the ledger.
@@ -133,7 +133,7 @@ def add_motion_columns(ledger_rows: pl.DataFrame, state: ReviewState) -> pl.Data
 
 
 def make_cycle_remark(ledger_row: Mapping[str, Any]) -> str:
-    """Remark on a cycle: why it has no mass or needs checking, or its gap.
+    """Make the remark on a cycle: why it has no mass or needs checking, and its gap.
 
     Args:
         ledger_row: row of the ledger, with motion.
@@ -144,7 +144,7 @@ def make_cycle_remark(ledger_row: Mapping[str, Any]) -> str:
 
 
 def make_cycles_frame(ledger_rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
-    """Frame `cycles` of a ledger, without verdicts.
+    """Make the frame `cycles` of a ledger, without verdicts.
 
     Args:
         ledger_rows: the ledger.
@@ -162,7 +162,7 @@ def make_cycles_frame(ledger_rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFram
 
 
 class CycleRows(NamedTuple):
-    """Rows of a ledger as they were written, and its frame `cycles`."""
+    """Rows of a ledger as written, and its frame `cycles`."""
 
     ledger: pl.DataFrame
     cycles: pl.DataFrame
