@@ -1,4 +1,4 @@
-"""Times in the machine's time zone, with the offset from UTC so that each is unambiguous."""
+"""Format times in the machine's time zone, unambiguous by their offset from UTC."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime

@@ -58,7 +58,7 @@ def describe_largest_uncertainty_parts(
 
 
 def describe_uncertainties_missing_in_file(planar_rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Lines on uncertainties missing from the machine file; empty in recordings of old versions."""
+    """Name uncertainties missing from the machine file; empty for recordings of old versions."""
     lines: list[str] = []
     for column, of in (
         ("scale_unknown", "yaw inertia and first moments"),

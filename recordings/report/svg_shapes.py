@@ -99,7 +99,7 @@ class Drawing:
         self.shapes.append(Shape("ink", "text", at, text))
 
 
-#: Looks without a style sheet, as on paper; the report's own changes them in the dark.
+#: Attributes of each look without a style sheet, as on paper; in dark mode, the report's differ.
 _LOOKS: Final = {
     "ink": {"fill": "#1d2733", "font-size": "11", "font-family": "sans-serif"},
     "axis": {"stroke": "#5b6673", "stroke-width": "1"},

@@ -12,8 +12,8 @@ from recordings.report.shift_text import K
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
 
-#: Columns of the ledger, each with its standard uncertainty beside it: the whole work, what it is
-#: split into, its phases, and the work for a tonne.
+#: Energies in the ledger, each with its standard uncertainty beside it: the whole work, its parts,
+#: its phases, and the work per tonne.
 ENERGIES: Final = ("energy", *PARTS[1:], *PHASES, "energy_per_t")
 #: Columns of the ledger with the fuel of a cycle and its standard uncertainty.
 FUEL: Final = "fuel_L"

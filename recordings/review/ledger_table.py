@@ -101,7 +101,7 @@ def _make_energy_columns(energy_name: str) -> tuple[TableColumn, TableColumn]:
     )
 
 
-#: Times are those of the dump; the offset tells two 02:30 of one night apart.
+#: Columns of the table. Times are those of the dump; the offset distinguishes two 02:30 in a night.
 COLUMNS: Final = (
     TableColumn("cycle", "1", _make_getter_of_column("cycle"), 0),
     TableColumn("local time", "date", _make_wall_clock_cell),

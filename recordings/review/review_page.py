@@ -138,8 +138,8 @@ def _make_cycle_row(ledger_row: Row, verdict: CycleVerdict | None, clock: ShiftC
 def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]:
     """Make a row per hour of the shift: loads, tonnes, recorded time, uncounted cycles, energy.
 
-    A load belongs to the hour of its dump. Each hour's ± includes the common uncertainty, so they
-    do not add in squares.
+    A load belongs to the hour of its dump. The ± of each hour includes uncertainty common to all
+    hours, so that the squares do not add up.
 
     Args:
         ledger: ledger with energy.
