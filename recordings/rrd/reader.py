@@ -193,7 +193,7 @@ def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generato
             warnings.simplefilter("ignore", RerunWarning)  # raised as an error as well
             store = rr.chunk.RrdReader(path).store()
         held = OpenRecording(path, *_read_manifest_and_provenance(path, store), store, stored_names)
-    yield held  # outside `try`: errors of the caller are not those of the recording
+    yield held  # outside the `with`: errors of the caller are not those of the recording
 
 
 @contextmanager

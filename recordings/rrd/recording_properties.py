@@ -1,8 +1,8 @@
 """Make the properties of a recording, by which viewer and catalog sort, and its provenance.
 
-Properties belong to the property `ANSWER`: `property:answer:mass_kg` is a column of Rerun's tables,
-for example. A quantity is present if the run has it; all others always are. The provenance, in
-Markdown, is settings, machine file, inputs and versions.
+Properties are below `ANSWER`, so that `property:answer:mass_kg` is a column of Rerun's tables. A
+quantity is present only if the run has it; other properties always are. The provenance, in
+Markdown, has settings, machine file, inputs and versions.
 """
 
 import json

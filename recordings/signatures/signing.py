@@ -44,7 +44,7 @@ _ORDER_8: Final = int.from_bytes(
 )
 #: y of every point of small order: of order 4, 1, 2 and 8.
 _SMALL_ORDER: Final = frozenset({0, 1, _P - 1, _ORDER_8, _P - _ORDER_8})
-#: Private keys printed in RFC 8032, and those that a careless program makes: one byte repeated.
+#: Private keys printed in RFC 8032, and keys of one repeated byte, as careless programs make them.
 _PUBLISHED_SEEDS: Final = (
     "9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60",
     "4ccd089b28ff96da9db6c346ec114e0f5b8a319f35aba624da8cf6ed4fb8a6fb",
