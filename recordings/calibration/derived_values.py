@@ -76,7 +76,7 @@ def _select_mass_settings_up_to_format_3(machine: Machine) -> dict[str, Any]:
 def remove_dotted_names(
     values: Mapping[str, Any], dotted_names: Container[str], prefix: str = ""
 ) -> dict[str, Any]:
-    """Copy values without those at some dotted names."""
+    """Copy a table of values without the entries with some dotted names."""
     return {
         name: remove_dotted_names(value, dotted_names, f"{prefix}{name}.")
         if isinstance(value, dict)

@@ -55,7 +55,7 @@ def compare_bundle_with_recomputed(
     points: pl.DataFrame | None,
     report_html: bytes | None,
 ) -> RecomputationResult:
-    """Compare the values in a bundle with those recomputed from it.
+    """Recompute the values in a bundle that follow from its other contents, and compare them.
 
     Args:
         document: the evidence.
@@ -307,7 +307,7 @@ def compare_fit_with_refitted(
     points: pl.DataFrame | None,
     notes: list[str],
 ) -> Findings:
-    """Compare fit, budget, verdict and points with those of a new fit to the readings."""
+    """Compare fit, budget, verdict and points with the results of a new fit to the readings."""
     fitted, drift = _refit_campaign_or_mass_check(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (

@@ -1,7 +1,7 @@
 """Defaults of settings in each released version, for evidence that is older than a setting.
 
 `released_defaults.json` has them by version: `python -m recordings.calibration.released_defaults`
-prints those of this version. The defaults of a released version never change.
+prints the defaults of this version. The defaults of a released version never change.
 """
 
 import json

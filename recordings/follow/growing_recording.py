@@ -67,7 +67,7 @@ _TABS: Final = ("Overview", "Motion", "Gate", "Estimates")
 #: is a single one.
 _ROWS: Final = 3
 _APART_NS: Final = 10**9
-#: Number of first messages among which the description and those about the stores are.
+#: Number of first messages among which the description and the messages about the stores are.
 _FIRST: Final = 16
 #: Most messages of a second, counted back from the last: a chunk per frame and method, twice.
 _SECOND: Final = 64

@@ -154,7 +154,7 @@ def format_provenance_markdown(run: Run) -> str:
 
 
 def _format_fingerprint_digests(provenance: Provenance) -> str:
-    """Format the digests of the fingerprint in full, including those of the frames."""
+    """Format the digests of the fingerprint in full, including the digests of the frames."""
     taken = provenance.fingerprint
     if taken is None:
         return "none"

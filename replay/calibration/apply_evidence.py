@@ -1,4 +1,4 @@
-"""Calibrate masses by a calibration's evidence, and refuse those that it does not apply to."""
+"""Calibrate masses by a calibration's evidence, and refuse logs to which it does not apply."""
 
 import datetime as dt
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -300,7 +300,7 @@ def calibrate_loads_of_recording(
     """The frame `loads` of a recording with its masses calibrated.
 
     Args:
-        frames: those of `FRAMES` that the recording has.
+        frames: the frames of `FRAMES` that the recording has.
         provenance: provenance of the recording.
         request: the evidence to apply.
         recording: path of the recording.

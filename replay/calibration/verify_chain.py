@@ -24,7 +24,7 @@ class VerifiedChain:
     Attributes:
         bundles: result of each bundle, in the given order.
         findings: errors in the chains.
-        notes: signer of each evidence in a chain, by its counter.
+        notes: a sentence on the signer of each bundle in a chain, in order of counters.
     """
 
     bundles: tuple[Verification, ...]

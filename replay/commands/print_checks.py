@@ -28,7 +28,7 @@ def make_table_of_checks(checks: Sequence["Check"]) -> "Table":
 
 
 def print_remedies_with_checks(console: "Console", failed_checks: Sequence["Check"]) -> None:
-    """Print each remedy once, with those of its failed checks that have a number."""
+    """Print each remedy once, with the names of its failed checks that have a value."""
     names: dict[str, list[str]] = {}
     for check in failed_checks:
         if check.remedy and check.value is not None:

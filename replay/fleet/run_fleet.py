@@ -193,7 +193,7 @@ class _SplitTasks(NamedTuple):
 def split_tasks_into_pending_and_finished(
     tasks: Sequence[ReplayTask], results: FleetResults
 ) -> _SplitTasks:
-    """Separate the tasks to do from those whose log has not changed since its result was made.
+    """Separate pending tasks from tasks whose log has not changed since its result was made.
 
     Size and time of change of the log's files are compared; if they differ, the task itself
     compares the contents.

@@ -229,7 +229,7 @@ def record_and_compare_followed_log(
 def iter_agreement_lines(
     agreements: Iterable[Agreement], settings: Settings, *, is_growing: bool
 ) -> Iterator[str]:
-    """Yield a line per agreement; those that differ for the same reason share one.
+    """Yield a line per agreement; methods that differ for the same reason share a line.
 
     Args:
         agreements: agreements of the gate and of each method.

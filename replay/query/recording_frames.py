@@ -45,7 +45,7 @@ class RecordingFrame:
 
     @property
     def schema(self) -> pl.Schema:
-        """Columns: the source, the seconds since the start of the run, then those of the frame."""
+        """Data types by column: source, seconds since the run's start, then the frame's columns."""
         own = {each.name: each.polars_dtype for each in self.stored.columns}
         source = {SOURCE: pl.String()} if self.with_source else {}
         second = {AT_S: pl.Float64()} if self.time_column else {}

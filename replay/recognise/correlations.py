@@ -74,7 +74,7 @@ class ColumnReader:
 
         Args:
             log: an opened log.
-            columns: columns of the log; those of known quantity are decoded together.
+            columns: columns of the log; columns of known quantity are decoded together.
         """
         self._log = log
         self._named = {

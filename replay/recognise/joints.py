@@ -1,8 +1,8 @@
 """Recognise channels in a JointState: wheels by their names, or the single axis of a rig.
 
 sensor_msgs/JointState is in N·m and rad/s for rotating joints; some programs send m/s. Wheels are
-assumed to rotate, which the draft asks to confirm; joints named only by a side are taken to be
-those that drive the machine.
+assumed to rotate, which the draft asks to confirm; joints named only by a side are assumed to drive
+the machine.
 """
 
 from collections.abc import Sequence

@@ -120,7 +120,7 @@ class MessageRowIndex:
 UNPACKED_GROUP_BYTES: Final = 8 * 2**20
 #: Bytes of the first group, which is small, so that the first rows come soon.
 _FIRST_BYTES: Final = UNPACKED_GROUP_BYTES // 32
-#: Largest ratio of the bytes of a group to those of the previous one.
+#: Largest ratio of the size of a group to the size of the previous one.
 _GROWTH: Final = 4
 #: Number of first, smaller groups, during which only one is prepared ahead.
 _GROWING: Final = 3

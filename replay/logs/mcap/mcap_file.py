@@ -59,7 +59,7 @@ _LENGTHS: Final = {FOOTER: FOOTER_BYTES, DATA_END: DATA_END_BYTES}
 
 @dataclass(slots=True)
 class McapWalk:
-    """Walk over the records of a file, which stores those outside chunks and yields the chunks."""
+    """Walk over a file, which stores records outside chunks, and yields the chunks."""
 
     store: BlockStore
     describe: Describe

@@ -126,13 +126,13 @@ def _does_file_use_cr_line_ends(path: Path) -> bool:
 
 
 def copy_with_blanks_as_tabs(text: Utf8Text) -> Utf8Text:
-    """Copy with each run of blanks replaced by a tab."""
+    """Copy a text with each run of blanks replaced by a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _iter_decoded_lines(text.path, "utf-8-sig"))
     return _write_lines_as_utf8_copy(text.path, lines, text.notes)
 
 
 def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
-    """Copy with digits of other scripts in ASCII: ١٢٫٥, １２.５.
+    """Copy a text with digits of other scripts, such as ١٢٫٥ and １２.５, converted to ASCII.
 
     None if most digits at the start of the text are ASCII: other digits are then in names.
     """
@@ -152,7 +152,7 @@ def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
 
 
 def copy_without_unclosed_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
-    """Copy without a last row that ends after an opening quote, on which polars panics.
+    """Copy a text without a last row that ends after an opening quote, on which polars panics.
 
     None if there is no such row.
     """
