@@ -28,7 +28,7 @@ def require_writable_picture(path: Path, *, force: bool) -> None:
 
 
 def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
-    """Write a figure in the format of the file's suffix.
+    """Write a figure in the format of the file's suffix, and return the file's path.
 
     Raises:
         OutputError: as from `require_writable_picture`, or if writing fails.

@@ -33,7 +33,7 @@ class VerifiedChain:
 
     @property
     def outcome(self) -> BundleOutcome | None:
-        """Exit status for all bundles; None if nothing is wrong."""
+        """Worst outcome of all bundles, which is the exit status; None if nothing is wrong."""
         return find_most_severe_outcome(
             [*self.findings, *(each for made in self.bundles for each in made.findings)]
         )

@@ -269,5 +269,5 @@ def iter_agreement_lines(
 
 
 def does_machine_file_state_noise(settings: Settings, axis: Axis) -> bool:
-    """Whether the settings give the noise of each column of an axis."""
+    """Whether the settings state the noise of each column of an axis."""
     return collect_axis_noise(axis, settings).moving_mean_covariance is not None

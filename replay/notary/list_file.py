@@ -265,7 +265,7 @@ class VerifiedNotaryList:
 
     @property
     def outcome(self) -> BundleOutcome | None:
-        """Exit status; None if nothing is wrong."""
+        """Outcome that is the exit status; None if nothing is wrong."""
         return find_most_severe_outcome(self.findings)
 
     @property

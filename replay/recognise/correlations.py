@@ -386,7 +386,7 @@ def correlate_column_with_slope(
 
 
 def compute_correlation(first_series: Floats, second_series: Floats) -> float | None:
-    """Correlation of two series; None if one is constant or not finite."""
+    """Compute the correlation of two series; None if one is constant or not finite."""
     # scaled to 1 first, since squares may exceed the range of a float64
     first_series, second_series = (
         each / (float(np.abs(each).max()) or 1.0) for each in (first_series, second_series)

@@ -133,7 +133,7 @@ class TableTimes:
         return self._add_second_fractions(self._convert_one_time_column(cells), cells)
 
     def _add_second_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
-        """Add fractions of a second from another column."""
+        """Add fractions of a second from the column `fraction`, if there is one."""
         if self.fraction is None:
             return seconds
         fractions, unit = convert_second_fractions_to_ns(cells[self.fraction])
@@ -304,7 +304,7 @@ def find_time_unit(column_name: ColumnName) -> str | None:
 def find_date_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], column_index: int
 ) -> str | None:
-    """Column of the dates, if the time is a time of day."""
+    """Find the column of dates of a time of day; None if there is none, or times have dates."""
     own = cells(column_index)[:5]
     if (
         not own

@@ -227,7 +227,7 @@ _OTHER_LETTERS: Final = re.compile(rb"[\x80-\xff]{3}")
 
 
 def read_first_lines(path: Path) -> list[str]:
-    """First complete lines of a UTF-8 text, to detect its dialect."""
+    """Read the first complete lines of a UTF-8 text, from which its dialect is detected."""
     with path.open("rb") as file:
         head = file.read(LIMITS.head_bytes)
         while head.count(b"\n") < LIMITS.head_min_lines and len(head) < LIMITS.head_max_bytes:
