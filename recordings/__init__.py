@@ -1,6 +1,6 @@
-"""Recordings of runs and their reports; only this package imports Rerun and matplotlib, and late.
+"""Recordings and reports of runs; the only package that imports Rerun and matplotlib, when needed.
 
-Names are resolved when first used: the digest of a page that it keeps needs none of them.
+Names are resolved when first used, since the digest of the verifier's page needs none of them.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Replay: logs in, pipeline, command line.
+"""Replay of logs: readers of logs, the pipeline, and the command line.
 
     from replay import load_machine, open_log, run
 

@@ -91,7 +91,7 @@ from replay.inputs.time_line import compute_log_offsets_ns
 from replay.inputs.time_line import describe_log_order as order_note
 from replay.logs import Log
 
-#: What `on_stage` is told, in order.
+#: Names with which `on_stage` is called, in order.
 STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
     *("noise", "gate", "weigh", "segments", "trace", "verdict", "findings", "planar", "cycles"),
@@ -106,7 +106,7 @@ class _TopicChannels:
         read: channel readings at their own rates, by channel.
         stamp_label_by_topic: kind of stamp that times each topic.
         doubts: data whose loss cannot be proven.
-        notes: notes on rows and readings that are left out.
+        notes: notes on rows and readings that are not used.
         copied: rows of topics that repeat earlier ones, by topic.
     """
 
@@ -120,14 +120,14 @@ class _TopicChannels:
     def from_topics(
         cls, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
     ) -> "_TopicChannels":
-        """Assign a time to every sample, and read the channels that the machine file names."""
-        copied = find_copied_rows_by_topic(raw_frames)  # of a buffer that a logger wrote twice
+        """Assign a time to every sample, and read the channels of the machine file."""
+        copied = find_copied_rows_by_topic(raw_frames)  # a logger wrote a buffer twice
         placed, stamps, doubts = assign_timestamps(drop_copied_rows(raw_frames, copied))
         read, missing = read_measured_channels(placed, machine)
-        held = find_held_channels(read)  # rows between a slow sensor's readings say nothing new
+        held = find_held_channels(read)  # rows that repeat a slow sensor's last reading
         notes = [*list_copied_row_notes(copied), *list_held_reading_notes(read, held)]
         read = drop_rows_with_held_readings(read, held)
-        # an accelerometer sees a start that its speed does not
+        # an accelerometer shows a start that the speed does not
         thresholds_m_s = (
             find_zero_speed_thresholds_m_s(read) if machine.differentiates_speed else {}
         )
@@ -143,8 +143,8 @@ class _StageResults:
     Attributes:
         frames: frames of the run, up to the verdict.
         weighing: the joint fit.
-        finding_inputs: inputs for the search of causes.
-        totals: masses of the whole log, before anything is withheld.
+        finding_inputs: inputs of the search for causes.
+        totals: masses of the whole log, before any is withheld.
         contradicted: methods whose mass the log contradicts.
         stamp_label_by_topic: kind of stamp that times each topic.
         doubts: data whose loss cannot be proven.
@@ -161,7 +161,7 @@ class _StageResults:
     notes: list[str]
 
 
-@limit_blas_to_one_thread()  # or the last bits depend on the number of cores
+@limit_blas_to_one_thread()  # else the last bits depend on the number of cores
 def run(
     logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
@@ -331,14 +331,14 @@ def _run_stages(
 def _find_causes_of_log(
     stages: _StageResults, raw_frames: Mapping[str, pl.DataFrame], machine: Machine
 ) -> pl.DataFrame:
-    """Find the causes of the log, and those behind a cause that masks the others."""
+    """Find the causes in the log, and further ones by replays with a masking cause corrected."""
     part = cut_to_first_hour(raw_frames)
 
     def find_causes_with(changed: Machine) -> pl.DataFrame | None:
         try:
             placed = _TopicChannels.from_topics(part, changed)
             return find_causes(_run_stages(part, placed, changed, lambda _: None).finding_inputs)
-        except DataError:  # the first hour of a log may hold less than the whole
+        except DataError:  # the first hour of a log may have too little data
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw_frames.items())

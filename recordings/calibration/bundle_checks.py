@@ -1,7 +1,7 @@
 """Check the folder of a bundle without trusting its maker or this program's earlier output.
 
-It checks that the files are those that were signed, that the statement covers them, and that the
-required signer signed it.
+The checks are that the files are the signed ones, that the signed statement covers them, and that
+the required signer signed it.
 """
 
 import datetime as dt
@@ -99,7 +99,7 @@ def check_bundle(
         check_counter_of_chain_link(bundle, document)
         before = None
         if previous_folder is not None:
-            # a time stamp is asked of the evidence itself; that before it need not have one
+            # a time stamp is required of the evidence itself, but not of the previous evidence
             stamped = timestamp_authorities if (previous_folder / TIMESTAMP).is_file() else ()
             before = _check_bundle_alone(previous_folder, None, keyring or Keyring(Path()), stamped)
             by = before.signed_by
@@ -154,7 +154,7 @@ def read_and_check_bundle_files(folder: Path, bundle: CheckedBundle) -> dict[str
         bundle: receives the findings.
 
     Returns:
-        Files that could be read, by name.
+        The files that could be read, by name.
     """
     names, strange = list_bundle_files_and_faults(folder)
     for name, what in strange[: LIMITS.max_foreign_entries]:
@@ -190,7 +190,7 @@ def compare_files_with_sha256sums(
     files: Mapping[str, BundleFile],
     expected_digests: Mapping[str, str],
 ) -> None:
-    """Compare the files with SHA256SUMS in both directions."""
+    """Add findings for files that are missing, altered or not listed in SHA256SUMS."""
     for name, digest in expected_digests.items():
         if name in files and files[name].sha256 != digest:
             bundle.add_finding(
@@ -207,7 +207,7 @@ def compare_files_with_sha256sums(
 def _check_that_evidence_lists_recordings(
     bundle: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
 ) -> None:
-    """Check that the recordings of runs are those that the evidence names."""
+    """Check that the bundle has exactly the recordings of runs that the evidence names."""
     named = {log.recording for log in document.logs if log.recording}
     for name in sorted(named - set(digests)):
         bundle.add_finding(
@@ -223,7 +223,7 @@ def _check_that_evidence_lists_recordings(
 def parse_readings_and_points(
     bundle: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
-    """Readings and points; None for each that cannot be read."""
+    """Read the frames of readings and points; None for each that cannot be read."""
     digests = {
         READINGS: document.tables.readings_sha256,
         POINTS: document.tables.points_sha256,
@@ -255,7 +255,7 @@ def check_bundle_signature(
     known_key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
-    """Check who signed, and that the signature covers these files.
+    """Check the signature, its signer, and that it covers these files.
 
     Args:
         bundle: receives the findings and the signer.
@@ -324,7 +324,7 @@ def identify_bundle_signer(
     known_key: PublicKey | None,
     keyring: Keyring,
 ) -> None:
-    """Identify the owner of a key by the user's keyring."""
+    """Identify the signer of a bundle by the given key and the user's keyring."""
     claimed = "" if document.signer is None else document.signer.name
     known = keyring.find_key_by_id_or_prefix(stated_signer.key_id)
     owner = "" if known is None else known.owner
@@ -351,7 +351,7 @@ def _check_that_signer_is_stated(
     stated_signer: PublicKey | None,
     document: EvidenceDocument,
 ) -> None:
-    """Check that envelope and evidence name the same key."""
+    """Check that evidence, envelope and signature state the same key."""
     if stated_signer is None or document.signer is None:
         bundle.add_finding(
             BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, although there is a signature"
@@ -369,7 +369,7 @@ def _check_signed_digests(
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
 ) -> None:
-    """Check that the statement covers these files."""
+    """Check that the signed statement lists these files with these digests."""
     said = envelope.statement
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
         bundle.add_finding(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")

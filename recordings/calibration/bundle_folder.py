@@ -1,4 +1,4 @@
-"""Safe reading of a bundle's folder: names, sizes and digests; no link is followed.
+"""Read a bundle's folder safely: names, sizes and digests.
 
 No link is followed, no name leads outside, and every file is opened once.
 """
@@ -23,14 +23,14 @@ REPORT: Final = "report.html"
 PDF: Final = "report.pdf"
 SUMS: Final = "SHA256SUMS"
 STATEMENT: Final = "statement.dsse.json"
-#: Comes after the signature that it is of.
+#: Time stamp of the signature, added after the bundle is signed.
 TIMESTAMP: Final = "timestamp.tsr"
-#: The stretch of a recorder's list that the campaign names.
+#: Part of a recorder's notary list that the campaign names.
 NOTARY: Final = "notary.jsonl"
 RUNS: Final = "runs"
-#: Of every bundle.
+#: Files of every bundle.
 REQUIRED: Final = (EVIDENCE, READINGS, POINTS, RECORDING, REPORT)
-#: Not in SHA256SUMS: itself, the statement, which holds its digest, and the stamp of that.
+#: Files not in SHA256SUMS: itself, the statement, which has its digest, and the time stamp.
 UNLISTED: Final = (SUMS, STATEMENT, TIMESTAMP)
 
 _RUN: Final = re.compile(rf"{RUNS}/[A-Za-z0-9][A-Za-z0-9._-]{{0,80}}\.rrd")
@@ -62,7 +62,7 @@ def list_bundle_files_and_faults(folder: Path) -> tuple[list[str], list[tuple[st
         Sorted names of regular files that a bundle may contain; and (name, fault) of all others.
 
     Raises:
-        EvidenceError: it is not a folder, has no file of a bundle, or too many entries.
+        EvidenceError: it is not a folder, has no file of a bundle, or has too many entries.
     """
     if not folder.is_dir():
         fault = (
@@ -98,7 +98,7 @@ def list_bundle_files_and_faults(folder: Path) -> tuple[list[str], list[tuple[st
 
 
 def iter_bundle_entry_names_and_modes(folder: Path) -> Iterator[tuple[str, int]]:
-    """Names and modes in the folder and its runs/, without following links."""
+    """Yield names and modes of the entries in the folder and its runs/; links are not followed."""
     try:
         for place, prefix in ((folder, ""), (folder / RUNS, f"{RUNS}/")):
             if prefix and (place.is_symlink() or not place.is_dir()):
@@ -115,7 +115,7 @@ def read_bundle_file(folder: Path, name: str) -> BundleFile:
     """Read a file from `list_bundle_files_and_faults` once, without following a link.
 
     Raises:
-        EvidenceError: it cannot be read, or is too large.
+        EvidenceError: the file cannot be read, or is too large.
     """
     keep = name not in (RECORDING, PDF) and not name.startswith(f"{RUNS}/")
     digest, size = hashlib.sha256(), 0
@@ -133,10 +133,10 @@ def read_bundle_file(folder: Path, name: str) -> BundleFile:
 
 
 def copy_bundle_file_and_return_sha256(folder: Path, name: str, target_path: Path) -> str:
-    """Copy a file from `list_bundle_files_and_faults`; returns the SHA-256 of the copy.
+    """Copy a file from `list_bundle_files_and_faults`, and return the SHA-256 of the copy.
 
     Raises:
-        EvidenceError: it cannot be read.
+        EvidenceError: the file cannot be read.
     """
     digest = hashlib.sha256()
     with target_path.open("xb") as copy:
@@ -147,7 +147,7 @@ def copy_bundle_file_and_return_sha256(folder: Path, name: str, target_path: Pat
 
 
 def iter_bundle_file_chunks(folder: Path, name: str) -> Iterator[bytes]:
-    """Read a file in parts, without following a link."""
+    """Yield the content of a file in chunks, without following a link."""
     try:
         number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
         with os.fdopen(number, "rb") as file:
@@ -158,15 +158,15 @@ def iter_bundle_file_chunks(folder: Path, name: str) -> Iterator[bytes]:
 
 
 def format_sha256sums(digests: dict[str, str]) -> str:
-    """Text of `SHA256SUMS` in the format of `sha256sum -c`."""
+    """Format `SHA256SUMS`, as `sha256sum -c` reads it."""
     return "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
 
 
 def parse_sha256sums(sums_bytes: bytes) -> dict[str, str]:
-    """Digests by file name.
+    """Parse `SHA256SUMS` to digests by file name.
 
     Raises:
-        EvidenceError: it is not in the format of `format_sha256sums`.
+        EvidenceError: the content is not in the format of `format_sha256sums`.
     """
     try:
         lines = sums_bytes.decode("ascii").splitlines()

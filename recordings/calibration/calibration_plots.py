@@ -1,4 +1,4 @@
-"""The four figures of a calibration report."""
+"""Draw the four figures of a calibration report."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ _BOX: Final = (52.0, 22.0, WIDTH - 10.0, 196.0)
 
 
 def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
-    """Figures for which the evidence has data."""
+    """Draw the figures for which the evidence has data."""
     fitted, points = document.calibration, compute_reading_deviations(document, readings)
     found: list[Drawing] = []
     if fitted is not None and document.kind == "calibration":
@@ -31,9 +31,9 @@ def draw_report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> 
 def compute_calibrated_interval_band_kg(
     calibration: Calibration,
 ) -> list[tuple[float, float, float]]:
-    """Interval of the calibrated mass over the range of references.
+    """Compute the interval of the calibrated mass over the range of references.
 
-    Each is (reference, low, high) in kg, for a run like those of the campaign.
+    Each entry is (reference, low, high) in kg, for a run with as many readings as in the campaign.
     """
     low, high = calibration.range_kg
     readings = calibration.budget_at[1]
@@ -179,7 +179,7 @@ def _draw_interval_band(
 
 
 def compute_reading_deviations(document: EvidenceDocument, readings: pl.DataFrame) -> pl.DataFrame:
-    """Readings with a mass, and their deviations from the mean of their run."""
+    """Compute the deviation of each reading with a mass from the mean of its run, in kg."""
     order = {run.id: number for number, run in enumerate(document.campaign.runs)}
     mean = pl.col("mass_kg").filter("used").mean().over("run_id")
     return (

@@ -1,4 +1,4 @@
-"""`calibration.rrd`: the evidence for the viewer, with links to the recordings of runs."""
+"""Write `calibration.rrd`: the evidence for the viewer, with links to the recordings of runs."""
 
 from pathlib import Path
 
@@ -15,14 +15,14 @@ from recordings.rrd.writer import write_recording
 def write_calibration_recording(
     bundle_folder: Path, document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> None:
-    """Write the recording of a bundle."""
+    """Write the recording of a bundle's calibration."""
     write_recording(make_run_of_calibration(document, readings, points), bundle_folder / RECORDING)
 
 
 def make_run_of_calibration(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> Run:
-    """Run with the frames of a bundle's recording, computed from the evidence.
+    """Make the run with the frames of a bundle's recording, computed from the evidence.
 
     Args:
         document: the evidence.

@@ -1,4 +1,4 @@
-"""Report of a bundle: one page for readers, made from the evidence only.
+"""Render the report of a bundle: one page for readers, made only from the evidence.
 
 The same evidence gives the same bytes, so that `verify` can make the page again and compare. The
 page has no script, and its policy forbids loading anything.
@@ -44,7 +44,7 @@ _NONE: Final = "–"
 def render_report_html(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> str:
-    """HTML of the report.
+    """Render the report as HTML.
 
     Args:
         document: the evidence; all its texts are escaped.
@@ -77,7 +77,7 @@ def render_report_html(
 
 @cache
 def load_report_template() -> "Template":
-    """Compiled template of the page."""
+    """Load and compile the template of the page."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(
@@ -92,7 +92,7 @@ def write_report_pdf(html: str, path: Path) -> str:
     """Write the report as a PDF.
 
     Returns:
-        Empty, or why there is no PDF: WeasyPrint or its system library is missing.
+        Why there is no PDF (WeasyPrint or its system library is missing); "" if it is written.
     """
     try:
         from weasyprint import HTML
@@ -109,14 +109,14 @@ def write_report_pdf(html: str, path: Path) -> str:
 
 
 def make_report_title(document: EvidenceDocument) -> str:
-    """Heading of the report."""
+    """Make the heading of the report."""
     what = "Calibration" if document.kind == "calibration" else "Check"
     name = document.campaign.campaign.title
     return name or f"{what} of {document.machine.machine.name} {document.campaign.machine.id}"
 
 
 def list_report_names_and_values(document: EvidenceDocument) -> list[tuple[str, str]]:
-    """Key facts of the report as (name, value)."""
+    """List the key facts of the report as (name, value)."""
     fitted = document.calibration
     found: list[tuple[str, str]] = []
     if fitted is not None:
@@ -155,7 +155,7 @@ def list_report_names_and_values(document: EvidenceDocument) -> list[tuple[str, 
 
 
 def format_kilograms_or_dash(mass_kg: float | None, digits: int = 1) -> str:
-    """Number of kg as text, or a dash."""
+    """Format a number of kg; a dash if it is None or not finite."""
     return _NONE if mass_kg is None or not math.isfinite(mass_kg) else f"{mass_kg:,.{digits}f}"
 
 
@@ -170,7 +170,7 @@ def _format_value_with_interval(
 
 
 def format_scatter_in_calibrated_kg(scatter_kg: float | None, calibration: Calibration) -> str:
-    """Scatter of estimates, divided by the slope to be one of calibrated masses, as text."""
+    """Format the scatter of estimates as one of calibrated masses, by dividing by the slope."""
     return (
         "unknown"
         if scatter_kg is None
@@ -254,7 +254,7 @@ def _make_reference_mass_rows(document: EvidenceDocument) -> list[Mapping[str, A
 
 
 def _describe_mass_certificate(reference_mass: ReferenceMass) -> str:
-    """Certificate of a mass or its source; for a digital one also its signer."""
+    """Describe a mass's certificate or source; for a digital certificate also its signer."""
     if reference_mass.stated_by:
         return f"stated by the {reference_mass.stated_by}"
     signed = (
@@ -311,5 +311,5 @@ def _make_campaign_run_rows(
 
 
 def _refuse_external_resource(url: str, *_: Any, **__: Any) -> Any:
-    """Raise an error for any external resource."""
+    """Raise an error for any external resource that the page would load."""
     raise ValueError(f"a report must be self-contained; refused to load {url[:80]}")

@@ -1,4 +1,4 @@
-"""Sentences of a calibration report."""
+"""Write the sentences of a calibration report."""
 
 import math
 from collections.abc import Iterator
@@ -46,7 +46,7 @@ _UNSEEN: Final = (
 def write_report_paragraphs(
     document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> list[str]:
-    """Paragraphs that explain the numbers."""
+    """Write the paragraphs that explain the numbers."""
     fitted = document.calibration
     found: list[str] = []
     if fitted is None:
@@ -78,7 +78,7 @@ def describe_runs_with_swapped_loads(document: EvidenceDocument) -> list[str]:
 
 
 def describe_undetectable_faults(document: EvidenceDocument) -> list[str]:
-    """Faults that no check of a bundle can find, a sentence each."""
+    """Describe the faults that no check of a bundle can find, a sentence each."""
     first = (
         ("Whether this machine has earlier evidence: this bundle names none before it.",)
         if document.chain.previous is None
@@ -108,7 +108,7 @@ def describe_undetectable_faults(document: EvidenceDocument) -> list[str]:
 
 
 def _describe_runs_possibly_left_out(document: EvidenceDocument) -> str:
-    """Sentence on runs that may have been left out."""
+    """Say in a sentence which runs may have been left out undetected."""
     stretch = document.campaign.notary
     if stretch is None:
         return _UNLISTED
@@ -121,7 +121,7 @@ def _describe_runs_possibly_left_out(document: EvidenceDocument) -> str:
 
 
 def _describe_logs_of_notary_list(document: EvidenceDocument) -> list[str]:
-    """Sentences on the recorder's logs in the campaign."""
+    """Describe which logs of the recorder's notary list the campaign uses and omits."""
     stretch = document.campaign.notary
     if stretch is None:
         return []
@@ -135,7 +135,7 @@ def _describe_logs_of_notary_list(document: EvidenceDocument) -> list[str]:
 
 
 def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
-    """Sentences on whether this machine recorded the logs."""
+    """Yield sentences on whether this machine recorded the logs."""
     without = list_logs_without_machine_id(document.logs)
     told = len(document.logs) - len(without)
     if without:
@@ -152,7 +152,7 @@ def _describe_recording_machine(document: EvidenceDocument) -> Iterator[str]:
 
 
 def _describe_limits_and_drift(document: EvidenceDocument) -> list[str]:
-    """Sentences on limits and drift, with their risks."""
+    """Describe the verdict on error limits and the drift, with their risks."""
     found: list[str] = []
     if document.limits is not None:
         found.append(f"{_capitalise_first_letter(document.limits.statement)}. {_NO_CONFORMITY}")
@@ -176,7 +176,7 @@ def _describe_limits_and_drift(document: EvidenceDocument) -> list[str]:
 
 
 def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
-    """Sentences on the priors learnt by the campaign."""
+    """Describe the priors learnt from the campaign's logs; empty if there are none."""
     learnt = document.learnt
     if learnt is None:
         return []
@@ -189,7 +189,7 @@ def _describe_learnt_priors(document: EvidenceDocument) -> list[str]:
 
 
 def describe_one_day_limits(document: EvidenceDocument) -> list[str]:
-    """Sentence on the limits of evidence from one day; none for format 1."""
+    """Describe the limitation of evidence from a single day; empty for format 1."""
     fitted = document.calibration
     if fitted is None or not fitted.responses or not fitted.has_runs_of_one_day_only:
         return []
@@ -202,7 +202,7 @@ def describe_one_day_limits(document: EvidenceDocument) -> list[str]:
 
 
 def describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
-    """Sentences on the uncertainty of logs driven unlike these runs, and how to reduce it."""
+    """Describe the uncertainty of logs driven unlike these runs, and how to reduce it."""
     if not calibration.responses:
         return []
     most = max(calibration.responses, key=lambda each: abs(each.level_kg))
@@ -215,7 +215,7 @@ def describe_driving_unlike_campaign(calibration: Calibration) -> list[str]:
 
 
 def _describe_most_useful_next_load(calibration: Calibration) -> list[str]:
-    """Sentence on the load to run next."""
+    """Say in a sentence which load of the campaign would be most useful to run next."""
     best = rank_loads_for_next_run(calibration)[0]
     return [
         f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
@@ -225,7 +225,7 @@ def _describe_most_useful_next_load(calibration: Calibration) -> list[str]:
 
 
 def describe_calibration_offset(calibration: Calibration) -> str:
-    """Sentence on the constant fraction of the output."""
+    """Say in a sentence how much of the calibrated mass is the constant β."""
     middle_kg = sum(calibration.range_kg) / 2.0
     share = calibration.beta_kg / middle_kg if middle_kg else 0.0
     begin = (
@@ -268,7 +268,7 @@ def _describe_campaign_without_line(
 def _describe_estimate_error(
     document: EvidenceDocument, load_id: str, readings: pl.DataFrame, points: pl.DataFrame
 ) -> str:
-    """Sentence on the error of one load's estimate."""
+    """Say in a sentence by how much the estimate of one load is wrong before calibration."""
     reference = next(each for each in document.references if each.load_id == load_id)
     used = readings.filter((pl.col("load_id") == load_id) & pl.col("used"))
     known = points.filter((pl.col("load_id") == load_id) & pl.col("mean_kg").is_not_null())
@@ -291,7 +291,7 @@ def _describe_estimate_error(
 
 
 def describe_previous_line_as_found(document: EvidenceDocument) -> list[str]:
-    """Sentences on the previous line, and its errors on these runs."""
+    """Describe the previous line as found, and its errors on these runs."""
     found, link, fitted = document.as_found, document.chain.previous, document.calibration
     if found is None or link is None:
         return []

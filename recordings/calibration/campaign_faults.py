@@ -1,4 +1,4 @@
-"""Contradictions between a campaign and its logs, machine file and date."""
+"""Find contradictions between a campaign and its logs, machine file and date."""
 
 import datetime as dt
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,7 @@ _BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
 
 
 def parse_start_time_of_log(log: EvidenceLog) -> dt.datetime | None:
-    """Begin of a log; None without absolute time."""
+    """Parse the start time of a log; None without absolute time."""
     try:
         return dt.datetime.strptime(log.begins, _BEGINS).replace(tzinfo=dt.UTC)
     except ValueError:
@@ -70,8 +70,8 @@ def iter_repeated_run_sentences(
 ) -> Iterator[str]:
     """Yield a sentence for each pair of runs that count the same starts twice.
 
-    A machine drives once at a time, and no two drives give the same masses to the last bit.
-    Excluded runs count for nothing.
+    Runs of a machine cannot overlap in time, and no two runs give masses that are equal to the last
+    bit. Excluded runs are not considered.
 
     Args:
         campaign: the campaign, whose runs do not overlap within a log.
@@ -106,20 +106,20 @@ def iter_repeated_run_sentences(
 
 
 def select_runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
-    """Runs whose logs have no absolute time, so that their days are unproven."""
+    """Select the runs whose logs have no absolute time, so that their days are unproven."""
     without = {each.log for each in document.logs if parse_start_time_of_log(each) is None}
     return [run for run in document.campaign.runs if run.log in without]
 
 
 def parse_creation_time(document: EvidenceDocument) -> dt.datetime:
-    """Time at which the evidence was made, as it states."""
+    """Parse the time at which the evidence was made, as it states."""
     return dt.datetime.fromisoformat(document.made)
 
 
 def _compute_run_span(
     run: CampaignRun, log: EvidenceLog, log_begin: dt.datetime
 ) -> tuple[dt.datetime, dt.datetime]:
-    """Begin and end of a run, in absolute time."""
+    """Compute start and end of a run, in absolute time."""
     from_s = min(run.from_s or 0.0, log.duration_s)
     to_s = log.duration_s if run.to_s is None else min(run.to_s, log.duration_s)
     return log_begin + dt.timedelta(seconds=from_s), log_begin + dt.timedelta(
@@ -130,12 +130,12 @@ def _compute_run_span(
 def iter_machine_id_contradictions(
     serial_number: str, machine: Machine, logs: Sequence[EvidenceLog]
 ) -> Iterator[str]:
-    """Yield a sentence per machine id, of the machine file or a log, that is not the campaign's.
+    """Yield a sentence for the machine file and each log with another machine id than the campaign.
 
     Args:
         serial_number: serial number in the campaign.
         machine: machine file.
-        logs: logs as replayed.
+        logs: the replayed logs.
     """
     named = machine.machine.id
     if named not in (None, serial_number):
@@ -151,5 +151,5 @@ def iter_machine_id_contradictions(
 
 
 def list_logs_without_machine_id(logs: Sequence[EvidenceLog]) -> list[str]:
-    """Logs that do not name the machine that recorded them."""
+    """List the logs that do not name the machine that recorded them."""
     return [log.log for log in logs if not log.machine_id]

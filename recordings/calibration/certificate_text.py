@@ -1,4 +1,4 @@
-"""Statements that ISO/IEC 17025:2017, 7.8 requires of a certificate, for the report."""
+"""Write the statements that ISO/IEC 17025:2017, 7.8 requires of a certificate, for the report."""
 
 import datetime as dt
 from collections.abc import Iterator, Mapping
@@ -14,13 +14,13 @@ _PLACES: Final = {
     "customer": "at the customer's",
     "other": "elsewhere",
 }
-#: Smallest load of R 51's classes, in scale intervals e. Source: schedule 1 of the United Kingdom's
-#: Automatic Catchweighing Instruments Regulations 2003 (SI 2003/2761), after R 51.
+#: Minimum capacity of R 51's classes, in scale intervals e. Source: schedule 1 of the United
+#: Kingdom's Automatic Catchweighing Instruments Regulations 2003 (SI 2003/2761), after R 51.
 _MIN_E: Final = {"OIML R 51 Y(a)": 20.0, "OIML R 51 Y(b)": 10.0}
 
 
 def make_certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
-    """Rows of page 1: customer, place, object, time and author, as (name, text)."""
+    """Make the rows of page 1: customer, place, object, time and author, as (name, text)."""
     campaign = document.campaign
     about, machine = campaign.campaign, campaign.machine
     days = sorted(run.day for run in campaign.runs)
@@ -61,7 +61,7 @@ def _format_person_and_function(name: str, function: str) -> str:
 
 
 def make_run_condition_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
-    """Rows of the conditions of the runs, with all their values."""
+    """Make the rows of the runs' conditions, each with all values that occur, as (name, text)."""
     shown = {
         "temperature_degC": ("air temperature", "{:g} °C"),
         "slope_deg": ("slope of the ground", "{:g}°"),
@@ -80,13 +80,13 @@ def make_run_condition_rows(document: EvidenceDocument) -> list[tuple[str, str]]
 
 
 def make_traceability_warnings(document: EvidenceDocument) -> list[str]:
-    """Warnings about references that are not traceable."""
+    """Make a warning about references that are not traceable, if there are any."""
     untraceable = document.campaign.untraceable_references_text
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
 def describe_missing_certificate_statements(document: EvidenceDocument) -> list[str]:
-    """Sentence that lists the statements of a certificate that the campaign file lacks, if any."""
+    """Say which required statements of a certificate the campaign file lacks; empty if none."""
     keys = document.campaign.missing_certificate_entries
     if not keys:
         return []
@@ -96,10 +96,10 @@ def describe_missing_certificate_statements(document: EvidenceDocument) -> list[
 def make_weighing_rows(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> list[Mapping[str, Any]]:
-    """Number of weighings of each load, with mean error and standard deviation in kg.
+    """Make a row for each load: number of weighings, mean error and standard deviation in kg.
 
-    The limit is that of a single error: categories Y of R 51 and classes of R 134 have none of a
-    mean or of a standard deviation (R 51 has those of category X, which checks packages).
+    The limit applies to a single error: categories Y of R 51 and classes of R 134 do not limit mean
+    or standard deviation (R 51 does so for category X, which checks packages).
     """
     fitted, limits = document.calibration, document.limits
     if fitted is None:
@@ -133,7 +133,7 @@ def make_weighing_rows(
 
 
 def iter_accuracy_class_sentences(document: EvidenceDocument) -> Iterator[str]:
-    """Sentences on Max and Min of an accuracy class, and on what its limits apply to."""
+    """Yield sentences on Max and Min of an accuracy class, and on what its limits apply to."""
     limits = document.limits
     if limits is None:
         return
@@ -160,5 +160,5 @@ def iter_accuracy_class_sentences(document: EvidenceDocument) -> Iterator[str]:
 
 
 def read_certificate_issue_day(document: EvidenceDocument) -> dt.date:
-    """Date of issue."""
+    """Read the day of issue of the certificate: that on which the evidence was made."""
     return dt.date.fromisoformat(document.made[:10])

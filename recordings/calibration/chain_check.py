@@ -1,4 +1,4 @@
-"""Check that the evidence of a machine forms one chain without gaps and forks."""
+"""Check that the evidence of a machine forms a chain without gaps and forks."""
 
 import datetime as dt
 import hashlib
@@ -15,7 +15,7 @@ from recordings.calibration.evidence_document import EvidenceDocument
 
 
 def check_counter_of_chain_link(checked_bundle: CheckedBundle, document: EvidenceDocument) -> None:
-    """Check that the counter is one more than that of the link."""
+    """Check that the counter is one more than that of the link to the previous evidence."""
     link = document.chain.previous
     if document.chain.counter != (1 if link is None else link.counter + 1):
         checked_bundle.add_finding(
@@ -28,7 +28,7 @@ def check_counter_of_chain_link(checked_bundle: CheckedBundle, document: Evidenc
 def check_link_to_previous_evidence(
     checked_bundle: CheckedBundle, document: EvidenceDocument, previous_bundle: CheckedBundle | None
 ) -> None:
-    """Check that evidence follows its previous evidence.
+    """Check that evidence links to its previous evidence, and agrees with it.
 
     Args:
         checked_bundle: receives the findings.
@@ -88,7 +88,7 @@ def check_link_to_previous_evidence(
 
 
 def digest_evidence_for_chain_link(bundle: CheckedBundle) -> str:
-    """Digest by which a link refers to evidence."""
+    """Compute the digest by which a link refers to evidence: SHA-256 of SHA256SUMS."""
     return hashlib.sha256(bundle.sums).hexdigest()
 
 
@@ -106,7 +106,7 @@ def check_chains_of_bundles(checked_bundles: Sequence[CheckedBundle]) -> ChainCh
         checked_bundles: bundles checked by themselves, in any order; unreadable ones are skipped.
 
     Returns:
-        Gaps, forks and wrong links; and a sentence on the signer of each number.
+        Gaps, forks and wrong links; and a sentence on the signer of the evidence of each counter.
     """
     by_digest = {digest_evidence_for_chain_link(each): each for each in checked_bundles}
     known = [(each.document, each) for each in by_digest.values() if each.document is not None]
@@ -144,7 +144,7 @@ def check_chains_of_bundles(checked_bundles: Sequence[CheckedBundle]) -> ChainCh
 def _iter_chain_signer_sentences(
     ordered_bundles: Sequence[tuple[EvidenceDocument, CheckedBundle]],
 ) -> Iterator[str]:
-    """Sentences on the signer of each, and the start of the chain."""
+    """Yield sentences on the start of the chain, and on the signer of each bundle."""
     if not ordered_bundles:
         return
     machine, first = ordered_bundles[0][0].campaign.machine.id, ordered_bundles[0][0].chain

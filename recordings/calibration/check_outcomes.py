@@ -1,4 +1,4 @@
-"""Possible findings of checking a bundle, with their exit status."""
+"""Outcomes and findings of checking a bundle, with their exit status."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class BundleOutcome(IntEnum):
     OTHER_VERSION = 8
 
 
-#: Which of several outcomes is the exit status: the first that was found.
+#: Outcomes from the most severe on; the first that was found is the exit status.
 ORDER: Final = (
     BundleOutcome.TAMPERED,
     BundleOutcome.INCOMPLETE,
@@ -29,7 +29,7 @@ ORDER: Final = (
     BundleOutcome.EXPIRED,
     BundleOutcome.OTHER_VERSION,
 )
-#: Outcomes of evidence that does not hold; the others are of evidence that does.
+#: Outcomes that invalidate evidence; with the other outcomes, it is valid.
 FAULTS: Final = frozenset(
     {BundleOutcome.TAMPERED, BundleOutcome.INCOMPLETE, BundleOutcome.IRREPRODUCIBLE}
 )
@@ -49,8 +49,8 @@ class BundleFinding:
 
     Attributes:
         outcome: kind of the error.
-        item: file, and place in it.
-        what: short description.
+        item: file, and the item in it.
+        what: short description of the error.
     """
 
     outcome: BundleOutcome
@@ -67,7 +67,7 @@ class BundleFinding:
 
 
 def find_most_severe_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
-    """Outcome for the exit status; None without findings."""
+    """Find the outcome that is the exit status; None without findings."""
     found = {each.outcome for each in findings}
     return next((outcome for outcome in ORDER if outcome in found), None)
 
@@ -75,12 +75,12 @@ def find_most_severe_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome
 def format_bundle_verdict(
     bundle_name: Path, findings: Sequence[BundleFinding], text_without_findings: str
 ) -> str:
-    """Result of a check in a sentence.
+    """Format the result of a check as a sentence.
 
     Args:
         bundle_name: checked folder or file.
         findings: the findings.
-        text_without_findings: text for no findings.
+        text_without_findings: text of the result if there are no findings.
     """
     outcome = find_most_severe_outcome(findings)
     if outcome is None:

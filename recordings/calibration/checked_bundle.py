@@ -1,4 +1,4 @@
-"""Intermediate result of checking a bundle."""
+"""Result of checking a bundle, to which each check adds."""
 
 import datetime as dt
 from collections.abc import Mapping
@@ -41,21 +41,21 @@ class CheckedBundle:
 
     @property
     def evidence_faults(self) -> list[BundleFinding]:
-        """Findings that invalidate evidence, without those about the machine itself."""
+        """Findings that invalidate the evidence itself, unlike expiry or exceeded limits."""
         return [each for each in self.findings if each.outcome in FAULTS]
 
     def add_finding(self, outcome: BundleOutcome, item_name: str, text: str) -> None:
-        """Add a finding."""
+        """Add a finding about an item."""
         self.findings.append(BundleFinding(outcome, item_name, text))
 
 
 def require_content_in_memory(files: Mapping[str, BundleFile], name: str) -> bytes:
-    """Content of a file of the bundle that was read into memory."""
+    """Return the content of a file of the bundle that was read into memory."""
     data = files[name].data
     assert data is not None
     return data
 
 
 def remove_file_name_from_fault(name: str, fault: EvidenceError) -> str:
-    """Error text without the file name that the finding already has."""
+    """Remove from an error's text the file name, which the finding already has."""
     return str(fault).removeprefix(f"{name}: ")

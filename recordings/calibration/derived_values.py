@@ -1,4 +1,4 @@
-"""Values of evidence that follow from campaign, machine file and previous line alone."""
+"""Compute values of evidence that follow only from campaign, machine file and previous line."""
 
 import hashlib
 import math
@@ -19,11 +19,11 @@ from recordings.calibration.evidence_document import (
 )
 from recordings.signatures.canonical_json import encode_canonical_json
 
-#: Keys of `[machine]` and stages that no mass depends on, by the format since which they are no
-#: part of what defines it.
+#: Keys of `[machine]` and stages of settings on which no mass depends, so that they are not part of
+#: its definition.
 _NO_PART_BODY: Final = ("id", "timezone", "empty_mass_day")
 _NO_PART_STAGES: Final = ("loads", "planar")
-#: Formats whose digest has them, but for the loads.
+#: Formats whose digest of the definition includes them, except the stage `loads`.
 _WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for number in (1, 2, 3))
 
 
@@ -33,13 +33,13 @@ def make_estimator_with_digest(
     absent_settings: Container[str] = (),
     evidence_format: str = FORMAT,
 ) -> Estimator:
-    """Estimator with the digest of its definition: channels, settings, priors.
+    """Make the estimator with the digest of its definition: channels, settings, priors.
 
     Args:
         campaign: campaign with its method.
-        machine: machine with the learnt priors. When it was empty is not part of the definition.
+        machine: machine with the learnt priors; the time span when it was empty does not count.
         absent_settings: dotted names of settings newer than the evidence.
-        evidence_format: format of the evidence; earlier ones digest more.
+        evidence_format: format of the evidence; earlier formats digest more settings.
     """
     own = (
         _select_mass_settings_up_to_format_3(machine)
@@ -56,7 +56,7 @@ def make_estimator_with_digest(
 
 
 def select_mass_defining_settings(machine: Machine) -> dict[str, Any]:
-    """Settings of a machine that define its mass, as JSON-compatible values."""
+    """Select the settings of a machine that define its mass, as JSON-compatible values."""
     values = machine.model_dump(mode="json")
     for name in _NO_PART_BODY:
         values["machine"].pop(name, None)
@@ -66,7 +66,7 @@ def select_mass_defining_settings(machine: Machine) -> dict[str, Any]:
 
 
 def _select_mass_settings_up_to_format_3(machine: Machine) -> dict[str, Any]:
-    """Mass definition of formats up to 3, which includes time zone and place."""
+    """Select the definition of the mass in formats up to 3, which includes the time zone."""
     values = machine.model_dump(mode="json")
     values["machine"].pop("id", None)
     del values["settings"]["loads"]
@@ -76,7 +76,7 @@ def _select_mass_settings_up_to_format_3(machine: Machine) -> dict[str, Any]:
 def remove_dotted_names(
     values: Mapping[str, Any], dotted_names: Container[str], prefix: str = ""
 ) -> dict[str, Any]:
-    """Values without some dotted names."""
+    """Copy a table of values without the entries with some dotted names."""
     return {
         name: remove_dotted_names(value, dotted_names, f"{prefix}{name}.")
         if isinstance(value, dict)
@@ -89,7 +89,7 @@ def remove_dotted_names(
 def make_reference_loads_and_covariance(
     campaign: CalibrationCampaign, machine: Machine
 ) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
-    """Reference loads of the evidence, and their covariance in kg²."""
+    """Make the reference loads of the evidence, and their covariance in kg²."""
     known, covariance_kg2 = tabulate_reference_masses_and_covariance(campaign, machine.machine)
     loads = tuple(
         ReferenceLoad(load_id=row["load_id"], reference_kg=row["reference_kg"], u_kg=float(v**0.5))
@@ -104,11 +104,11 @@ def evaluate_previous_line_as_found(
     estimator: Estimator,
     points: pl.DataFrame,
 ) -> AsFound | None:
-    """The previous line with its r.m.s. error on these points; None without a previous line.
+    """Evaluate the previous line by its r.m.s. error on these points; None without such a line.
 
     Args:
         previous_evidence: previous evidence.
-        previous_estimator: its estimator; earlier formats digest it differently.
+        previous_estimator: estimator of the previous evidence, digested by this version.
         estimator: estimator of this campaign; a line of another one does not apply.
         points: points of this campaign, a row per run.
     """
@@ -127,7 +127,7 @@ def evaluate_previous_line_as_found(
 
 
 def compute_rms_error_of_line_kg(line: AsFound, points: pl.DataFrame) -> float | None:
-    """Root mean square error of the calibrated masses of the points by this line."""
+    """Compute the r.m.s. error in kg of the points' masses calibrated by this line."""
     errors = [
         line.alpha_1 * row["mean_kg"] + line.beta_kg - row["reference_kg"]
         for row in points.drop_nulls("mean_kg").iter_rows(named=True)

@@ -12,33 +12,33 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
-#: Bytes of memory: a long log's recording takes one GiB.
+#: Most bytes of memory: the recording of a long log takes one GiB.
 _MOST_MEMORY: Final = 8 << 30
-#: Seconds of processor: a long log's recording takes minutes.
+#: Most seconds of processor time: the recording of a long log takes minutes.
 _MOST_CPU_S: Final = 600
-#: Characters of a fault that are passed on.
+#: Characters of a fault that are returned, at most.
 _LONGEST: Final = 200
-#: Pages of a PDF; a report has a dozen.
+#: Most pages of a PDF; a report has a dozen.
 _MOST_PAGES: Final = 500
-#: What ends a page: its number of how many.
+#: Text at the end of a page: its number and the number of pages.
 _COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
 
 
 def main() -> None:
-    """Digest recordings or extract words of PDFs, by the first argument; the others are files."""
+    """Digest recordings or extract words of PDFs, as the first argument says; others are files."""
     _limit_memory_and_processor_time()
     file_type, *files = sys.argv[1:]
     sys.stdout.write(json.dumps(digest_files(file_type, map(Path, files))))
 
 
 def digest_files(file_type: str, files: Iterable[Path]) -> list[dict[str, Any]]:
-    """Digest recordings or extract words of PDFs."""
+    """Digest recordings or extract words of PDFs, as JSON-compatible values for each file."""
     read = {"recording": _digest_recording, "pdf": extract_words_or_fault_of_pdf}[file_type]
     return [read(each) for each in files]
 
 
 def _digest_recording(path: Path) -> dict[str, Any]:
-    """Digests of inputs, settings and frames of a recording."""
+    """Compute the digests of inputs, settings and frames of a recording."""
     from estimators.errors import RecordingError
     from recordings.rrd.reader import read_recording
 
@@ -58,7 +58,7 @@ def _digest_recording(path: Path) -> dict[str, Any]:
 
 
 def extract_words_or_fault_of_pdf(path: Path) -> dict[str, Any]:
-    """Words of a PDF, or the fault that makes it unreadable, as the reader's JSON output."""
+    """Extract the words of a PDF, or the fault that makes it unreadable, for the JSON output."""
     from pypdf import PdfReader
     from pypdf.errors import PyPdfError
 
@@ -73,7 +73,7 @@ def extract_words_or_fault_of_pdf(path: Path) -> dict[str, Any]:
 
 
 def _limit_memory_and_processor_time() -> None:
-    """Bound memory and time, where the system can."""
+    """Limit memory and processor time of this process, if the system supports it."""
     try:
         import resource
     except ImportError:

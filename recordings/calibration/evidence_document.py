@@ -33,13 +33,13 @@ from recordings.calibration.released_defaults import (
 )
 from recordings.signatures.canonical_json import encode_canonical_json, parse_canonical_json
 
-#: Format 1 does not say what the errors of learnt means did to its runs and its line.
+#: Format 1 does not state how errors of learnt means move its runs and its line.
 _FIRST: Final = "payscope-calibration-evidence/1"
-#: Formats 2 and 3 hold the same; their pages differ. Format 4 has the machine that each log names,
-#: and counts no time zone to what defines a mass.
+#: Formats 2 and 3 have the same content; their pages differ. Format 4 has the machine that each log
+#: names, and the time zone is no longer part of what defines a mass.
 FORMAT: Final = "payscope-calibration-evidence/4"
 _NOT_IN_FIRST: Final = {"learnt": {"responses"}, "calibration": {"responses"}}
-#: What the schema is published as.
+#: File name of the published schema.
 SCHEMA: Final = "evidence.schema.json"
 Notice = Literal[
     "Not for trade. Not an accredited calibration. It says what these runs showed, and nothing "
@@ -54,7 +54,7 @@ Sentence = Annotated[str, StringConstraints(max_length=4000)]
 
 
 class UnknownFormatError(EvidenceError):
-    """Evidence of another version, which this one cannot read."""
+    """Raised for evidence of another version, which this one cannot read."""
 
 
 class EvidenceFile(BaseModel):
@@ -212,12 +212,12 @@ class EvidenceDocument(BaseModel):
     chain: Chain
     signer: Signer | None
     software: Software
-    #: Settings that came later, at the default that they came with; no part of the bytes.
+    #: Newer settings, at the default with which they were introduced; not part of the bytes.
     _filled_in_settings: dict[str, Any] = PrivateAttr(default_factory=dict[str, Any])
 
     @property
     def canonical_json_bytes(self) -> bytes:
-        """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
+        """The bytes of `evidence.json`, without settings that are newer than the evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
         return encode_canonical_json(remove_dotted_values(values, self._filled_in_settings))
@@ -235,7 +235,7 @@ class EvidenceDocument(BaseModel):
         """Fill in settings newer than the evidence at the default they were released with.
 
         Args:
-            values: `evidence.json`, that it was read from.
+            values: content of the `evidence.json` that it was read from.
         """
         changed = list_absent_settings_changed_since(
             self.settings_at_default, load_released_defaults()
@@ -250,7 +250,7 @@ class EvidenceDocument(BaseModel):
 
     @property
     def with_all_settings(self) -> "EvidenceDocument":
-        """The evidence with every setting of this version written out, also those at default."""
+        """The evidence with every setting of this version stated, including those at default."""
         return EvidenceDocument.model_validate_json(
             encode_canonical_json(self.model_dump(mode="json"))
         )
@@ -265,7 +265,7 @@ class EvidenceDocument(BaseModel):
 
     @property
     def states_run_responses(self) -> bool:
-        """Whether its format has what errors of learnt means move each run by."""
+        """Whether its format states how errors of learnt means move each run."""
         return self.format != _FIRST
 
     @property
@@ -283,16 +283,16 @@ class EvidenceDocument(BaseModel):
         )
 
     def find_log_by_name(self, name: str) -> EvidenceLog | None:
-        """The log of that name."""
+        """Find the log of this name; None if there is none."""
         return next((each for each in self.logs if each.log == name), None)
 
 
 def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument:
-    """Read `evidence.json` of a stranger.
+    """Parse untrusted content of `evidence.json`.
 
     Raises:
-        UnknownFormatError: it says that another version made it, and holds what this one lacks.
-        EvidenceError: no canonical JSON within its bounds, or not as the schema has it.
+        UnknownFormatError: it states another version, and has content that this version lacks.
+        EvidenceError: it is not canonical JSON within the bounds, or does not match the schema.
     """
     values = parse_canonical_json(json_bytes, source)
     try:
@@ -321,7 +321,7 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
 
 
 def find_version_of_other_payscope(document_values: Any) -> str:
-    """Other version that a document states as its own; "" if it is this one, or none."""
+    """Find the version that a document states as its own; "" if it is this one, or none."""
     if not isinstance(document_values, dict) or not isinstance(
         document_values.get("software"), dict
     ):
@@ -338,7 +338,7 @@ def find_version_of_other_payscope(document_values: Any) -> str:
 
 
 def format_evidence_schema() -> str:
-    """Published schema as text: JSON Schema, draft 2020-12."""
+    """Format the published schema: JSON Schema, draft 2020-12."""
     schema: dict[str, Any] = EvidenceDocument.model_json_schema(mode="serialization")
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

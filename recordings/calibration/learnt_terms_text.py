@@ -1,4 +1,4 @@
-"""Tables of what a calibration learnt besides its line: the nuisances of the joint fit."""
+"""Make the tables of nuisances of the joint fit that a calibration learnt besides its line."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -6,7 +6,7 @@ from typing import Any, Final
 from analysis.calibration.use.learnt_priors import LearntPriors
 from analysis.model.prior_settings import LearnableTerm
 
-#: By term its meaning, and its unit.
+#: Meaning and unit of each term.
 TERMS: Final[Mapping[LearnableTerm, tuple[str, str]]] = {
     "const": ("constant force", "N"),
     "lag": ("delay of the force", "s"),
@@ -20,7 +20,7 @@ TERMS: Final[Mapping[LearnableTerm, tuple[str, str]]] = {
 }
 
 
-#: Which runs of a campaign would tell a term better.
+#: Runs of a campaign that would determine a term better.
 RUNS: Final[Mapping[LearnableTerm, str]] = {
     "const": "runs in both directions, at different throttles",
     "lag": "runs with sharper starts",
@@ -35,7 +35,7 @@ RUNS: Final[Mapping[LearnableTerm, str]] = {
 
 
 def make_learnt_term_rows(learnt: LearntPriors | None) -> list[Mapping[str, Any]]:
-    """Rows on learnt terms: term, unit, mean and its uncertainty, width, number of logs.
+    """Make rows on learnt terms: term, unit, mean and its uncertainty, width, number of logs.
 
     Args:
         learnt: learnt priors of the evidence; None if there are none.

@@ -24,11 +24,11 @@ _CLOCK: Final = dt.timedelta(seconds=LIMITS.clock_difference_s)
 
 
 def cut_range_from_notary_list(list_bytes: bytes, list_range: NotaryStretch) -> bytes:
-    """Head of a list and the lines of a part of it, for a bundle.
+    """Cut the head of a list and the lines of a part of it, for a bundle.
 
     Args:
         list_bytes: the whole list, checked.
-        list_range: counters of the part; missing lines are found by the check.
+        list_range: counters of the part; lines that are missing are left to the check to find.
     """
     whole, _ = split_list_into_complete_lines_and_tail(list_bytes)
     return b"".join(
@@ -42,7 +42,7 @@ def check_notary_list_range(
     list_bytes: bytes | None,
     keyring: Keyring,
 ) -> None:
-    """Check the part of a list in a bundle, and that its campaign agrees with it.
+    """Check the part of a list in a bundle, and that the campaign agrees with it.
 
     Args:
         checked_bundle: the bundle; receives findings and notary.
@@ -103,7 +103,7 @@ def iter_findings_on_notary_log_list_range(
 def iter_unaccounted_log_sentences(
     list_range: NotaryStretch, logs: Sequence[EvidenceLog], list_entries: Sequence[NotaryEntry]
 ) -> Iterator[str]:
-    """Yield logs that are neither used nor left out, and used logs without a line."""
+    """Yield sentences on logs that are neither used nor omitted, and on used logs without entry."""
     for entry in list_entries:
         if not list_range.first <= entry.counter <= list_range.last:
             yield f"number {entry.counter} is not among the numbers that the campaign names"
@@ -127,7 +127,7 @@ def _does_entry_list_all_files_of_log(log: EvidenceLog, list_entry: NotaryEntry)
 def iter_contradictions_to_notary_list(
     document: EvidenceDocument, list_range: NotaryStretch, list_entries: Sequence[NotaryEntry]
 ) -> Iterator[BundleFinding]:
-    """Yield contradictions between list and evidence."""
+    """Yield findings on contradictions between list and evidence."""
     made, machine = parse_creation_time(document), document.campaign.machine.id
     for entry in list_entries:
         number = entry.counter
@@ -153,7 +153,7 @@ def iter_contradictions_to_notary_list(
 
 
 def does_log_start_within_list_entry(log: EvidenceLog, list_entry: NotaryEntry) -> bool:
-    """Whether a log begins within the time of its line."""
+    """Whether a log starts between start and end of its entry in the list, if both are known."""
     begin, first, last = (
         parse_start_time_of_log(log),
         parse_list_time(list_entry.begins),
@@ -170,7 +170,7 @@ def identify_notary_signer(
     checked_list: CheckedNotaryList,
     keyring: Keyring,
 ) -> SignedBy:
-    """Identity of the notary, by the user's keyring."""
+    """Identify the notary by the user's keyring."""
     key = checked_list.notary_public_key
     if key is None or any(fault.forged for fault in checked_list.faults):
         return SignedBy("broken")

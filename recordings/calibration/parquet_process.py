@@ -1,6 +1,6 @@
 """Read untrusted Parquet in a separate process with limits: Parquet on stdin, JSON on stdout.
 
-It imports nothing of ours, so that it can be started alone, and opens no file.
+It imports no module of payscope, so that it can be started in isolation, and opens no file.
 """
 
 import io
@@ -8,7 +8,7 @@ import json
 import sys
 from typing import Any, Final
 
-#: Bounds of a stranger's table: rows, bytes unpacked, bytes of memory, seconds of processor.
+#: Bounds of untrusted tables: rows, unpacked bytes, bytes of memory, seconds of processor time.
 _MOST_ROWS: Final = 100_000
 _MOST_BYTES: Final = 64 << 20
 _MOST_MEMORY: Final = 2 << 30
@@ -17,9 +17,9 @@ _PLAIN: Final = {"PLAIN", "RLE", "BIT_PACKED"}
 
 
 def main() -> None:
-    """Read the tables, one after the other."""
+    """Read the tables on stdin, and print their columns or faults as JSON."""
     data = sys.stdin.buffer.read()
-    # Arrow does without it where it is not installed, and starts in half the time
+    # Arrow works without NumPy, and then starts in half the time
     sys.modules["numpy"] = None  # pyright: ignore[reportArgumentType] - as `import` understands it
     _limit_process_memory_and_time()
     found: list[dict[str, Any]] = []
@@ -66,7 +66,7 @@ def _describe_table_fault(file: Any, expected_columns: list[tuple[str, ...]]) ->
 
 
 def _limit_process_memory_and_time() -> None:
-    """Memory and time, where the system can bound them."""
+    """Limit memory and processor time of this process, if the system supports it."""
     try:
         import resource
     except ImportError:

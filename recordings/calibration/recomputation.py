@@ -1,4 +1,4 @@
-"""Recompute everything in a bundle that follows from the rest, and compare."""
+"""Recompute everything in a bundle that follows from its other contents, and compare."""
 
 import datetime as dt
 import warnings
@@ -55,7 +55,7 @@ def compare_bundle_with_recomputed(
     points: pl.DataFrame | None,
     report_html: bytes | None,
 ) -> RecomputationResult:
-    """Compare the bundle with values recomputed from it.
+    """Recompute the values in a bundle that follow from its other contents, and compare them.
 
     Args:
         document: the evidence.
@@ -66,7 +66,7 @@ def compare_bundle_with_recomputed(
     Returns:
         Differences, and notes for the reader.
     """
-    # what is nothing by default is no setting that a mass was found with
+    # a setting that is None by default had no influence on the mass
     named = [
         f"{name} = {value}"
         for name, value in document.settings_at_default.items()
@@ -92,12 +92,12 @@ def compare_bundle_with_recomputed(
 def _run_step_and_catch_failure(
     item_name: str, iter_findings: Callable[[], Iterable[BundleFinding]]
 ) -> list[BundleFinding]:
-    """Findings of a step; a failure of the step is a finding as well."""
+    """Run a step of the recomputation and collect its findings; a failure is a finding as well."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return list(iter_findings())
-    except Exception as fault:  # noqa: BLE001  a stranger chose the numbers
+    except Exception as fault:  # noqa: BLE001  the numbers are untrusted
         said = str(fault)[: LIMITS.fault_characters]
         what = f"cannot be recomputed ({type(fault).__name__}: {said})"
         return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item_name, what)]
@@ -137,7 +137,7 @@ class JsonDifference(NamedTuple):
 def find_differing_json_values(
     stored: Any, computed: Any, dotted_path: str = ""
 ) -> list[JsonDifference]:
-    """Places where two JSON values differ, and whether only by rounding."""
+    """Find the places where two JSON values differ, and whether only by rounding."""
     if isinstance(stored, dict) and isinstance(computed, dict):
         found: list[JsonDifference] = []
         for name in sorted(set(stored) | set(computed)):
@@ -173,7 +173,7 @@ def _make_irreproducible_finding(item_name: str, difference: str) -> BundleFindi
 
 
 def iter_evidence_values_unlike_campaign(document: EvidenceDocument) -> Findings:
-    """Check values that follow from campaign and machine file."""
+    """Yield findings on values that do not follow from campaign and machine file."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.last_valid_day:
         yield _make_irreproducible_finding(
@@ -307,7 +307,7 @@ def compare_fit_with_refitted(
     points: pl.DataFrame | None,
     notes: list[str],
 ) -> Findings:
-    """Compare fit, budget, verdict and points."""
+    """Compare fit, budget, verdict and points with the results of a new fit to the readings."""
     fitted, drift = _refit_campaign_or_mass_check(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
@@ -359,7 +359,7 @@ class _RefittedCampaign(NamedTuple):
 def _refit_campaign_or_mass_check(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> _RefittedCampaign:
-    """Refit the readings; for a single-mass check, under the calibration's line."""
+    """Fit the readings again; for a single-mass check, compare them with the calibration's line."""
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
         return _RefittedCampaign(
@@ -371,12 +371,12 @@ def _refit_campaign_or_mass_check(
 
 
 def _convert_dataclass_to_json(value: Any) -> Any:
-    """Dataclass as JSON-compatible values."""
+    """Convert a dataclass to JSON-compatible values; None stays None."""
     return None if value is None else to_jsonable_python(value)
 
 
 def find_exceeded_campaign_limits(document: EvidenceDocument) -> Findings:
-    """Findings for limits that the evidence itself reports as exceeded."""
+    """Yield findings on limits or drift that the evidence itself reports as exceeded."""
     limits, drift = document.limits, document.drift
     if limits is not None and limits.verdict != WITHIN:
         yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: limits", limits.statement)

@@ -1,7 +1,7 @@
-"""Default of each setting in each released version, for evidence older than the setting.
+"""Defaults of settings in each released version, for evidence that is older than a setting.
 
 `released_defaults.json` has them by version: `python -m recordings.calibration.released_defaults`
-prints those of this version. What is kept of a released version stays as it is.
+prints the defaults of this version. The defaults of a released version never change.
 """
 
 import json
@@ -21,7 +21,7 @@ from analysis.model.machine import Machine
 _FILE: Final = "released_defaults.json"
 #: Stands for the key of a table or the number of a row.
 _ANY: Final = "*"
-#: What begins the names of each part of evidence.
+#: Model of each part of evidence, by the first part of its dotted names.
 PARTS: Final[Mapping[str, type[BaseModel]]] = {"machine": Machine, "campaign": CalibrationCampaign}
 
 
@@ -51,7 +51,7 @@ class AnnotatedModel(NamedTuple):
 
 
 def find_model_of_annotation(annotation: Any) -> AnnotatedModel:
-    """Model of a field, and whether the field holds several."""
+    """Find the model in a field's annotation, None without one; and whether there are several."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return AnnotatedModel(annotation, False)
     for each in get_args(annotation):
@@ -64,7 +64,7 @@ def find_model_of_annotation(annotation: Any) -> AnnotatedModel:
 
 
 def collect_defaults_of_this_version() -> dict[str, Any]:
-    """Defaults of this version, by dotted name."""
+    """Collect the defaults of this version, by dotted name."""
     return {
         name: value
         for at, part in PARTS.items()
@@ -74,7 +74,7 @@ def collect_defaults_of_this_version() -> dict[str, Any]:
 
 @cache
 def load_released_defaults() -> Mapping[str, Mapping[str, Any]]:
-    """Defaults of each released version, the oldest first."""
+    """Load the defaults of each released version, the oldest first."""
     text = files("recordings.calibration").joinpath(_FILE).read_text(encoding="utf-8")
     return json.loads(text)
 
@@ -89,7 +89,7 @@ class ReleasedDefault(NamedTuple):
 def find_earliest_default_of_setting(
     dotted_name: str, released_versions: Mapping[str, Mapping[str, Any]]
 ) -> ReleasedDefault:
-    """Default with which a setting was introduced, for evidence older than it.
+    """Find the default with which a setting was introduced, for evidence that is older.
 
     Args:
         dotted_name: dotted name, as in evidence: `machine.channels.speed_x_m_s.delay_s`.
@@ -115,7 +115,7 @@ def _does_name_match_pattern(pattern: str, name: str) -> bool:
 
 
 def list_settings_absent_in_evidence(evidence_part: BaseModel, prefix: str = "") -> dict[str, Any]:
-    """Settings newer than the evidence: dotted names with their present values.
+    """List the settings that a part of evidence does not state: dotted names and present values.
 
     Args:
         evidence_part: a part of the evidence.
@@ -148,7 +148,7 @@ def iter_values_absent_in_evidence(
 def list_absent_settings_changed_since(
     absent_settings: Mapping[str, Any], released_versions: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Settings missing in evidence whose default has changed since their release.
+    """List the settings absent in evidence whose default has changed since their introduction.
 
     Args:
         absent_settings: settings from `list_settings_absent_in_evidence`.
@@ -168,7 +168,7 @@ def list_absent_settings_changed_since(
 def _collect_first_released_defaults(
     setting_name: str, present_default: Any, released_versions: Mapping[str, Mapping[str, Any]]
 ) -> Any:
-    """First default of a setting, or of a section of settings."""
+    """Collect the first default of a setting, or of each setting of a section."""
     known, first = find_earliest_default_of_setting(setting_name, released_versions)
     if known:
         return first
@@ -183,7 +183,7 @@ def _collect_first_released_defaults(
 def replace_dotted_values(
     values: Mapping[str, Any], new_values: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Values with some replaced, by dotted name."""
+    """Copy values with some replaced, by dotted name."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
     for name, value in new_values.items():
         inside, last = find_parent_of_dotted_value(whole, name)
@@ -207,7 +207,7 @@ class DottedPlace(NamedTuple):
 
 
 def find_parent_of_dotted_value(values: Any, dotted_name: str) -> DottedPlace:
-    """Parent of a dotted name's value, and the last part of the name."""
+    """Find the table or list with a dotted name's value, and the value's key in it."""
     *path, last = dotted_name.split(".")
     for part in path:
         values = values[int(part)] if isinstance(values, list) else values[part]

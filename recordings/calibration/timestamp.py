@@ -1,6 +1,6 @@
 """Time stamps (RFC 3161): proof by an authority that a signature existed at a time.
 
-Everything is offline: the request is a file that the user sends, the response one that comes back.
+payscope itself sends nothing: the request is a file that the user sends, the response another file.
 """
 
 import datetime as dt
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rfc3161_client import TimeStampResponse
 
 _INSTALL: Final = "pip install 'payscope[timestamp]'"
-#: Hashes that a time stamp may be of, by their object identifiers (RFC 5754).
+#: Hash algorithms that a time stamp may use, by object identifier (RFC 5754).
 _HASHES: Final = {
     "2.16.840.1.101.3.4.2.1": hashlib.sha256,
     "2.16.840.1.101.3.4.2.2": hashlib.sha384,
@@ -31,7 +31,7 @@ _HASHES: Final = {
 
 
 def require_timestamp_library() -> None:
-    """Raise an error before the work begins if rfc3161-client is missing.
+    """Raise an error, before any work begins, if rfc3161-client is not installed.
 
     Raises:
         EvidenceError: rfc3161-client is not installed.
@@ -43,7 +43,7 @@ def require_timestamp_library() -> None:
 
 
 def encode_timestamp_request(statement: bytes) -> bytes:
-    """Query for a time-stamp authority, in DER (application/timestamp-query).
+    """Encode the query for a time-stamp authority, in DER (application/timestamp-query).
 
     Args:
         statement: content of `statement.dsse.json`.
@@ -64,10 +64,10 @@ def encode_timestamp_request(statement: bytes) -> bytes:
 
 
 def read_authority_certificates(path: Path) -> "tuple[Certificate, ...]":
-    """Root certificates of trusted time-stamp authorities, from a file.
+    """Read root certificates of trusted time-stamp authorities from a file.
 
     Raises:
-        EvidenceError: the file cannot be read, or contains no certificate in PEM.
+        EvidenceError: the file cannot be read, or has no certificate in PEM.
     """
     from cryptography.x509 import load_pem_x509_certificates
 
@@ -97,7 +97,7 @@ def check_bundle_timestamp(
         checked_bundle: receives the findings and the proven day.
         files: files of the bundle.
         document: the evidence.
-        authority_certificates: trusted root certificates; without any the day stays unproven.
+        authority_certificates: trusted root certificates; without any, the day remains unproven.
     """
     if TIMESTAMP not in files:
         if authority_certificates:
@@ -156,7 +156,7 @@ def check_bundle_timestamp(
 def describe_timestamp_fault(
     response: "TimeStampResponse", statement: bytes, authority_certificates: "Sequence[Certificate]"
 ) -> str:
-    """Why the stamp is by none of the authorities; "" if it is."""
+    """Say why a time stamp is not a valid one by a trusted authority; "" if it is."""
     from rfc3161_client import VerificationError, VerifierBuilder
 
     verifier = VerifierBuilder(roots=list(authority_certificates)).build()

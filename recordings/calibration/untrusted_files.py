@@ -1,4 +1,4 @@
-"""Untrusted tables, recordings and PDFs of a bundle, read in separate processes, which may crash.
+"""Read untrusted tables, recordings and PDFs of a bundle in separate processes, which may crash.
 
 A few bytes of Parquet can unpack to gigabytes, and some damaged files crash Arrow's reader. So
 tables of bundles are neither compressed nor encoded, and a separate process with limits reads them.
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 
 _TABLE_READER: Final = Path(__file__).with_name("parquet_process.py")
-#: Arrow's name of the type that `encode_table_as_parquet` gives a column; Arrow itself is imported
-#: by the reader's process alone.
+#: Arrow's name of the type that `encode_table_as_parquet` gives a column, as text, since only the
+#: reader's process imports Arrow.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {
     pl.String: "string",
     pl.Float64: "double",
@@ -43,16 +43,16 @@ _ARROW: Final[Mapping[type[pl.DataType], str]] = {
 }
 
 Schema = Mapping[str, type[pl.DataType]]
-#: What is started for them.
+#: Module that the process for recordings and PDFs runs.
 _FILE_READER: Final = "recordings.calibration.digest_process"
 _DAMAGED: Final = "is so damaged that it crashes the reader"
-#: Bullets of a list are drawn at the end of their page.
+#: Bullet of a list, which in a PDF comes at the end of the page.
 _BULLET: Final = "•"
 _NUMBER: Final = re.compile(r"[-+−±]?\d[\d,.]*")
 
 
 def encode_table_as_parquet(frame: pl.DataFrame) -> bytes:
-    """Frame as Parquet, without compression and dictionaries."""
+    """Encode a frame as Parquet, without compression and dictionaries."""
     import pyarrow.parquet as pq
 
     buffer = io.BytesIO()
@@ -84,11 +84,11 @@ def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame
     """Read untrusted tables in the format of `encode_table_as_parquet`.
 
     Returns:
-        The frame of each, or its fault: other columns, compressed or coded, too many rows, a number
-        that is not finite, or damaged.
+        The frame of each table, or its fault: it has other columns, is compressed or encoded, has
+        too many rows or a number that is not finite, or is damaged.
     """
     said = run_table_reader_on_untrusted_tables(tables)
-    if said is None and len(tables) > 1:  # one of them ended the reader: which?
+    if said is None and len(tables) > 1:  # a table crashed the reader: read each by itself
         return [each for table in tables for each in read_untrusted_tables([table])]
     if said is None:
         return ["is so damaged that it crashes the reader"]
@@ -101,7 +101,7 @@ def read_untrusted_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame
 def run_table_reader_on_untrusted_tables(
     tables: Sequence[UntrustedTable],
 ) -> list[dict[str, Any]] | None:
-    """Results of the reader process for each table; None if it crashed."""
+    """Run the reader's process on tables; its result for each, or None if it crashed."""
     asked = json.dumps(
         [
             {
@@ -118,8 +118,8 @@ def run_table_reader_on_untrusted_tables(
 
 
 def run_table_reader_process(request_json: str, tables_bytes: bytes) -> bytes | None:
-    """Run the reader's process; its JSON output, or None if it crashed."""
-    # the process writes JSON, and is told nothing but what columns to expect
+    """Run the reader's process, and return its JSON output, or None if it crashed."""
+    # the process gets only the expected columns and the bytes, and writes JSON
     child = subprocess.Popen(
         [sys.executable, "-I", str(_TABLE_READER), request_json],
         stdin=subprocess.PIPE,
@@ -135,14 +135,14 @@ def run_table_reader_process(request_json: str, tables_bytes: bytes) -> bytes | 
     return None if child.returncode or len(out) > LIMITS.tables_output_bytes else out
 
 
-#: The same bytes hold the same, and the reader takes a quarter of a second to start.
+#: Cached, since the reader takes a quarter of a second to start, and equal bytes give equal output.
 _ask_once: Final = lru_cache(maxsize=16)(run_table_reader_process)
 
 
 def _make_frame_or_describe_fault(
     reader_output: dict[str, Any], schema: Schema
 ) -> pl.DataFrame | str:
-    """Frame of an untrusted table, or the fault that makes it unusable."""
+    """Make the frame of an untrusted table, or state the fault that makes it unusable."""
     if "fault" in reader_output:
         return str(reader_output["fault"])
     columns: dict[str, list[Any]] = reader_output["columns"]
@@ -153,7 +153,7 @@ def _make_frame_or_describe_fault(
 
 
 def _convert_to_plain_arrow(frame: pl.DataFrame) -> "pa.Table":
-    """Frame as Arrow with plain types."""
+    """Convert a frame to Arrow with plain types, without large strings and string views."""
     import pyarrow as pa
 
     table = frame.to_arrow()
@@ -187,14 +187,14 @@ class RecordingDigests:
 def digest_bundle_recordings(
     folder: Path, expected_digests: Mapping[str, str]
 ) -> dict[str, RecordingDigests | str]:
-    """Digests of the recordings of a bundle.
+    """Compute the digests of a bundle's recordings.
 
     Args:
         folder: the bundle.
         expected_digests: required SHA-256 of each file, by name.
 
     Returns:
-        Digests of each, or why there are none, by name.
+        Digests of each recording, or why there are none, by name.
     """
     said = read_untrusted_files_in_child_process("recording", folder, expected_digests)
     return {
@@ -212,7 +212,7 @@ def digest_bundle_recordings(
 
 
 def read_pdf_words_or_describe_fault(folder: Path, name: str, sha256: str) -> list[str] | str:
-    """Words of a PDF in the order of its pages, or why there are none."""
+    """Read the words of a PDF in the order of its pages, or say why it cannot be read."""
     said = read_untrusted_files_in_child_process("pdf", folder, {name: sha256})[name]
     return said if isinstance(said, str) else [str(word) for word in said["words"]]
 
@@ -220,7 +220,7 @@ def read_pdf_words_or_describe_fault(folder: Path, name: str, sha256: str) -> li
 def read_untrusted_files_in_child_process(
     file_type: str, folder: Path, expected_digests: Mapping[str, str]
 ) -> dict[str, dict[str, Any] | str]:
-    """Read the files in a process of its own, from copies that no other process can change."""
+    """Read files in a separate process, from copies that no other process can change."""
     found: dict[str, dict[str, Any] | str] = {}
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
         copies: dict[str, Path] = {}
@@ -232,7 +232,7 @@ def read_untrusted_files_in_child_process(
                 copies[name] = copy
         said = run_reader_process(file_type, list(copies.values()))
         for number, (name, copy) in enumerate(copies.items()):
-            # one of them ended the process: which?
+            # a file crashed the process: read each by itself
             each = (
                 said[number]
                 if said is not None
@@ -243,7 +243,7 @@ def read_untrusted_files_in_child_process(
 
 
 def run_reader_process(file_type: str, copied_files: Sequence[Path]) -> list[dict[str, Any]] | None:
-    """Results of the process for each copy; None if it crashed."""
+    """Run the reader's process on copied files; its result for each, or None if it crashed."""
     if not copied_files:
         return []
     child = subprocess.Popen(
@@ -273,16 +273,16 @@ def compare_words_of_pdf_with_html(folder: Path, pdf_sha256: str, page_html: str
     """Compare the PDF of a bundle with one made from its page.
 
     With other fonts or another version of WeasyPrint, pages break elsewhere and parts may be in
-    another order: repeated table heads, bullets and page numbers do not count, and in another order
-    only the numbers are compared.
+    another order. So repeated table heads, bullets and page numbers are ignored, and if the order
+    differs, only the numbers are compared.
 
     Args:
         folder: the bundle.
-        pdf_sha256: digest of its PDF.
-        page_html: its page.
+        pdf_sha256: SHA-256 of the PDF in the evidence.
+        page_html: the report as HTML.
 
     Returns:
-        The error, and why it could not be compared; "" each if there is none.
+        The fault, "" if there is none; and why the PDF could not be compared, "" if it was.
     """
     if find_spec("pypdf") is None:
         return PdfComparison("", "pypdf is not installed (pip install 'payscope[pdf]')")
@@ -315,7 +315,7 @@ def compare_words_of_pdf_with_html(folder: Path, pdf_sha256: str, page_html: str
 
 
 def join_words_without_page_heads(words: Iterable[str], table_heads: Iterable[str]) -> str:
-    """Concatenate words, without heads repeated at page breaks.
+    """Join words without spaces, and remove table heads, which are repeated at page breaks.
 
     Args:
         words: words of all pages.
@@ -330,14 +330,14 @@ def join_words_without_page_heads(words: Iterable[str], table_heads: Iterable[st
 def count_numbers_outside_table_heads(
     words: Iterable[str], table_heads: Iterable[str]
 ) -> Counter[str]:
-    """Number of occurrences of each number, in any order."""
+    """Count the occurrences of each number outside table heads, in any order."""
     in_heads = {number for head in table_heads for number in _NUMBER.findall(head)}
     plain = (word.strip("()[]:;,.%") for word in words)
     return Counter(word for word in plain if _NUMBER.fullmatch(word) and word not in in_heads)
 
 
 def describe_first_difference(expected_text: str, found_text: str) -> str:
-    """First difference of two texts, in words; "" if equal."""
+    """Describe the first difference of two texts; "" if they are equal."""
     if expected_text == found_text:
         return ""
     pairs = enumerate(zip(expected_text, found_text, strict=False))
@@ -373,7 +373,7 @@ class _TableHeadParser(HTMLParser):
 
 
 def collect_table_heads(page_html: str) -> set[str]:
-    """Table heads of a page, without spaces."""
+    """Collect the table heads of a page, without spaces."""
     parser = _TableHeadParser()
     parser.feed(page_html)
     return {head for head in parser.found if head}

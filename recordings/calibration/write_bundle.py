@@ -39,7 +39,7 @@ class EncodedTables(NamedTuple):
 
 
 def encode_evidence_tables(readings: pl.DataFrame, points: pl.DataFrame) -> EncodedTables:
-    """Encoded tables, and their digests."""
+    """Encode the tables of evidence as Parquet, and compute their digests."""
     written = {READINGS: encode_table_as_parquet(readings), POINTS: encode_table_as_parquet(points)}
     return EncodedTables(
         written,
@@ -74,7 +74,7 @@ def write_bundle(
         Remarks for the user, a line each.
 
     Raises:
-        EvidenceError: a number or text that canonical JSON cannot hold.
+        EvidenceError: canonical JSON cannot represent a number or text.
     """
     for name, data in tables.items():
         (folder / name).write_bytes(data)
@@ -96,9 +96,9 @@ def write_bundle(
 
 
 def make_signed_statement_predicate(document: EvidenceDocument) -> dict[str, object]:
-    """Predicate of the signed statement: the evidence and what it follows.
+    """Make the predicate of the signed statement, which identifies the evidence.
 
-    Id, kind, machine, time and counter of the evidence, and the previous evidence.
+    It has id, kind, machine, time and counter of the evidence, and the link to the previous one.
     """
     previous = document.chain.previous
     return {

@@ -1,1 +1,1 @@
-"""Two replays in one recording, and what differs in words."""
+"""Comparison of two replays: a recording of both, and their differences in words."""

@@ -1,4 +1,4 @@
-"""Recording of two replays: A and B overlaid, B less A below, and the differences in words.
+"""Record two replays: A and B overlaid, B minus A below, and the differences in words.
 
 The viewer shows one recording at a time, so both are drawn into a third one, which keeps no frames.
 """
@@ -27,19 +27,19 @@ from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import View, ViewKind
 from recordings.rrd.writer import Scene, write_recording_with_scene
 
-#: The text beside the first tab.
+#: Name of the text beside the first tab.
 COMPARED: Final = "compared"
 _A, _B, _LESS = "A", "B", "B_less_A"
 _CONTEXT: Final = ("Speed",)
-#: Views that differ and are all on the first page.
+#: Number of differing views up to which all are on the first page.
 _FEW: Final = 3
-#: Changes that are listed; more are counted.
+#: Most changes that are listed; further ones are counted.
 _MOST: Final = 12
 
 
 @dataclass(frozen=True)
 class _OverlaidRun:
-    """One of the overlaid runs, with its name in the recording and the columns that are drawn."""
+    """One of the overlaid runs, with its name in the recording, and the drawn columns."""
 
     name: str
     run: Run
@@ -64,12 +64,12 @@ def write_overlay_recording(
     is_same_log: bool,
     force: bool = False,
 ) -> Path:
-    """Write a recording of two runs over each other, with B less A.
+    """Write a recording of two overlaid runs, and of B minus A.
 
     Views without differences are omitted, except for the speed.
 
     Args:
-        run_a: reference run; the drawn columns suffice.
+        run_a: reference run, of which only the drawn columns are needed.
         run_b: other run.
         path: the `.rrd` file to write.
         comparison_markdown: differences, in Markdown.
@@ -77,7 +77,7 @@ def write_overlay_recording(
         force: whether to replace an existing file.
 
     Raises:
-        OutputError: as `write_recording`.
+        OutputError: as from `write_recording`.
     """
     moved = shift_run_b_to_time_of_a(run_a, run_b, is_same_log=is_same_log)
     about = run_a.provenance.model_copy(
@@ -116,13 +116,13 @@ def _make_overlay_pages(
     moved = [view for view in first.views if does_view_differ_between_runs(view, run_a, run_b)]
     for view in first.views:
         if view in moved:
-            # beside a text there is room for a few; what led to the masses is in other tabs
+            # beside a text there is room for few views; those of intermediates are in other tabs
             led = view.kind is ViewKind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
             over = make_overlaid_panel(view, run_a, run_b)
             panels.append(over)
-            if view.kind is ViewKind.BANDS:  # the other tabs have the differences of what led to it
+            if view.kind is ViewKind.BANDS:  # differences of intermediates are in the other tabs
                 panels.append(make_difference_panel(view, difference, over))
         elif view.name in _CONTEXT:
             panels.append(make_panel_of_unchanged_view(view, run_a))
@@ -134,7 +134,7 @@ def _make_overlay_pages(
             if not (view.kind is ViewKind.STATES and view in first.views)
             and does_view_differ_between_runs(view, run_a, run_b)
         ]
-        # the speed alone says nothing of what the tab is about
+        # the speed is only context, and not what the tab is about
         if all(view.name in _CONTEXT for view in differ):
             continue
         found: list[Panel | None] = []
@@ -146,7 +146,7 @@ def _make_overlay_pages(
 
 
 def make_panel_of_unchanged_view(view: View, run_a: _OverlaidRun) -> Panel | None:
-    """Panel of a view that draws the same in both runs, from A; None if it draws nothing."""
+    """Make the panel, from A, of a view that is the same in both runs; None if it is empty."""
     drawn = tuple(
         replace(each, frame=make_entity_path_of_side(_A, each.frame))
         for each in run_a.list_columns_drawn_in_view(view)
@@ -159,7 +159,7 @@ def make_panel_of_unchanged_view(view: View, run_a: _OverlaidRun) -> Panel | Non
 
 
 def does_view_differ_between_runs(view: View, run_a: _OverlaidRun, run_b: _OverlaidRun) -> bool:
-    """Whether anything drawn by a view differs in B."""
+    """Whether anything that a view draws differs between A and B."""
     mine, theirs = run_a.list_columns_drawn_in_view(view), run_b.list_columns_drawn_in_view(view)
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
         return True
@@ -173,7 +173,7 @@ def does_view_differ_between_runs(view: View, run_a: _OverlaidRun, run_b: _Overl
 
 
 def make_overlaid_panel(view: View, run_a: _OverlaidRun, run_b: _OverlaidRun) -> Panel | None:
-    """Panel with both runs overlaid; lanes of states are one below the other."""
+    """Make a panel of both runs: lines overlaid, lanes of states one below the other."""
     mine, theirs = run_a.list_columns_drawn_in_view(view), run_b.list_columns_drawn_in_view(view)
     if not (mine or theirs):
         return None
@@ -205,7 +205,7 @@ def _find_labels_common_to_runs(
     *,
     has_one_line_per_run: bool,
 ) -> set[str]:
-    """Labels common to A and B, which are shown without the name of the run."""
+    """Find the labels common to A and B, which are shown without the name of the run."""
     both = {each.label for each in labels_a} & {each.label for each in labels_b}
     return {
         each.label for each in labels_a if not has_one_line_per_run or each.column == "threshold"
@@ -215,7 +215,7 @@ def _find_labels_common_to_runs(
 def make_difference_panel(
     view: View, difference: _OverlaidRun, overlaid_panel: Panel | None
 ) -> Panel | None:
-    """Panel of B less A; None for states, or if no number differs."""
+    """Make a panel of B minus A; None for states, or if no number differs."""
     if view.kind is ViewKind.STATES:
         return None
     plain = replace(
@@ -242,7 +242,7 @@ def make_difference_panel(
 
 
 def count_lines_with_own_name(display_columns: Sequence[DisplayColumn]) -> int:
-    """Number of lines with their own name: neither extremes nor thresholds."""
+    """Count the lines with a name of their own, which are neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in display_columns)
 
 
@@ -253,7 +253,7 @@ def style_lines_of_run(
     *,
     has_one_line_per_run: bool,
 ) -> list[DisplayColumn]:
-    """Style A with usual colours and wide lines, visible under B; B with other or paler colours."""
+    """Style A with the usual colours and wide lines, visible under B; B with other colours."""
     found: list[DisplayColumn] = []
     for each in display_columns:
         colour = each.colour
@@ -275,12 +275,12 @@ def style_lines_of_run(
 
 
 def make_entity_path_of_side(run_side: str, frame_name: str) -> str:
-    """Entity path `display/gate` as `A/gate`, and `display/states/gate` as `A/states/gate`."""
+    """Make the entity path of a frame of a run: `A/gate` for `display/gate`."""
     return f"{run_side}/{frame_name.removeprefix(f'{ROOT}/')}"
 
 
 def format_comparison_markdown(comparison: Comparison, run_a: str, run_b: str) -> str:
-    """Text of the differences, settings first, then their effects.
+    """Format the differences as text, first of settings, then of results.
 
     Args:
         comparison: the comparison.

@@ -1,1 +1,1 @@
-"""Digital calibration certificates (DCC): reading, checking signatures, and writing."""
+"""Digital calibration certificates (DCC): read and write them, and check their signatures."""

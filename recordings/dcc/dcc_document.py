@@ -1,4 +1,4 @@
-"""Parser of untrusted digital calibration certificates: bounded, without DTD, one version."""
+"""Parse untrusted digital calibration certificates of one version, within bounds, without DTD."""
 
 import re
 from collections.abc import Iterator
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 DCC: Final = "https://ptb.de/dcc"
 SI: Final = "https://ptb.de/si"
 DS: Final = "http://www.w3.org/2000/09/xmldsig#"
-#: The version that is read and written. 3.3 has other elements; earlier ones lack some.
+#: Version of the schema that is read and written; 3.3 has other elements, earlier ones lack some.
 VERSION: Final = "3.2.1"
 _IDS: Final = ("id", "Id", "ID", "{http://www.w3.org/XML/1998/namespace}id")
-#: Core data that the schema asks for, and the form of each.
+#: Core data that the schema requires, and the form of each.
 _CORE: Final = {
     "countryCodeISO3166_1": r"[A-Z]{2}",
     "uniqueIdentifier": r"\S+(\s+\S+)*",
@@ -41,17 +41,18 @@ def require_xml_libraries() -> None:
 
 
 def parse_untrusted_dcc(xml_bytes: bytes, source: str) -> "_Element":
-    """Parse a certificate and check its frame, without access to other files.
+    """Parse a certificate and check its basic structure, without access to other files.
 
     Args:
-        xml_bytes: its bytes.
-        source: its name, for errors.
+        xml_bytes: content of the certificate's file.
+        source: name of the certificate, for errors.
 
     Returns:
-        Its root. Whether it is signed is another matter.
+        The root element; its signature is not checked.
 
     Raises:
-        EvidenceError: too large, no XML, with a DTD, of another version, or no certificate.
+        EvidenceError: the content is too large, not XML, has a DTD, is of another version, or is
+            not a certificate.
     """
     require_xml_libraries()
     from lxml import etree
@@ -94,7 +95,7 @@ def parse_untrusted_dcc(xml_bytes: bytes, source: str) -> "_Element":
 
 
 def iter_faults_against_dcc_schema(certificate: "_Element") -> Iterator[str]:
-    """Faults of the frame against the schema of certificates."""
+    """Yield faults of the basic structure against the schema of certificates."""
     seen: set[str] = set()
     for count, element in enumerate(certificate.iter()):
         if count > LIMITS.certificate_elements:
@@ -113,7 +114,7 @@ def iter_faults_against_dcc_schema(certificate: "_Element") -> Iterator[str]:
 
 
 def _iter_faults_of_missing_or_repeated_elements(certificate: "_Element") -> Iterator[str]:
-    """Yield faults: parts that must occur once, but are missing or repeated."""
+    """Yield faults on elements that must occur once, but are missing or repeated."""
     names = [child.tag for child in certificate]
     for name in ("administrativeData", "measurementResults"):
         if names.count(f"{{{DCC}}}{name}") != 1:
@@ -132,16 +133,16 @@ def _iter_faults_of_missing_or_repeated_elements(certificate: "_Element") -> Ite
 
 
 def serialise_dcc_to_xml(certificate: "_Element") -> bytes:
-    """Certificate as the bytes of an XML file."""
+    """Serialise a certificate to the bytes of an XML file."""
     from lxml import etree
 
     return etree.tostring(certificate, xml_declaration=True, encoding="UTF-8")
 
 
 def read_leaf_text(element: "_Element | None") -> str | None:
-    """Stripped text of an element; None if it is missing or has child elements.
+    """Read the stripped text of an element; None if it is missing or has child elements.
 
-    Text that is cut by an element would be read by one program to its end and by another not.
+    Programs differ in whether they read text after a child element.
     """
     if element is None or len(element):
         return None

@@ -12,26 +12,25 @@ class DccLimits:
     """
 
     # dcc_document
-    #: Bytes of a certificate: a hundred weights take 0.3 MB, and an embedded PDF a few MB.
+    #: Most bytes of a certificate: a hundred weights take 0.3 MB, and an embedded PDF a few MB.
     certificate_bytes: int = 16 << 20
-    #: Elements of a certificate, for the same reason.
+    #: Most elements of a certificate, likewise.
     certificate_elements: int = 200_000
 
     # dcc_masses
-    #: Items that an error names as choices.
+    #: Most items that an error names as choices.
     max_items: int = 12
 
     # dcc_quantity
-    #: Characters of a number, of which no certificate needs more.
+    #: Most characters of a number.
     number_characters: int = 40
-    #: Relative uncertainty beyond which a weight is a misread unit,
+    #: Relative uncertainty beyond which the unit of a weight must be wrong.
     weight_max_u_1: float = 0.1
-    #: and mass in kg beyond which it is one.
+    #: Mass in kg beyond which the unit of a weight must be wrong.
     weight_max_kg: float = 1e6
-    #: Coverage factor beyond which none is of an interval of 99.99 %, even with two degrees of
-    #: freedom.
+    #: Coverage factor that even an interval of 99.99 % with two degrees of freedom does not exceed.
     max_coverage_factor: float = 100.0
-    #: Values of a list; the largest sets have about 30 weights.
+    #: Most values of a list; the largest sets have about 30 weights.
     max_values: int = 1000
 
 

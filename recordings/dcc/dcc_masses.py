@@ -1,7 +1,8 @@
-"""Reference masses in digital calibration certificates (DKD-E 7-2 for weights, and others).
+"""Read reference masses in digital calibration certificates (DKD-E 7-2 for weights, and others).
 
-A list names its weights (`si:labelXMLList`, or a `dcc:charsXMLList` or `dcc:noQuantity` beside it);
-otherwise it must have as many values as its result has items, in the items' order.
+A list of values has the names of its weights (in a `si:labelXMLList`, or in a `dcc:charsXMLList` or
+`dcc:noQuantity` beside it); otherwise it must have as many values as its result has items, in the
+order of the items.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,10 +29,10 @@ _ASK_FOR_CORRECTION: Final = (
     "ask the laboratory for a corrected certificate, or state the masses by value_kg and u_kg"
 )
 
-#: An item with all that it may be called by.
+#: An item, and the names by which a certificate may refer to it.
 NamedItem = tuple["_Element", Sequence[str]]
-#: What a quantity that is the mass calls itself, the best first. Conventional mass is what weights
-#: are certified in; of steel it differs from the mass by less than 1e-6.
+#: Kinds (refType) of quantities that are the mass, the preferred one first. Weights are certified
+#: by conventional mass; for steel, it differs from the mass by less than 1e-6.
 _KINDS: Final = ("conventionalMass", "mass", "measuredValue")
 
 
@@ -40,9 +41,9 @@ class CertifiedMass:
     """Mass from a certificate.
 
     Attributes:
-        item_id: xml id of the item, or its identification.
+        item_id: XML id of the item, or its identification.
         value_kg: the mass.
-        u_kg: standard uncertainty.
+        u_kg: standard uncertainty of the mass.
         certificate: unique identifier of the certificate.
         issuer: name of the laboratory.
     """
@@ -65,8 +66,8 @@ def read_certified_masses(
         certificate_name: the certificate's name, for errors.
 
     Raises:
-        EvidenceError: no such item, no or several masses of it, another unit, a value or an invalid
-            uncertainty, or an uncertainty without its coverage factor.
+        EvidenceError: there is no such item, it has no or several masses, the unit, value or
+            uncertainty is invalid, or an uncertainty has no coverage factor.
     """
     admin = root.find(f"{{{DCC}}}administrativeData")
     assert admin is not None
@@ -100,7 +101,7 @@ def read_certified_masses(
 
 
 def _list_names_of_item(item: "_Element") -> list[str]:
-    """Names by which a certificate may refer to an item."""
+    """List the names by which a certificate may refer to an item."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
     names = [item.get("id"), *(read_leaf_text(value) for value in values)]
     return [name for name in names if name]
@@ -116,7 +117,7 @@ class _CertificateMasses:
         self._weights: dict[_Element, list[_Element]] = {}
 
     def read_mass_and_u_kg(self, item: "_Element", item_label: str) -> MassValue:
-        """Value and standard uncertainty of the only quantity that is the item's mass."""
+        """Read value and standard uncertainty of the only quantity that is the item's mass."""
         for kind in _KINDS:
             chosen = [
                 (quantity, place)
@@ -157,7 +158,7 @@ class _CertificateMasses:
     def _list_item_positions_in_quantity(
         self, item: "_Element", quantity: "_Element", item_ids: Sequence[str] | None
     ) -> list[int | None]:
-        """Positions of the item in the quantity's list; None for a single value of the item."""
+        """List the indices of the item in the quantity's list; None for a single value."""
         if find_length_of_list_quantity(quantity, self._what) is None:
             shared = [each for each, _ in self._items if each.get("id") in (item_ids or ())]
             if len(shared) > 1:
@@ -174,7 +175,7 @@ class _CertificateMasses:
 
 
 def list_ref_types_of_quantity(quantity: "_Element") -> list[str]:
-    """Kinds of a quantity: its refTypes without prefixes."""
+    """List the kinds of a quantity: its refTypes without prefixes."""
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 
 
@@ -199,7 +200,7 @@ def find_item_of_each_list_value(
     item_ids: Sequence[str] | None,
     certificate_name: str,
 ) -> list["_Element"]:
-    """Items that the values of a list belong to, in the order of the values.
+    """Find the item that each value of a list belongs to, in the order of the values.
 
     Args:
         quantity: quantity with a `si:realListXMLList`.
@@ -208,7 +209,7 @@ def find_item_of_each_list_value(
         certificate_name: the certificate's name, for errors.
 
     Raises:
-        EvidenceError: the certificate does not state it, or states it ambiguously.
+        EvidenceError: the certificate does not state the items, or states them ambiguously.
     """
     count = find_length_of_list_quantity(quantity, certificate_name)
     assert count is not None
@@ -243,7 +244,7 @@ def find_item_of_each_list_value(
 
 
 def _iter_lists_of_item_names(quantity: "_Element", certificate_name: str) -> Iterator[list[str]]:
-    """Yield lists that may name weights: labels of the list, and texts next to it."""
+    """Yield lists of texts that may name weights: labels of the list, and texts beside it."""
     values = quantity.find(f"{{{SI}}}realListXMLList")
     assert values is not None
     if values.find(f"{{{SI}}}labelXMLList") is not None:
@@ -253,7 +254,7 @@ def _iter_lists_of_item_names(quantity: "_Element", certificate_name: str) -> It
     for beside in parent.findall(f"{{{DCC}}}quantity"):
         for chars in beside.findall(f"{{{DCC}}}charsXMLList"):
             yield (read_leaf_text(chars) or "").split()
-        # a text in several languages is said several times
+        # a text in several languages occurs several times
         for content in beside.findall(f"{{{DCC}}}noQuantity/{{{DCC}}}content"):
             yield (read_leaf_text(content) or "").split()
 
@@ -264,7 +265,7 @@ def find_items_named_by_list(
     value_count: int,
     certificate_name: str,
 ) -> list["_Element"] | None:
-    """Items named by a list of texts; None if it names none, such as a list of classes."""
+    """Find the items named by a list of texts; None if it names none, as a list of classes does."""
     called: dict[str, list[_Element]] = {}
     for each, names in candidate_items:
         for name in set(names):

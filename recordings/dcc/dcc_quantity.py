@@ -1,4 +1,4 @@
-"""Quantities of certificates in D-SI: masses with uncertainty are read, reals are written."""
+"""Read masses with their uncertainties in D-SI from certificates, and write reals in D-SI."""
 
 import math
 import re
@@ -12,7 +12,7 @@ from recordings.dcc.dcc_limits import LIMITS
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
-#: Kilograms of each D-SI unit of mass that is read.
+#: Kilograms per D-SI unit of mass, for the units that are read.
 _UNITS_KG: Final = {
     r"\kilogram": 1.0,
     r"\kilo\gram": 1.0,
@@ -40,16 +40,16 @@ class DsiValue:
     count: int = 0
 
     def make_dsi_element_name(self, base_name: str) -> str:
-        """Name of an element, with the suffix that lists have."""
+        """Make the name of an element, with the suffix `XMLList` in a list."""
         return f"{base_name}XMLList" if self.count else base_name
 
     def read_list_entry_texts(
         self, parent: "_Element", element_name: str, error_label: str
     ) -> list[str]:
-        """Texts of an element: one, or in lists one for all entries or one per entry.
+        """Read the texts of an element: one; in a list, one for all entries or one per entry.
 
         Raises:
-            EvidenceError: none, or another number than that.
+            EvidenceError: there is none, or another number of texts.
         """
         if not self.count:
             return [read_text_of_required_child(parent, element_name, error_label)]
@@ -67,7 +67,7 @@ class DsiValue:
     def read_number_of_list_entry(
         self, parent: "_Element", element_name: str, error_label: str
     ) -> float:
-        """Number of this entry; all numbers of a list must be valid."""
+        """Read the number of this entry; all numbers of a list must be valid."""
         texts = self.read_list_entry_texts(parent, element_name, error_label)
         numbers = [
             _parse_finite_number(text, self.make_dsi_element_name(element_name), error_label)
@@ -77,10 +77,10 @@ class DsiValue:
 
 
 def find_length_of_list_quantity(quantity: "_Element", error_label: str) -> int | None:
-    """Number of values of a list quantity; None for a si:real.
+    """Find the number of values of a list quantity; None for a si:real.
 
     Raises:
-        EvidenceError: neither, or both, or too long a list.
+        EvidenceError: the quantity has neither or both of them, or the list is too long.
     """
     reals = quantity.findall(f"{{{SI}}}real")
     lists = quantity.findall(f"{{{SI}}}realListXMLList")
@@ -108,7 +108,7 @@ class MassValue(NamedTuple):
 def read_mass_and_standard_u_kg(
     quantity: "_Element", list_index: int | None, error_label: str
 ) -> MassValue:
-    """Value and standard uncertainty of a mass.
+    """Read value and standard uncertainty of a mass.
 
     Args:
         quantity: quantity of the mass.
@@ -116,7 +116,8 @@ def read_mass_and_standard_u_kg(
         error_label: names of certificate and item, for errors.
 
     Raises:
-        EvidenceError: not a mass, not with one uncertainty, or numbers that no weight has.
+        EvidenceError: the quantity is not a mass, has no or several uncertainties, or numbers that
+            no weight has.
     """
     count = find_length_of_list_quantity(quantity, error_label)
     name = "real" if count is None else "realListXMLList"
@@ -149,7 +150,7 @@ def read_mass_and_standard_u_kg(
 def _read_standard_uncertainty(
     dsi_value: DsiValue, error_label: str, *, has_several_units: bool
 ) -> float:
-    """Standard uncertainty in the unit of the value."""
+    """Read the standard uncertainty, in the unit of the value."""
     expanded = list(
         dsi_value.element.iter(f"{{{SI}}}{dsi_value.make_dsi_element_name('expandedUnc')}")
     )
@@ -184,7 +185,7 @@ def _read_standard_uncertainty(
 
 
 def read_text_of_required_child(parent: "_Element", element_name: str, error_label: str) -> str:
-    """Text of the only child with a name.
+    """Read the text of the only child with a name.
 
     Raises:
         EvidenceError: there is none, or several.
@@ -202,7 +203,7 @@ def read_text_of_required_child(parent: "_Element", element_name: str, error_lab
 def read_blank_separated_texts(
     parent: "_Element", element_name: str, error_label: str
 ) -> list[str]:
-    """Entries of the only child with a name.
+    """Read the blank-separated texts of the only child with a name.
 
     Raises:
         EvidenceError: there is no such child, or several.
@@ -222,12 +223,12 @@ def _parse_finite_number(text: str, element_name: str, error_label: str) -> floa
 
 
 def format_decimal_in_dsi_notation(value: float) -> str:
-    """Number in D-SI's notation with all digits."""
+    """Format a number in D-SI's notation with all digits."""
     return repr(float(value))
 
 
 def format_coverage_without_exponent(value: float) -> str:
-    """Coverage factor or probability in D-SI's notation, without an exponent."""
+    """Format a coverage factor or probability in D-SI's notation, without an exponent."""
     return f"{value:.12f}".rstrip("0").ljust(3, "0")
 
 

@@ -1,4 +1,4 @@
-"""XML signature over a whole certificate by a public key: check and create."""
+"""Check and create XML signatures that cover a whole certificate."""
 
 import hashlib
 from collections.abc import Collection
@@ -12,15 +12,15 @@ from recordings.dcc.dcc_document import DS
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
-#: Signature methods that are accepted: no SHA-1, no DSA, and no HMAC, whose key anybody may have.
+#: Accepted signature methods: no SHA-1, no DSA, and no HMAC, whose key is not secret.
 _METHODS: Final = (
     *("ECDSA_SHA256", "ECDSA_SHA384", "ECDSA_SHA512"),
     *("RSA_SHA256", "RSA_SHA384", "RSA_SHA512"),
     *("SHA256_RSA_MGF1", "SHA384_RSA_MGF1", "SHA512_RSA_MGF1"),
 )
 _DIGESTS: Final = ("SHA256", "SHA384", "SHA512")
-#: Transforms of the one reference: without the signature, in canonical form; XPath and XSLT could
-#: choose what is signed.
+#: Accepted transforms of the only reference: without the signature, in canonical form; XPath or
+#: XSLT could restrict a signature to a part.
 _TRANSFORMS: Final = (
     "http://www.w3.org/2000/09/xmldsig#enveloped-signature",
     "http://www.w3.org/2001/10/xml-exc-c14n#",
@@ -37,7 +37,7 @@ class SignedDcc:
     """Signed part of a certificate.
 
     Attributes:
-        root: element to read: if there is a signature, only what it covers.
+        root: root element to read; if there is a signature, only what it covers.
         key_id: SHA-256 of the signing key; "" if unsigned.
     """
 
@@ -45,7 +45,7 @@ class SignedDcc:
     key_id: str
 
     def describe_signature(self, trusted_key_ids: Collection[str]) -> str:
-        """Describe in words who signed.
+        """Say who signed the certificate.
 
         Args:
             trusted_key_ids: ids of keys given by the user.
@@ -69,8 +69,8 @@ def check_dcc_signature(certificate: "_Element", certificate_name: str) -> Signe
         certificate_name: name of the certificate, for errors.
 
     Raises:
-        EvidenceError: a signature that does not hold, of a part only, at another place, a second
-            one, or by a weak method or key.
+        EvidenceError: a signature is invalid, covers only a part, is at another place, is not the
+            only one, or uses a weak method or key.
     """
     found = list(certificate.iter(f"{{{DS}}}Signature"))
     if not found:
@@ -114,7 +114,7 @@ def check_dcc_signature(certificate: "_Element", certificate_name: str) -> Signe
 def _verify_signed_element(
     certificate: "_Element", signature: "_Element", certificate_name: str
 ) -> tuple["_Element", bytes]:
-    """Signed element, and public key of the signer as PEM or DER."""
+    """Verify a signature; return the signed element, and the signer's public key (PEM or DER)."""
     from cryptography import x509
     from signxml.algorithms import DigestAlgorithm, SignatureMethod
     from signxml.exceptions import SignXMLException
@@ -131,7 +131,7 @@ def _verify_signed_element(
     held = signature.find(f".//{{{DS}}}X509Certificate")
     try:
         if held is not None:
-            # whether it is trusted is asked by its key, not by a chain to whatever authority
+            # trust is decided by the key, not by a chain of certificates to some authority
             text = "".join((held.text or "").split())
             pem = f"-----BEGIN CERTIFICATE-----\n{text}\n-----END CERTIFICATE-----\n".encode()
             options["x509_cert"] = x509.load_pem_x509_certificate(pem)
@@ -156,7 +156,7 @@ def _verify_signed_element(
 
 
 def compute_key_id_of_pem(pem_bytes: bytes, key_name: str) -> str:
-    """SHA-256 of a public key's SubjectPublicKeyInfo in DER."""
+    """Compute the SHA-256 of a public key's SubjectPublicKeyInfo in DER."""
     from cryptography import x509
     from cryptography.hazmat.primitives import serialization
     from cryptography.hazmat.primitives.asymmetric import ec, rsa
@@ -184,10 +184,10 @@ def compute_key_id_of_pem(pem_bytes: bytes, key_name: str) -> str:
 
 
 def read_key_id_from_pem_file(path: Path) -> str:
-    """Id of a key given by the user in PEM: a public key, or a certificate with one.
+    """Compute the id of a key in a PEM file: a public key, or a certificate with one.
 
     Raises:
-        EvidenceError: it cannot be read.
+        EvidenceError: the file cannot be read, or has no such key.
     """
     try:
         return compute_key_id_of_pem(path.read_bytes(), str(path))
@@ -197,7 +197,7 @@ def read_key_id_from_pem_file(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class DccKey:
-    """Private key that signs certificates, and its own certificate, if any; both in PEM."""
+    """Private key that signs certificates, and the key's own certificate, if any; both in PEM."""
 
     private: bytes
     certificate: bytes | None
@@ -210,7 +210,8 @@ def read_dcc_signing_key(path: Path, certificate: Path | None = None) -> DccKey:
     It is separate from the Ed25519 key, since few programs support XML signatures by Ed25519.
 
     Raises:
-        EvidenceError: it cannot be read, is neither ECDSA nor RSA, or is not the certificate's.
+        EvidenceError: the key cannot be read, is neither ECDSA nor RSA, or is not that of the
+            certificate.
     """
     from cryptography import x509
     from cryptography.hazmat.primitives import serialization
@@ -245,7 +246,7 @@ def read_dcc_signing_key(path: Path, certificate: Path | None = None) -> DccKey:
 
 
 def sign_dcc(certificate: "_Element", signing_key: DccKey) -> "_Element":
-    """Certificate with a signature over the whole of it."""
+    """Sign a certificate as a whole, and return it with the signature."""
     from signxml import methods
     from signxml.algorithms import CanonicalizationMethod
     from signxml.signer import XMLSigner

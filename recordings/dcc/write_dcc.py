@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 _SHA256: Final = "SHA-256"
 _CERTIFICATE: Final = "basic_certificateIdentification"
-#: Norms that the fit, its uncertainties and its verdicts are after.
+#: Standards that the fit, its uncertainties and its verdicts follow.
 _METHODS: Final = (
     ("Straight line, errors in both variables", "ISO/TS 28037:2010", "basic_calibrationSOP"),
     ("Uncertainty of measurement", "JCGM 100:2008", "basic_methodMeasurementUncertainty"),
     ("Decision rule", "JCGM 106:2012", "payscope_decisionRule"),
 )
-#: refType, D-SI unit, name of the influence conditions; texts have no unit.
+#: refType, D-SI unit and name of each influence condition; texts have no unit.
 _CONDITIONS: Final = (
     ("temperature_degC", "basic_temperature", r"\degreecelsius", "Air temperature"),
     ("slope_deg", "payscope_influenceCondition", r"\degree", "Slope of the ground"),
@@ -39,10 +39,10 @@ _CONDITIONS: Final = (
 
 
 def refuse_campaign_incomplete_for_dcc(campaign: CalibrationCampaign, source: object) -> None:
-    """Refuse a campaign without the data that the schema or ISO/IEC 17025, 7.8 requires.
+    """Raise an error for a campaign without data that the schema or ISO/IEC 17025, 7.8 requires.
 
     Raises:
-        EvidenceError: names every key that is not stated.
+        EvidenceError: data are missing, or a library is; it names every missing key.
     """
     require_xml_libraries()
     if campaign.missing_certificate_entries:
@@ -51,14 +51,14 @@ def refuse_campaign_incomplete_for_dcc(campaign: CalibrationCampaign, source: ob
 
 
 def make_unsigned_dcc(document: EvidenceDocument, sums_sha256: str) -> "_Element":
-    """Certificate of a calibration, unsigned.
+    """Make the certificate of a calibration, unsigned.
 
     Args:
         document: evidence, the only source of the certificate's contents.
-        sums_sha256: SHA-256 of the SHA256SUMS of its bundle, which binds the two.
+        sums_sha256: SHA-256 of the SHA256SUMS of the bundle, which binds certificate and bundle.
 
     Raises:
-        EvidenceError: it is not a calibration with a line, or lacks what a certificate needs.
+        EvidenceError: the evidence has no calibration line, or lacks data for a certificate.
     """
     refuse_campaign_incomplete_for_dcc(document.campaign, document.id)
     if document.kind != "calibration" or document.calibration is None:
@@ -131,7 +131,7 @@ def _add_software_elements(parent: "_Element", document: EvidenceDocument) -> No
 
 
 def _add_ref_type_definitions(parent: "_Element", document: EvidenceDocument) -> None:
-    """Add where the values of the attribute refType are defined."""
+    """Add references to the definitions of the values of the attribute refType."""
     for namespace, name, link, release in (
         ("basic", "Terms for every certificate", "https://dccwiki.ptb.de", ""),
         (
@@ -270,7 +270,7 @@ def _add_result_elements(parent: "_Element", document: EvidenceDocument) -> None
         if low is None or high is None or not low < value < high:
             add_dsi_real_element(quantity, value, unit)
         else:
-            # D-SI wants a standard uncertainty beside the interval: that of the same half width
+            # D-SI requires a standard uncertainty with the interval: the one of equal half width
             u = (high - low) / 2.0 / fitted.coverage_k_1
             add_dsi_real_element(
                 quantity, value, unit, interval=(u, low, high, fitted.confidence_1)

@@ -1,1 +1,1 @@
-"""An explanation in words and in a picture."""
+"""An explanation of a run in words and as a picture."""

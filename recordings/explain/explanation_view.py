@@ -1,7 +1,7 @@
-"""Explanation in words and as a picture.
+"""Write an explanation of a run in words, and draw it as a picture.
 
-In words: the answer in one sentence, then the reasons line by line. As a picture: force against
-acceleration, signals, and convergence of the mass.
+The words are the answer in one sentence, then the reasons line by line. The picture shows force
+against acceleration, signals, and convergence of the mass.
 """
 
 from collections.abc import Iterator
@@ -50,18 +50,18 @@ _PARAMETERS: Final = {
     "coulomb_x_N": "Coulomb friction",
     "constant_force_N": "a constant force",
 }
-#: Standard deviations beyond which a manoeuvre is worth a look.
+#: Standard deviations from its load's mass beyond which a manoeuvre is worth a look.
 _APART: Final = 3.0
-#: Inches of the picture, characters of a line in it, and findings that have room.
+#: Size of the picture in inches, characters of a line, and number of findings that it has room for.
 _SIZE_IN: Final = (12.0, 11.0)
 _LINE: Final = 165
 _FINDINGS: Final = 3
-#: What is drawn around the moment, in s either way.
+#: Time in s that is drawn before and after the moment.
 _AROUND_S: Final = 15.0
 
 
 def describe_answer_and_likeliest_cause(explanation: Explanation) -> str:
-    """The answer and the likeliest cause of an error, in one sentence."""
+    """Describe the answer and the likeliest cause of an error, in one sentence."""
     said = format_answer_headline(explanation.answer).removesuffix(".")
     here = (
         ""
@@ -76,7 +76,7 @@ def describe_answer_and_likeliest_cause(explanation: Explanation) -> str:
     if not any(map(can_fixing_change_mass, found)):
         names = ", ".join(find_readable_cause_name(each.cause) for each in found)
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
-    # the list's own order: a sentence that skips would be another order of likelihood
+    # in the order of the list: skipping a finding would suggest another order of likelihood
     first, others = found[0], len(found) - 1
     more = f", and {format_count(others, 'finding')} more" if others else ""
     change = describe_mass_change_if_fixed(first) or (
@@ -126,7 +126,7 @@ def iter_lines_of_findings(explanation: Explanation) -> Iterator[str]:
 
 
 def iter_lines_of_gate_reasons(explanation: Explanation) -> Iterator[str]:
-    """Yield lines on the gate's reasons: around the moment in order, otherwise by share."""
+    """Yield lines on the gate's reasons: in time around the moment, or else by share of time."""
     if explanation.at_s is not None:
         for each in explanation.gate:
             reason = each.reason.replace("_", " ")
@@ -163,7 +163,7 @@ def iter_lines_of_determined_parameters(
 
 
 def describe_mass_of_manoeuvre(manoeuvre_report: ManoeuvreReport) -> str:
-    """Describe a manoeuvre's mass and how far it is from its load's, or why it has none."""
+    """Describe a manoeuvre's mass and its distance from the load's, or why it has no mass."""
     span = f"{manoeuvre_report.start_s:,.1f} to {manoeuvre_report.end_s:,.1f} s"
     if manoeuvre_report.mass_kg is None:
         return f"{span}: no mass ({manoeuvre_report.reason.replace('_', ' ')})"
@@ -184,7 +184,7 @@ def describe_mass_of_manoeuvre(manoeuvre_report: ManoeuvreReport) -> str:
 def plot_explanation(
     run: Run, explanation: Explanation, path: Path, *, force: bool = False
 ) -> Path:
-    """Plot an explanation.
+    """Draw the picture of an explanation, and write it to a file.
 
     Args:
         run: explained run.
@@ -212,7 +212,7 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
     for each in (explanation.findings or ())[:_FINDINGS]:
         lines += wrap(f"{each.rank}. {format_finding(each)}", _LINE, subsequent_indent="   ")
     figure = Figure(figsize=_SIZE_IN, layout="constrained")
-    # inches: text has a height of its own
+    # in inches, since the height of text is absolute
     heights = [0.2 * len(lines) + 0.15, _SIZE_IN[1]]
     head, body = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
     head.text(0.01, 0.95, "\n".join(lines), va="top", fontsize=9, parse_math=False)
@@ -236,7 +236,7 @@ def draw_explanation(run: Run, explanation: Explanation) -> "Figure":
 
 
 def choose_moment_to_show_s(explanation: Explanation, run: Run) -> float | None:
-    """Moment of the first finding that has one, or of the worst manoeuvre.
+    """Choose the moment of the first finding that has one, or of the worst manoeuvre, in s.
 
     None, for the whole run, if the run is not much longer than the drawn stretch.
     """
@@ -252,7 +252,7 @@ def choose_moment_to_show_s(explanation: Explanation, run: Run) -> float | None:
 
 
 def _cut_run_around_moment(run: Run, moment_s: float) -> Run:
-    """Samples around a moment; frames without samples are kept whole."""
+    """Cut a run to the samples around a moment; frames without samples are kept whole."""
     begin, end = (round((moment_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
         name: select_rows_between_times(frame, begin, end) if "t_ns" in frame.columns else frame
@@ -262,14 +262,14 @@ def _cut_run_around_moment(run: Run, moment_s: float) -> Run:
 
 
 def select_rows_between_times(frame: pl.DataFrame, start_ns: int, end_ns: int) -> pl.DataFrame:
-    """Samples of a stretch of a sorted frame, found by binary search."""
+    """Select the samples of a stretch of a sorted frame, both ends inclusive."""
     t = frame["t_ns"].to_numpy()
     first, last = np.searchsorted(t, start_ns, "left"), np.searchsorted(t, end_ns, "right")
     return frame.slice(int(first), int(last - first))
 
 
 def _restrict_run_to_load_at_moment(run: Run, moment_s: float | None) -> Run:
-    """Rows of the load at a moment; the whole run if there is none."""
+    """Restrict a run to the load at a moment; the whole run if there is none."""
     loads = run.frames.get("loads")
     if moment_s is None or loads is None:
         return run

@@ -1,1 +1,1 @@
-"""Page of a fleet: machines and weeks, drift, and recordings to look at."""
+"""Page of a fleet: machines and weeks, drift, and recordings to check."""

@@ -1,4 +1,4 @@
-"""Page of a fleet: one HTML file over machines and weeks."""
+"""Render the page of a fleet: one HTML file about machines and weeks."""
 
 import datetime as dt
 import math
@@ -18,24 +18,24 @@ from recordings.report.render_page import render_page_html
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
 
 _BOX: Final = (52.0, 22.0, WIDTH - 8.0, 170.0)
-#: Pixels of a figure's height.
+#: Height of a figure in pixels.
 _HEIGHT: Final = 206
 #: Kilograms of a tonne.
 _TONNE: Final = 1e3
 #: Days of a week.
 _WEEK: Final = 7
-#: Limits of a week's mean, in its standard deviations.
+#: Control limits of a week's mean, in its standard deviations.
 _LIMIT: Final = 3.0
-#: Days, at least, that limits are drawn about; the chart itself needs none.
+#: Fewest days from which drawn limits are computed; the chart itself needs none.
 _BASELINE: Final = 14
 _TEMPLATE: Final = "fleet.html.j2"
-#: Of an interval with a confidence of 95 %.
+#: Coverage factor of an interval with a confidence of 95 %.
 K: Final = 2.0
-#: Rows and figures beyond these are counted and not shown: nobody reads them.
+#: Most recordings and figures that are shown; further ones are only counted.
 MOST_LOOKS: Final = 100
 _MOST_FIGURES: Final = 24
 _MOST_FAILED: Final = 50
-#: A calibration is due when it ends in so many days.
+#: Days before its expiry from which a calibration is due.
 _DUE_DAYS: Final = 30
 
 
@@ -71,7 +71,7 @@ class FleetPage:
 
 
 def render_fleet_html(fleet_page: FleetPage) -> str:
-    """HTML of the page, with all texts escaped and no external requests."""
+    """Render the page as HTML, with all texts escaped and no external requests."""
     machines = sum_tonnes_by_group(fleet_page.results, ["machine"])
     total, recordings = sum_daily_results_over_machines(machines), fleet_page.recordings_by_concern
     flagged = sorted(
@@ -112,7 +112,7 @@ def render_fleet_html(fleet_page: FleetPage) -> str:
 
 
 def summarise_fleet(fleet_total: Mapping[str, float], machines: int) -> str:
-    """Answer for a fleet in one line."""
+    """Summarise a fleet in one line: its tonnes, loads and machines."""
     if not fleet_total["loads"]:
         return f"No tonnes: no cycle of {format_count(machines, 'machine')} has a mass"
     return (
@@ -225,14 +225,14 @@ class SortableCell(NamedTuple):
 
 
 def format_sortable_cell(value: float | None, number_format: str) -> SortableCell:
-    """Displayed text and sorting key of a cell."""
+    """Format a number as text and sorting key of a cell; a dash if it is None or not finite."""
     if value is None or not math.isfinite(value):
         return SortableCell("–", "")
     return SortableCell(f"{value:{number_format}}", f"{value:.6g}")
 
 
 def _make_drift_sort_key(drift_chart: MachineChart) -> tuple[float, str, str]:
-    """Sorting key that puts the change with the largest ratio to its deviation first."""
+    """Make a sorting key by which the change with the largest ratio to its deviation is first."""
     change, std = abs(drift_chart.flagged_change_in_unit), drift_chart.flagged_change_std_in_unit
     known = math.isfinite(change) and std > 0.0
     return -(change / std if known else 0.0), drift_chart.machine, drift_chart.signal.name
@@ -255,7 +255,7 @@ def _make_drift_cells(drift_chart: MachineChart) -> tuple[str, ...]:
 
 
 def _make_calibration_rows(fleet_page: FleetPage) -> list[tuple[str, ...]]:
-    """Rows of the latest calibration of each machine, the earliest to expire first."""
+    """Make a row for the latest calibration of each machine, the first to expire first."""
     latest: dict[str, FleetCalibration] = {}
     for each in sorted(fleet_page.calibrations, key=lambda c: c.first):
         latest[each.machine] = each
@@ -287,7 +287,7 @@ def _sum_weekly_tonnes_of_fleet(machine_weeks: pl.DataFrame) -> pl.DataFrame:
 
 
 def _make_tonnes_by_week_table(machine_weeks: pl.DataFrame) -> Mapping[str, Any]:
-    """Table of tonnes by machine, with one column per week."""
+    """Make the table of tonnes by machine, with a column per week."""
     if machine_weeks.is_empty():
         return {"heads": [], "rows": []}
     table = machine_weeks.sort("week", "machine").pivot(
@@ -305,10 +305,10 @@ def _make_tonnes_by_week_table(machine_weeks: pl.DataFrame) -> Mapping[str, Any]
 
 
 def draw_weekly_tonnes(machine_weeks: pl.DataFrame) -> Drawing | None:
-    """Picture of the tonnes of all machines by week; None without weeks.
+    """Draw the tonnes of all machines by week; None without weeks.
 
     Args:
-        machine_weeks: week (Date), payload_kg, payload_u_kg, in time.
+        machine_weeks: frame of week (Date), payload_kg and payload_u_kg, in order of time.
     """
     if machine_weeks.is_empty():
         return None
@@ -340,7 +340,7 @@ def draw_weekly_tonnes(machine_weeks: pl.DataFrame) -> Drawing | None:
 
 
 def draw_drift_chart(picture_number: int, machine_chart: MachineChart) -> Drawing:
-    """Picture of a machine's quantity by week, with the limits of its baseline."""
+    """Draw a machine's quantity by week, with the control limits of its baseline."""
     flagged, since = machine_chart.chart.flagged_index, machine_chart.chart.first_shifted_index
     assert flagged is not None
     assert since is not None
@@ -391,7 +391,7 @@ class _WeekMean(NamedTuple):
 
 
 def _average_values_by_week(days: Sequence[dt.date], values: np.ndarray) -> list[_WeekMean]:
-    """Number since the first day, mean and count of each week with values."""
+    """Compute the number (from the first day), mean and count of each week with values."""
     number = np.array([(day - days[0]).days // _WEEK for day in days])
     return [
         _WeekMean(float(n), float(values[number == n].mean()), int((number == n).sum()))

@@ -1,1 +1,1 @@
-"""Recording of a followed log, complete at any time while it grows."""
+"""Recording of a followed log, which can be read at any time while it grows."""

@@ -1,7 +1,7 @@
-"""Recording of a followed log, second by second; each is on disc before it is reported.
+"""Record a followed log second by second; each second is on disk before it is reported.
 
-A second's part is written in one append whose last chunk is the excitation: if that is present, the
-second is complete. A recording that was cut is continued after its last complete second.
+A second is appended in one write whose last chunk is the excitation: if that is present, the second
+is complete. A recording that was cut off is continued after its last complete second.
 """
 
 import math
@@ -44,11 +44,11 @@ if TYPE_CHECKING:
     from rerun.blueprint import Blueprint
     from rerun.chunk import Chunk
 
-#: The property that says what log is followed.
+#: Property that identifies the followed log.
 PROPERTY: Final = "followed"
-#: A recording of so many periods of the grid without an estimate breaks its line.
+#: Periods of the grid without an estimate after which the line of a method is interrupted.
 _BREAK_PERIODS: Final = 1.5
-#: Columns that are written row by row, by frame; squares are variances.
+#: Columns that are written row by row; squares are variances.
 EXCITATION: Final = ("force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "speed_rate_x_m_s2")
 GATE: Final = ("mi_x_nat", "corr_x_1", "noise_share_x_1", "predicted_std_x")
 ESTIMATES: Final = (
@@ -59,17 +59,17 @@ ESTIMATES: Final = (
 )
 #: Lanes of states: the gate's reason and the phase of motion.
 STATES: Final = (f"{LANES}/gate", f"{LANES}/phase")
-#: The text beside the first page, which changes with every report.
+#: Name of the text beside the first page, which changes with every report.
 ANSWER: Final = "answer"
-#: Tabs that are of use while a log grows.
+#: Tabs that are useful while a log grows.
 _TABS: Final = ("Overview", "Motion", "Gate", "Estimates")
-#: Rows of the frames that stand for those to come, and how far apart: a line needs neighbours, a
-#: manoeuvre has none.
+#: Number of rows of placeholder frames, and their spacing: a line needs adjacent rows, a manoeuvre
+#: is a single one.
 _ROWS: Final = 3
 _APART_NS: Final = 10**9
-#: Messages from the first on among which the description is, and what is said of the stores.
+#: Number of first messages among which the description and the messages about the stores are.
 _FIRST: Final = 16
-#: Messages of a second at most, from the last back: a chunk per frame and method, twice.
+#: Most messages of a second, counted back from the last: a chunk per frame and method, twice.
 _SECOND: Final = 64
 _LAST_OF_PART: Final = "/display/excitation"
 
@@ -81,8 +81,8 @@ class FollowedLog:
     Attributes:
         identity: digest of log, machine file and noise; a recording with the same identity is
             continued.
-        t0_unix_ns: unix time of the first row.
-        recording_id: shared by all parts, so that viewers show one recording.
+        t0_unix_ns: Unix time of the first row.
+        recording_id: id shared by all parts, so that viewers show one recording.
     """
 
     identity: str
@@ -127,7 +127,7 @@ class GrowingRecording:
         self._period_ns = 1e9 / settings.align.rate_hz
         self._new = _RowsToSend()
         self._state: dict[str, str | None] = {}
-        #: the last `t_ns` of each method
+        #: last `t_ns` of each method
         self._last: dict[str, int] = {}
         self._thresholds, layout = make_thresholds_and_blueprint(settings)
         self._streams: list[RecordingStream] = []
@@ -156,7 +156,7 @@ class GrowingRecording:
         self._append_new_rows_to_file()
 
     def add_rows_to_write(self, online_rows: Sequence[FollowedRow]) -> None:
-        """Add the next rows, which `flush` writes."""
+        """Add the next rows, which `write_added_rows` writes."""
         for row in online_rows:
             if row.gate is not None:
                 self._add_followed_row(row)
@@ -167,7 +167,7 @@ class GrowingRecording:
                     found.append({"t_ns": last + 1})
                 numbers = (*estimate.theta[:2], *estimate.std[:2] ** 2)
                 if not estimate.std[0] <= ONLINE_LIMITS.certain_mass_u_1 * abs(estimate.theta[0]):
-                    # one that is off by tons would leave no room for the others
+                    # an estimate that is wrong by tonnes would leave no room for the others
                     numbers = (math.nan,) * len(ESTIMATES)
                 named = zip(ESTIMATES, map(float, numbers), strict=True)
                 found.append({"t_ns": t_ns, **dict(named)})
@@ -185,10 +185,10 @@ class GrowingRecording:
                 self._state[lane] = state
 
     def write_added_rows(self, answer_markdown: str) -> None:
-        """Write the added rows, and the present answer in Markdown.
+        """Write the added rows, and the current answer in Markdown.
 
         Raises:
-            OSError: it does not fit on the disc; the file ends with what was written before.
+            OSError: they do not fit on the disk; the file ends with what was written before.
         """
         new, self._new = self._new, _RowsToSend()
         if not new.excitation:
@@ -211,7 +211,7 @@ class GrowingRecording:
     def _send_rows(
         self, recording_stream: "RecordingStream", new_rows: _RowsToSend, answer_markdown: str
     ) -> None:
-        """Send new rows, thresholds and the present answer to a stream."""
+        """Send new rows, thresholds and the current answer to a stream."""
         import numpy as np
         import rerun as rr
 
@@ -236,14 +236,14 @@ class GrowingRecording:
                 text=[answer_markdown], media_type=[rr.MediaType.MARKDOWN]
             ),
         )
-        # the excitation last: see above
+        # the excitation last, which marks the second as complete
         frames["display/excitation"] = _make_numeric_frame(new_rows.excitation, EXCITATION)
         for name, frame in frames.items():
             for batch in iter_record_batches_to_draw(name, frame, self._about.t0_unix_ns):
                 recording_stream.send_record_batch(batch, index=[TIME, SINCE_START])
 
     def close_complete_file(self) -> None:
-        """Close the file complete, and leave viewers their data."""
+        """Close the file with all rows written; viewers keep their data."""
         for stream in self._streams:
             stream.disconnect()
         if self._file is not None:
@@ -264,7 +264,7 @@ class GrowingLayout(NamedTuple):
 
 
 def make_thresholds_and_blueprint(settings: Settings) -> GrowingLayout:
-    """Layout of the views for the coming rows.
+    """Make the layout of the views for rows to come.
 
     Args:
         settings: settings with methods and thresholds.
@@ -290,7 +290,7 @@ def make_thresholds_and_blueprint(settings: Settings) -> GrowingLayout:
 
 
 def make_placeholder_run(settings: Settings) -> Run:
-    """Run of a few rows without numbers, from which the views take their columns."""
+    """Make a run of a few rows of NaN, which determines the columns of the views."""
     period_ns = round(1e9 / settings.align.rate_hz)
     frames = {
         "excitation": _make_rows_of_nan(EXCITATION, period_ns).with_columns(
@@ -358,12 +358,12 @@ def read_end_of_recording(path: Path) -> RecordingEnd | None:
 
 
 def _iter_chunks_of_messages(recording_bytes: bytes) -> "Iterator[Chunk]":
-    """Yield the chunks of whole messages."""
+    """Yield the chunks in a recording of complete messages."""
     import rerun as rr
     from rerun.error_utils import RerunWarning
 
     with tempfile.NamedTemporaryFile(suffix=".rrd") as part, warnings.catch_warnings():
-        warnings.simplefilter("ignore", RerunWarning)  # of the end that is not there
+        warnings.simplefilter("ignore", RerunWarning)  # about the missing end
         part.write(recording_bytes)
         part.flush()
         yield from rr.chunk.RrdReader(part.name).stream()

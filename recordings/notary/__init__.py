@@ -1,1 +1,1 @@
-"""A recorder's notary: the signed, chained list of finished logs."""
+"""Notary of a recorder: the signed and chained list of its finished logs."""

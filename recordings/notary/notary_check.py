@@ -1,4 +1,4 @@
-"""Check of a notary's list, or part of it: signatures, chain and order of time."""
+"""Check a notary's list, or a part of it: signatures, chain and order of times."""
 
 import datetime as dt
 from collections.abc import Iterator, Sequence
@@ -17,18 +17,17 @@ from recordings.notary.notary_list import (
 )
 from recordings.signatures.signing import PublicKey
 
-#: A log that is listed so long after its end may have been changed in between.
+#: Time from a log's end to its listing after which it is noted that it may have been changed.
 LATE: Final = dt.timedelta(days=1)
 
 
 @dataclass(frozen=True, slots=True)
 class NotaryListFault:
-    """Fault of a list.
+    """Fault in a list.
 
     Attributes:
-        forged: whether no honest notary writes such a list; otherwise its clock or a log is at
-            fault.
-        counter: counter of the line of the faulty log; 0 if the fault concerns the list.
+        forged: whether no honest notary writes such a list; otherwise a clock or a log is at fault.
+        counter: counter of the faulty line; 0 if the fault concerns the list as a whole.
         what: description of the fault.
     """
 
@@ -43,7 +42,7 @@ class CheckedNotaryList:
 
     Attributes:
         head: first line; None if it cannot be read.
-        lines: readable lines of logs.
+        lines: readable lines after the head.
         faults: faults of the list.
         notes: further notes for the reader.
     """
@@ -60,11 +59,11 @@ class CheckedNotaryList:
 
     @property
     def notary_public_key(self) -> PublicKey | None:
-        """Public key named in the head."""
+        """Public key named in the head; None without a head."""
         return None if self.head is None else PublicKey.from_base64_text(self.head.public_key)
 
     def add_forgery_fault(self, text: str, counter: int = 0) -> None:
-        """Add a fault that no honest notary causes."""
+        """Add a fault that an honest notary cannot cause."""
         self.faults.append(NotaryListFault(True, counter, text))
 
 
@@ -149,7 +148,7 @@ def _check_chain_of_lines(
             continue
         before_it = first_counter - 1 if isinstance(last, NotaryHead) else last.counter
         if before_it and isinstance(last, NotaryHead) and entry.counter == first_counter:
-            continue  # a stretch: what it follows is not there
+            continue  # first line of a part of a list, whose previous line is absent
         if entry.counter <= before_it:
             checked_list.add_forgery_fault(
                 f"number {entry.counter} comes after number {before_it}: out of order, or twice",
@@ -169,7 +168,7 @@ def _check_chain_of_lines(
 def _iter_contradictory_times(
     entries: Sequence[NotaryEntry], current_time: dt.datetime
 ) -> Iterator[NotaryListFault]:
-    """Yield contradictions between clocks and times."""
+    """Yield faults on contradictory times: of entries, of logs, or later than the present."""
     clock = dt.timedelta(seconds=LIMITS.clock_difference_s)
     latest: NotaryEntry | None = None
     ended: NotaryEntry | None = None
@@ -221,7 +220,7 @@ def _iter_contradictory_times(
 
 
 def iter_remarks_on_notary_list(log_entries: Sequence[NotaryEntry]) -> Iterator[str]:
-    """Notes that are not faults."""
+    """Yield remarks on a list that are not faults."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}
     undated: list[int] = []
@@ -246,7 +245,7 @@ def iter_remarks_on_notary_list(log_entries: Sequence[NotaryEntry]) -> Iterator[
 
 
 def _format_line_numbers(counters: Sequence[int]) -> str:
-    """Numbers of the affected lines as text; only the first ones are listed."""
+    """Format the counters of affected lines; only the first ones are listed."""
     return f"number {join_first_names(counters, LIMITS.max_entries)}"
 
 

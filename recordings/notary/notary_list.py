@@ -1,8 +1,8 @@
-"""List of a recorder's notary: one line per finished log, signed and chained to the line before.
+"""List of a recorder's notary: one line per finished log, signed and chained to the previous line.
 
 A line is canonical JSON (RFC 8785) with its own Ed25519 signature. The first line is the head: it
 names the machine and the key. Every other line has a counter that grows by one, the digests of the
-head and the previous line, and the log: its files with their SHA-256, its begin and end, and the
+head and the previous line, and the log: its files with their SHA-256, its start and end, and the
 time of listing.
 """
 
@@ -22,7 +22,7 @@ from recordings.signatures.canonical_json import encode_canonical_json, parse_ca
 from recordings.signatures.signing import PublicKey, SigningKey
 
 FORMAT: Final = "payscope-notary/1"
-#: What a line's signature is of begins with it, so that it can be taken for nothing else.
+#: Prefix of the signed bytes of a line, so that a signature is valid for no other purpose.
 _DOMAIN: Final = b"payscope-notary/1\n"
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
@@ -41,7 +41,7 @@ class NotaryHead(BaseModel):
     counter: Literal[0]
     machine_id: Serial
     public_key: Annotated[str, StringConstraints(max_length=100)]
-    #: Random, so that no two lists have one head.
+    #: Random, so that no two lists have the same head.
     nonce: Sha256
     begun: Stamp
 
@@ -92,9 +92,9 @@ class NotaryLine:
     """Line read from a list.
 
     Attributes:
-        data: bytes without the newline.
+        data: bytes of the line without the newline.
         content: head or entry.
-        signature: 64 bytes.
+        signature: Ed25519 signature, 64 bytes.
     """
 
     data: bytes
@@ -103,7 +103,7 @@ class NotaryLine:
 
     @property
     def line_sha256(self) -> str:
-        """Digest with which the next line refers to this one."""
+        """SHA-256 in hex by which the next line refers to this one."""
         return hashlib.sha256(self.data).hexdigest()
 
     def is_signed_by(self, public_key: PublicKey) -> bool:
@@ -114,12 +114,12 @@ class NotaryLine:
 
 
 def encode_line_content_to_sign(line_content: NotaryHead | NotaryEntry) -> bytes:
-    """Canonical bytes of a line, with a prefix that separates uses of the key."""
+    """Encode the bytes of a line that are signed: canonical JSON after the prefix."""
     return _DOMAIN + encode_canonical_json(line_content.model_dump(mode="json"))
 
 
 def make_signed_line(line_content: NotaryHead | NotaryEntry, signing_key: SigningKey) -> NotaryLine:
-    """Line with its signature."""
+    """Sign the content of a line, and make the line."""
     signature = signing_key.sign_message(encode_line_content_to_sign(line_content))
     text = base64.b64encode(signature).decode()
     data = encode_canonical_json({**line_content.model_dump(mode="json"), "signature": text})
@@ -127,14 +127,14 @@ def make_signed_line(line_content: NotaryHead | NotaryEntry, signing_key: Signin
 
 
 def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
-    """Read a line of a stranger; trust its contents only after `is_signed_by` holds.
+    """Parse an untrusted line, whose content is to be trusted only if `is_signed_by` is True.
 
     Args:
         line_bytes: bytes without the newline.
-        source: name of the line, for the error.
+        source: name of the line, for error messages.
 
     Raises:
-        EvidenceError: it is not a line as written by `make_signed_line`.
+        EvidenceError: the bytes are not a line as made by `make_signed_line`.
     """
     if len(line_bytes) > LIMITS.line_bytes:
         raise EvidenceError(f"{source}: is longer than the {LIMITS.line_bytes} bytes allowed")
@@ -163,18 +163,18 @@ def _format_validation_fault(fault: Exception) -> str:
 
 
 class SplitNotaryList(NamedTuple):
-    """Whole lines of a list, and the truncated rest after the last newline."""
+    """Complete lines of a list, and the incomplete rest after the last newline."""
 
     whole_lines: list[bytes]
     truncated_tail: bytes
 
 
 def split_list_into_complete_lines_and_tail(list_bytes: bytes) -> SplitNotaryList:
-    """Whole lines of a list, and the truncated tail after the last newline."""
+    """Split a list into complete lines, and the incomplete rest after the last newline."""
     *whole, tail = list_bytes.split(b"\n")
     return SplitNotaryList(whole, tail)
 
 
 def encode_notary_lines(lines: Iterable[NotaryLine]) -> bytes:
-    """Lines as the bytes of a file."""
+    """Encode lines as the bytes of a file."""
     return b"".join(line.data + b"\n" for line in lines)

@@ -1,4 +1,4 @@
-"""Reproduction of the paper as files: a Markdown page or CSV files, and pictures of figures.
+"""Reproduction of the paper as files: a Markdown page or CSV files, and pictures of its figures.
 
-`items` lists all items; `page` writes the results.
+`paper_items` lists all items; `paper_page` writes the results.
 """

@@ -1,4 +1,4 @@
-"""Labels and sentences of the claims of the abstract and of the conclusion."""
+"""Write labels and sentences on the claims of the paper's abstract and conclusion."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -31,7 +31,7 @@ _SHORT_STARTS: Final = {
 
 
 def add_claim_texts(claims: Claims) -> pl.DataFrame:
-    """Findings with claim, case and printed number as text."""
+    """Add claim, case and printed number as text to the numbers found."""
     rows = list(claims.frame.iter_rows(named=True))
     words = pl.DataFrame(
         {
@@ -46,7 +46,7 @@ def add_claim_texts(claims: Claims) -> pl.DataFrame:
 
 
 def _describe_case_of_claim(claim_row: Mapping[str, Any]) -> str:
-    """Case that a number belongs to, in words."""
+    """Describe the case that a number belongs to."""
     if claim_row["of"] == "constant":
         return "a constant that ignores the data"
     name = NAMES[claim_row["method"]]
@@ -70,7 +70,7 @@ def _describe_case_of_claim(claim_row: Mapping[str, Any]) -> str:
 
 
 def _format_printed_number(claim_row: Mapping[str, Any]) -> str:
-    """Number printed in the paper; a dash if it gives none."""
+    """Format the number printed in the paper; a dash if it gives none."""
     if claim_row["claim"] == "buffer":
         return "–"
     if claim_row["claim"] == "rms":
@@ -89,7 +89,7 @@ def _format_printed_number(claim_row: Mapping[str, Any]) -> str:
 
 
 def make_claim_sentences(claims: Claims) -> ItemSentences:
-    """Sentences on the result of each claim."""
+    """Make the sentences on choices and on the result of each claim."""
     return ItemSentences(
         (
             "Campaigns as in Tables 3 and 4, at 320 samples and 0.7 nat. The paper does not say "
@@ -201,7 +201,7 @@ def _make_error_reduction_claim_sentences(claims: Claims) -> str:
 
 
 def _format_error_reduction(smaller_percent: float | None) -> str:
-    """Reduction in percent as text; empty if unknown."""
+    """Format the reduction of an error in percent; empty if unknown."""
     if smaller_percent is None:
         return ""
     word = "smaller" if smaller_percent >= 0.0 else "larger"

@@ -1,4 +1,4 @@
-"""Sentences on Tables 1 to 4 and Figures 2 to 8: choices made, and findings."""
+"""Write the sentences on Tables 1 to 4 and Figures 2 to 8: choices made, and findings."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -41,7 +41,7 @@ _ERRORS_CHOSEN: Final = (
     "is fitted to the errors with every load in the fit and so takes a little out of them.",
 )
 _NO_GATE: Final = "Every complete window is used: the paper does not say that it gates here."
-#: Errors whose ratio is between these are called alike.
+#: Range of the ratio of two errors within which they count as similar.
 _ALIKE: Final = (0.8, 1.25)
 
 
@@ -202,7 +202,7 @@ def _format_best_settings(settings_by_method: Mapping[str, Sequence[float]], uni
 
 
 def _make_smallest_error_sentence(methods: Sequence[ErrorExtremes], unit: str) -> str:
-    """Sentence on where our error is smallest, and whether that is significant."""
+    """Say at which setting our error is smallest, and whether that is significant."""
     sentences: list[str] = []
     for each in methods:
         chance = (
@@ -219,7 +219,7 @@ def _make_smallest_error_sentence(methods: Sequence[ErrorExtremes], unit: str) -
 
 
 def _make_nearest_bound_sentence(nearest_method: Mapping[str, float]) -> str:
-    """Sentence that compares pooled LS and RLS with the bound of one run."""
+    """Compare pooled LS and RLS with the bound of one run, in a sentence."""
     return (
         f"Pooled LS comes to {nearest_method['pooled']:.2f} times the bound of one run. "
         f"RLS ({nearest_method['rls']:.2f} times the bound) is not held to it: it remembers "

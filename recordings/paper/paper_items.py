@@ -1,4 +1,4 @@
-"""Registry of items: every reproduced table, figure and list of claims, with the page's tables.
+"""Registry of items: every reproduced table, figure and list of claims, with tables for the page.
 
 `payscope reproduce`, its progress, the page, the CSV files and the pictures iterate over it.
 """
@@ -22,13 +22,13 @@ from recordings.paper import claims_sentences, item_sentences, paper_pictures
 from recordings.paper.paper_pictures import FigurePicture
 from recordings.paper.paper_wording import NAMES, ItemSentences
 
-#: By method, what its row of a group says.
+#: Values of a row of a frame, by column.
 _Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class RenderedTable:
-    """One table: caption, header, rows, and the number of leading text columns."""
+    """A table: caption, header, rows, and the number of leading text columns."""
 
     caption: str
     header: Sequence[str]
@@ -37,7 +37,7 @@ class RenderedTable:
 
 
 def render_table_1_mass_errors(frame: pl.DataFrame) -> list[RenderedTable]:
-    """Tables of errors by window length, absolute and relative to the bound."""
+    """Render tables of errors by window length, absolute and relative to the bound."""
     errors = make_table_beside_printed_numbers(
         frame,
         "window_s",
@@ -60,7 +60,7 @@ def render_table_1_mass_errors(frame: pl.DataFrame) -> list[RenderedTable]:
 
 
 def render_table_2_calibration_lines(frame: pl.DataFrame) -> list[RenderedTable]:
-    """Table of slope and offset by method."""
+    """Render a table of slope and offset by method."""
     of = {(row["chain"], row["method"]): row for row in frame.iter_rows(named=True)}
     methods = frame["method"].unique(maintain_order=True)
     rows: list[list[str]] = []
@@ -86,12 +86,12 @@ def render_table_2_calibration_lines(frame: pl.DataFrame) -> list[RenderedTable]
 
 
 def render_table_3_errors_by_threshold(frame: pl.DataFrame) -> list[RenderedTable]:
-    """Tables of errors by threshold, with the own load in the fit and without it."""
+    """Render tables of errors by threshold, with and without the run's own load in the fit."""
     return _render_error_tables_by_setting(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
 def render_table_4_errors_by_window(frame: pl.DataFrame) -> list[RenderedTable]:
-    """Tables of errors by window length, with the own load in the fit and without it."""
+    """Render tables of errors by window length, with and without the run's own load in the fit."""
     return _render_error_tables_by_setting(frame, campaign_tables.WINDOW, "samples")
 
 
@@ -116,7 +116,7 @@ def _render_error_tables_by_setting(
 
 
 def render_figure_8_errors_by_load(frame: pl.DataFrame) -> list[RenderedTable]:
-    """Tables of errors by load, with the load in the fit and without it."""
+    """Render a table of errors by load, with and without the load in the fit."""
     header, rows = make_table_of_methods(
         frame,
         "load_kg",
@@ -130,7 +130,7 @@ def render_figure_8_errors_by_load(frame: pl.DataFrame) -> list[RenderedTable]:
 
 
 def render_claims_table(frame: pl.DataFrame) -> list[RenderedTable]:
-    """Table with one row per finding."""
+    """Render a table with a row per finding."""
     rows = [
         [
             row["claim"],
@@ -158,7 +158,7 @@ class TableCells(NamedTuple):
 def make_table_of_methods(
     frame: pl.DataFrame, key_column: str, title: str, format_cell: Callable[[_Row], str]
 ) -> TableCells:
-    """Header and rows with one row per value of `key_column` and one column per method."""
+    """Make header and rows: a row per value of `key_column`, and a column per method."""
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
         [_format_table_parameter(at), *(format_cell(by[m]) if m in by else "–" for m in methods)]
@@ -174,7 +174,7 @@ def make_table_beside_printed_numbers(
     format_cell: Callable[[_Row], str],
     bound_column: str,
 ) -> TableCells:
-    """Header and rows: the bound, then each method's number followed by the paper's."""
+    """Make header and rows: the bound, then each method's number followed by the paper's."""
     methods = list(frame["method"].unique(maintain_order=True))
     header = [title, "bound"]
     for method in methods:
@@ -211,7 +211,7 @@ def _format_paper_number(value: float | None, digits: int = 1) -> str:
 
 
 def format_number_with_interval(number_row: _Row, quantity: str, digits: int = 1) -> str:
-    """Number with its interval, if there is one."""
+    """Format a number with its interval, if there is one."""
     value, low, high = (number_row[quantity + end] for end in ("", "_low", "_high"))
     text = _format_paper_number(value, digits)
     if low is None or high is None:
@@ -220,11 +220,11 @@ def format_number_with_interval(number_row: _Row, quantity: str, digits: int = 1
 
 
 class ItemNumbers(Protocol):
-    """Result of an item: a frame with every number, and plain values."""
+    """Interface of an item's numbers, which include a frame with all of them."""
 
     @property
     def frame(self) -> pl.DataFrame:
-        """Frame of all numbers, one column per quantity, with units in the names."""
+        """Frame of all numbers, a column per quantity, with units in the names."""
         ...
 
 
@@ -241,7 +241,7 @@ def _render_no_tables(_frame: pl.DataFrame) -> list[RenderedTable]:
 
 @dataclass(frozen=True, eq=False)
 class Item(Generic[N]):
-    """One table, figure or list of claims of the paper.
+    """A table, figure or list of claims of the paper.
 
     Attributes:
         name: name on the command line.
@@ -251,7 +251,7 @@ class Item(Generic[N]):
         make_sentences: function that makes its sentences from the numbers.
         frame: function that makes the frame of the CSV file, with keys as text.
         tables: function that makes the tables of the page.
-        picture: height and painter of its picture, or None.
+        picture: height of its picture and the function that draws it; None without a picture.
     """
 
     name: str
@@ -280,11 +280,11 @@ def compute_paper_item(item: Item[N], extracts: RepetitionResults) -> ItemResult
 
 
 def _make_getter_of_single_extract(extract: Extract[Any, N]) -> Callable[[RepetitionResults], N]:
-    """Function that returns the extract of a single simulation as an item's numbers."""
+    """Make a function that returns the extract of a single simulation as an item's numbers."""
     return lambda extracts: extracts.get_single_result_of_extract(extract)
 
 
-#: In the paper's order.
+#: All items, in the paper's order.
 ITEMS: Final[tuple[Item[Any], ...]] = (
     Item(
         "table1",

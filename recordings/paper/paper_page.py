@@ -1,4 +1,4 @@
-"""Write the results: `reproduction.md` or CSV files, and the pictures, all or none."""
+"""Write the results: `reproduction.md` or CSV files, and the pictures; all of them or none."""
 
 from collections.abc import Sequence
 from importlib.resources import files
@@ -12,19 +12,19 @@ from recordings.paper.paper_items import Item, ItemResult
 from recordings.paper.paper_pictures import draw_paper_figure
 from recordings.report.atomic_output import require_writable_output, stage_output_files
 
-#: The page that holds every item.
+#: File name of the page with every item.
 PAGE: Final = "reproduction.md"
-#: The sentences on every item, beside the CSV files.
+#: File name of the sentences on all items, beside the CSV files.
 SENTENCES: Final = "findings.csv"
 
 
 def require_writable_reproduction_folder(
     items: Sequence[Item[Any]], folder: Path, output_format: str, *, force: bool
 ) -> None:
-    """Refuse outputs that cannot be written before the work; create the folder if missing.
+    """Raise an error before any work if an output cannot be written; create a missing folder.
 
     Raises:
-        OutputError: one of them is there already, or the folder cannot be written to.
+        OutputError: an output exists, or the folder cannot be written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -56,7 +56,7 @@ def write_reproduction(
         Paths of the files.
 
     Raises:
-        OutputError: one of them is there already, or cannot be written.
+        OutputError: an output exists, or cannot be written.
     """
     targets = _list_output_paths([each.item for each in item_results], folder, output_format)
     with stage_output_files(targets, force=force) as stage:
@@ -92,7 +92,7 @@ def _make_picture_file_name(item: Item[Any]) -> str:
 def _render_page_markdown(item_results: Sequence[ItemResult], introduction: str) -> str:
     from jinja2 import Environment, StrictUndefined
 
-    # Markdown for a reader, not HTML for a browser: nothing to escape
+    # Markdown for readers, not HTML for browsers, needs no escaping
     environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)  # noqa: S701
     source = files("recordings.paper").joinpath("page.md.j2").read_text(encoding="utf-8")
     sections = [

@@ -1,4 +1,4 @@
-"""The pictures of Figures 2 to 8, in the colours of the other plots."""
+"""Draw the pictures of Figures 2 to 8, in the colours of the other plots."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Inches of a picture's width and of a panel's height, and its dots an inch.
+#: Width of a picture and height of a panel in inches, and dots per inch.
 _WIDTH_IN: Final = 8.0
 _PANEL_IN: Final = 1.6
 _DPI: Final = 110
@@ -34,7 +34,7 @@ class FigurePicture(NamedTuple):
 
 
 def draw_paper_figure(figure_picture: FigurePicture, frame: pl.DataFrame, path: Path) -> None:
-    """Draw a frame as PNG.
+    """Draw the frame of an item as PNG.
 
     Args:
         figure_picture: height and drawing function.
@@ -81,7 +81,7 @@ def _draw_figure_5_gate(figure: "Figure", series: pl.DataFrame) -> None:
 def _draw_panel_per_column(
     figure: "Figure", series: pl.DataFrame, panels: dict[str, str]
 ) -> list["Axes"]:
-    """Draw one panel per column, one above the other; return their axes."""
+    """Draw a panel per column, one above the other, and return their axes."""
     rows = list(figure.subplots(len(panels), 1, sharex=True))
     t_s = series["t_s"].to_numpy()
     for number, (axes, (column, label)) in enumerate(zip(rows, panels.items(), strict=True)):
@@ -125,7 +125,7 @@ def _draw_figure_7_calibrated_masses(figure: "Figure", table: pl.DataFrame) -> N
 def draw_mean_masses_by_method(
     figure: "Figure", load_table: pl.DataFrame, mean_column: str, std_column: str, axis_label: str
 ) -> None:
-    """Draw one panel per method: means of nine runs ± the deviation of one, and the truth."""
+    """Draw a panel per method: means of nine runs ± the deviation of one run, and the truth."""
     methods = list(load_table["method"].unique(maintain_order=True))
     panels = figure.subplots(1, len(methods), sharex=True, sharey=True)
     truth = load_table["reference_kg"]
@@ -182,7 +182,7 @@ def _draw_figure_8_errors_by_load(figure: "Figure", table: pl.DataFrame) -> None
     axes.set_xticks(np.arange(loads.size), [f"{load:g}" for load in loads])
     axes.set_xlabel("load (kg)", fontsize=8)
     _label_panel_in_corner(axes, "RMS error of a run (kg)")
-    # few campaigns make intervals that reach below zero, where no error is
+    # with few campaigns, intervals extend below zero, which an error cannot
     axes.set_ylim(0.0, 1.3 * axes.get_ylim()[1])
     axes.legend(fontsize=7, ncols=len(methods), loc="upper center")
 
@@ -197,7 +197,7 @@ def _label_panel_in_corner(axes: "Axes", panel_label: str) -> None:
 def shade_times_of_phases(
     axes: "Axes", series: pl.DataFrame, phase_column: str, phases: tuple[str, ...]
 ) -> None:
-    """Shade the times when the phase is one of `phases`."""
+    """Shade the times at which the phase is one of `phases`."""
     state = series[phase_column].cast(pl.String)
     t_s = series["t_s"].to_numpy()
     for name in phases:

@@ -5,12 +5,12 @@ from typing import Final, NamedTuple
 
 from analysis.model.methods import METHODS
 
-#: How a sentence calls the methods.
+#: Names of the methods in sentences.
 NAMES: Final = {
     **{name: method.title for name, method in METHODS.items()},
     "tls_raw": "TLS on raw units",
 }
-#: What is said of a figure that comes without numbers.
+#: Sentence on a figure for which the paper prints no numbers.
 NO_NUMBERS: Final = "The paper prints no numbers with this figure."
 
 
@@ -18,8 +18,8 @@ class ItemSentences(NamedTuple):
     """Sentences of one item.
 
     Attributes:
-        choices: choices made because the paper is silent.
-        findings: differences from the paper and their reasons, with the numbers found.
+        choices: choices made because the paper does not state them.
+        findings: numbers found, differences from the paper, and their reasons.
     """
 
     choices: tuple[str, ...]
@@ -33,5 +33,5 @@ def join_words_as_list(words: Iterable[str]) -> str:
 
 
 def format_percent(fraction: float, digits: int = 0) -> str:
-    """Share as a percentage for a sentence."""
+    """Format a fraction as a percentage for a sentence."""
     return f"{100.0 * fraction:.{digits}f} %"

@@ -1,4 +1,4 @@
-"""Plot of how mass estimates converge, with two standard deviations."""
+"""Plot the convergence of mass estimates, with two standard deviations."""
 
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,7 @@ Rows = NDArray[np.float64]
 
 
 def draw_convergence_of_estimates(axes: "Axes", run: Run, at_s: float | None = None) -> None:
-    """Draw estimates ± 2σ over time, load by load, towards the answer ± 2 standard uncertainties.
+    """Draw estimates ± 2σ over time for each load, and the answer ± 2 standard uncertainties.
 
     Args:
         axes: axes to draw on.
@@ -31,7 +31,7 @@ def draw_convergence_of_estimates(axes: "Axes", run: Run, at_s: float | None = N
     """
     bounds: list[float] = []
     starts = _find_starts_of_loads_ns(run)
-    # of many loads what is left of the beginnings covers all else
+    # with many loads, the starts of the recursions would cover everything else
     for method in RECURSIVE_METHODS if len(starts) <= LIMITS.recursion_max_loads else ():
         frame = run.frames.get(f"estimates/{method}")
         if frame is not None and frame.height and "mass_kg" in frame.columns:
@@ -45,7 +45,7 @@ def draw_convergence_of_estimates(axes: "Axes", run: Run, at_s: float | None = N
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
     span = find_time_span_of_grid_ns(run)
     if span is not None and span[0] < span[1]:
-        # a load reaches beyond a stretch
+        # a load may extend beyond the drawn stretch
         axes.set_xlim(span[0] / NS_PER_S, span[1] / NS_PER_S)
     axes.set_ylabel("mass (kg)", fontsize=LIMITS.small_type_pt)
     axes.set_xlabel("s since the start", fontsize=LIMITS.small_type_pt)
@@ -55,9 +55,9 @@ def draw_convergence_of_estimates(axes: "Axes", run: Run, at_s: float | None = N
     if not known:
         axes.text(0.5, 0.5, "no mass estimate", ha="center", transform=axes.transAxes)
         return
-    # where most of it lies: a recursion begins anywhere
+    # the range of most values, since a recursion may begin anywhere
     low, high = np.quantile(known, [0.05, 0.95])
-    # what it settles to, wherever a recursion of many rows lies
+    # includes the values that the estimates settle to, wherever those of a recursion are
     for each, inside in ((means, (0.05, 0.95)), (answers, (0.0, 1.0))):
         there = [number for number in each if np.isfinite(number)]
         if there:
@@ -80,11 +80,11 @@ def _draw_estimates_of_method(
     if rows.is_empty():
         return []
     step = -(-rows.height // LIMITS.line_max_points)
-    # the last of each few: what it had settled to
+    # the last of every few rows, which is what the estimate has settled to
     rows = rows.gather_every(step, offset=min(step, rows.height) - 1)
     t = rows["t_ns"].to_numpy()
     mass, std = (convert_series_to_floats(rows[name]) for name in ("mass_kg", "mass_std_kg"))
-    # no line from one load to the next, nor where nothing was accepted
+    # no line between loads, nor across times without accepted samples
     gaps = 1 + np.flatnonzero(np.diff(t) > 1.5 * step * period_ns)
     begins = np.union1d(np.searchsorted(t, load_starts_ns[1:]), gaps)
     mass = np.insert(mass, begins, np.nan)
@@ -107,7 +107,7 @@ def _draw_running_means_of_loads(axes: "Axes", run: Run) -> list[float]:
         weight = np.cumsum(std**-2.0)
         mean = np.cumsum(mass * std**-2.0) / weight
         at_s = rows["end_t_ns"].to_numpy() / NS_PER_S
-        # no line from one load to the next
+        # no line between loads
         parts += [np.array([at_s, mean, 2.0 / np.sqrt(weight)]), np.full((3, 1), np.nan)]
     if not parts:
         return []
@@ -126,7 +126,7 @@ def _draw_running_means_of_loads(axes: "Axes", run: Run) -> list[float]:
 
 
 def draw_intervals_of_answer(axes: "Axes", run: Run) -> list[float]:
-    """Draw the answer of each load; returns the ends of the intervals in kg, for the axis."""
+    """Draw the answer of each load, and return the ends of the intervals in kg, for the axis."""
     loads = run.frames.get("loads")
     if loads is None:
         return []
@@ -138,7 +138,7 @@ def draw_intervals_of_answer(axes: "Axes", run: Run) -> list[float]:
         for name in ("start_t_ns", "end_t_ns", "mass_kg", "u_kg")
     )
     nothing = np.full(mass.size, np.nan)
-    # one artist for all loads: a shift has hundreds
+    # a single artist for all loads, since a shift has hundreds
     t_s = np.column_stack([starts / NS_PER_S, ends / NS_PER_S, nothing]).ravel()
     low, middle, high = (
         np.column_stack([each, each, nothing]).ravel()

@@ -1,4 +1,4 @@
-"""Plot of force against acceleration, whose slope is the mass, coloured by gate decision."""
+"""Plot force against acceleration, whose slope is the mass, coloured by gate decision."""
 
 from typing import TYPE_CHECKING
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 
 def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -> None:
-    """Plot the force, less friction if it is estimated, against the regressor.
+    """Plot the force, minus friction if it is estimated, against the acceleration.
 
-    The lines are the masses with two standard uncertainties, of the load at the moment, or of the
-    lightest and the heaviest load.
+    Lines show masses with two standard uncertainties: that of the load at the moment, or those of
+    the lightest and the heaviest load.
 
     Args:
         axes: axes to draw on.
         run: run, or part of one.
-        at_s: moment to mark; its window is ringed.
+        at_s: moment whose window is marked with rings.
     """
     found = select_force_acceleration_data(run, at_s)
     if found is None:
@@ -58,7 +58,7 @@ def _draw_points_of_group(axes: "Axes", group: PointGroup) -> None:
     from matplotlib.colors import to_rgb
 
     count, x_edges, y_edges = np.histogram2d(x, y, bins=LIMITS.density_cells)
-    # logarithmic, or a standstill outshines all else
+    # logarithmic, else a standstill would dominate the picture
     strength = np.log1p(count.T) / np.log1p(count.max())
     image = np.empty((*strength.shape, 4))
     image[..., :3] = to_rgb(group.colour)
@@ -66,14 +66,14 @@ def _draw_points_of_group(axes: "Axes", group: PointGroup) -> None:
     extent = (x_edges[0], x_edges[-1], y_edges[0], y_edges[-1])
     axes.imshow(image, extent=extent, origin="lower", aspect="auto", interpolation="nearest")
     axes.plot([], [], ".", ms=4, color=group.colour, label=group.label)
-    # an image pins the axes to itself, while others may reach further
+    # an image fixes the axes to its own extent, but other artists may extend further
     axes.autoscale(enable=True)
 
 
 def _circle_points_of_window(
     axes: "Axes", run: Run, points: pl.DataFrame, moment_s: float | None
 ) -> None:
-    """Ring the points of the window that ends at the moment."""
+    """Draw rings around the points of the window that ends at the moment."""
     if moment_s is None:
         return
     settings = run.provenance.settings

@@ -1,4 +1,4 @@
-"""Pictures of a run for reports: one page of everything, or one figure per question."""
+"""Draw pictures of a run for reports: one page of everything, or a figure for one question."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -37,8 +37,8 @@ def plot_run(
 ) -> Path:
     """Draw a run: one page of everything, or the figure of one question.
 
-    A run with a calibration gets its calibration line, equation (19) of the paper, and residuals
-    below the page.
+    If the run has a calibration, its line, equation (19) of the paper, and the residuals are drawn
+    at the bottom of the page.
 
     Args:
         run: run, or part of one.
@@ -51,7 +51,7 @@ def plot_run(
         The path of the picture.
 
     Raises:
-        OutputError: another suffix or figure, the file exists, or it cannot be written.
+        OutputError: suffix or figure is unknown, or the file exists or cannot be written.
     """
     path = Path(path)
     require_writable_picture(path, force=force)
@@ -99,7 +99,7 @@ def _draw_answer_lines(subfigure: "SubFigure", lines: list[str]) -> None:
 
 
 def _draw_gate_figure(run: Run, at_s: float | None) -> "Figure":
-    """Draw the gate's statistics and reasons over time, and the shares of the reasons."""
+    """Draw the gate's statistics and reasons over time, and the fraction of time of each reason."""
     from matplotlib.figure import Figure
 
     views = next(tab for tab in TABS if tab.name == "Gate").views
@@ -150,7 +150,7 @@ def _draw_convergence_figure(run: Run, at_s: float | None) -> "Figure":
     return figure
 
 
-#: One figure a question, by its name.
+#: Function that draws the figure of a question, by the figure's name.
 FIGURES: Final[Mapping[str, Callable[[Run, float | None], "Figure"]]] = {
     "page": draw_run_overview,
     "force-acceleration": _draw_force_acceleration_figure,

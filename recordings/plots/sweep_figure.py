@@ -1,4 +1,4 @@
-"""Figure of a sweep: masses over the varied setting, errors, and the share of used samples."""
+"""Draw a sweep: masses over the varied setting, errors, and the fraction of samples used."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ _JOINT: Final = "joint"
 
 @dataclass(frozen=True, slots=True)
 class SweptRow:
-    """One combination to draw.
+    """A combination of settings to draw, with its results.
 
     Attributes:
         over: varied values, by short setting names.
@@ -29,7 +29,7 @@ class SweptRow:
         mass_std_kg: standard deviation by method.
         payload_kg: payload of the heaviest of several loads, and its standard uncertainty.
         errors: errors by title and method.
-        accepted_share_1: share of samples used.
+        accepted_share_1: fraction of samples used.
         can_weigh: whether the log can weigh.
     """
 
@@ -100,13 +100,13 @@ def draw_sweep_figure(
 
 
 def place_combinations_on_axis(swept_rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
-    """Position of each combination on the axis, which is labelled accordingly."""
+    """Choose the position of each combination on the axis, and label the axis."""
     names = list(swept_rows[0].over)
     if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in swept_rows):
         axes.set_xlabel(names[0])
         places = np.array([float(row.over[names[0]]) for row in swept_rows])
         if np.unique(places).size == 1:
-            # an axis of its own would have its ticks where nothing was tried
+            # automatic ticks would be at values that were not tried
             axes.set_xticks(places[:1])
             axes.set_xlim(places[0] - 0.5, places[0] + 0.5)
         return places
@@ -134,7 +134,7 @@ def _format_setting_value(value: object) -> str:
 def _list_methods_in_drawing_order(
     value_by_method_of_each_row: Sequence[Mapping[str, float | None]],
 ) -> list[str]:
-    """Methods, the paper's first, so that the answer is drawn on top."""
+    """List the methods, the paper's first, so that the answer is drawn on top."""
     found = dict.fromkeys(
         method for value_by_method in value_by_method_of_each_row for method in value_by_method
     )
@@ -164,7 +164,7 @@ def _draw_swept_masses(
     masses, stds = [row.mass_kg for row in swept_rows], [row.mass_std_kg for row in swept_rows]
     methods = _list_methods_in_drawing_order(masses)
     steps = np.diff(np.unique(positions))
-    # beside each other, or bars at one place would hide each other, but near their value
+    # side by side near their value, since bars at one position would hide each other
     apart = (float(steps.min()) if steps.size else 1.0) * LIMITS.bar_distance_fraction
     paper = [method for method in methods if method != _JOINT]
     half = len(paper) // 2

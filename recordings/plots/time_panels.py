@@ -1,7 +1,7 @@
-"""Panels over time: lines or envelopes, bands, lanes of states, and a marked moment.
+"""Draw panels over time: lines or envelopes, bands, lanes of states, and a marked moment.
 
 Stretches with more samples than pixel columns are drawn in bins: the envelope and mean of a signal,
-the median of an estimate, the share of time in each state.
+the median of an estimate, the fraction of time in each state.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,11 +42,11 @@ def draw_views_over_time(
     display_frames: Mapping[str, pl.DataFrame],
     at_s: float | None = None,
 ) -> None:
-    """Draw views below each other over seconds since the start.
+    """Draw views one below the other over seconds since the start.
 
     Args:
         subfigure: subfigure to draw on.
-        views: views, of which those with data in this run are drawn.
+        views: views; those without data in this run are omitted.
         run: run to draw.
         display_frames: frames of the run that are displayed, not decimated.
         at_s: moment to mark.
@@ -82,7 +82,7 @@ def draw_views_over_time(
 
 
 def compute_relative_panel_height(view: View, display_columns: Sequence[DisplayColumn]) -> float:
-    """Height of a panel relative to a plot."""
+    """Compute the height of a panel relative to that of a plot."""
     return 0.35 * len(display_columns) + 0.1 if view.kind is ViewKind.STATES else 1.0
 
 
@@ -108,10 +108,10 @@ def _draw_column_in_panel(
 ) -> None:
     value = pl.col(display_column.column)
     if frame.height > LIMITS.panel_max_points:
-        # bins over the whole span: one without rows stays empty, so that no line crosses a gap
+        # bins over the whole span: those without rows are empty, so that no line crosses a gap
         width_ns = max((span[1] - span[0]) // LIMITS.panel_bins, 1)
         if display_column.variance:
-            # of an estimate the median: a few may be wild
+            # the median of an estimate, since a few values may be far off
             frame = bin_frame_rows(
                 frame, [value.median(), pl.col(display_column.variance).median()], span, width_ns
             )
@@ -141,12 +141,12 @@ def _draw_column_in_panel(
 
 
 def convert_series_to_floats(column: pl.Series) -> Floats:
-    """Column as floats, NaN for missing values."""
+    """Convert a column to floats, NaN for missing values."""
     return column.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
 def find_state_spans(state_series: pl.DataFrame) -> pl.DataFrame:
-    """Stretches of equal state: t_ns, until, the state."""
+    """Find the stretches of each state: `t_ns` of the start, `until` of the end, and the state."""
     return state_series.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
 
 
@@ -156,7 +156,7 @@ def _draw_state_lanes(
     display_frames: Mapping[str, pl.DataFrame],
     span: tuple[int, int],
 ) -> None:
-    """Draw a lane per series from top to bottom; shares of time if states change often."""
+    """Draw a lane per series from top to bottom; fractions of time if states change often."""
     seconds: dict[str, float] = {}
     for number, each in enumerate(display_columns):
         spans = find_state_spans(display_frames[each.frame])
@@ -200,7 +200,7 @@ def _draw_state_bars(axes: "Axes", state_spans: pl.DataFrame, lane_bottom: float
 def _draw_stacked_state_fractions(
     axes: "Axes", state_spans: pl.DataFrame, time_span: tuple[int, int], lane_bottom: float
 ) -> None:
-    """Draw the share of every state in each bin, stacked."""
+    """Draw the fraction of time of every state in each bin, stacked."""
     edges = np.linspace(time_span[0], time_span[1], LIMITS.lane_bins + 1)
     width = max(float(edges[1] - edges[0]), 1.0)
     base = np.full(LIMITS.lane_bins, lane_bottom + 0.08)
@@ -208,7 +208,7 @@ def _draw_stacked_state_fractions(
     names = state_spans[STATE].to_numpy()
     for state in [name for name in colours.make_colour_by_state() if name in set(names)]:
         chosen = names == state
-        # time in the state before each edge, whose differences are the time in each bin
+        # differences of the time in the state before each edge are the time in each bin
         inside = _compute_covered_time_before_edges(starts[chosen], ends[chosen], edges)
         share = 0.84 * np.diff(inside) / width
         axes.bar(
@@ -226,7 +226,7 @@ def _draw_stacked_state_fractions(
 def _compute_covered_time_before_edges(
     span_starts: np.ndarray, span_ends: np.ndarray, bin_edges: np.ndarray
 ) -> np.ndarray:
-    """Total time of the ordered, disjoint stretches before each edge."""
+    """Compute the total time of ordered, disjoint stretches before each edge."""
     before = np.concatenate([[0], np.cumsum(span_ends - span_starts)])
     number = np.searchsorted(span_starts, bin_edges, side="right")
     over = np.where(number > 0, np.maximum(span_ends[np.maximum(number - 1, 0)] - bin_edges, 0), 0)
@@ -236,7 +236,7 @@ def _compute_covered_time_before_edges(
 def shade_state_times(
     axes: "Axes", state_series: pl.DataFrame | None, shaded_states: tuple[str, ...]
 ) -> None:
-    """Shade the times of the wanted states behind the lines, unless states change too often."""
+    """Shade the times of the given states behind the lines, unless states change too often."""
     if state_series is None or state_series.height > LIMITS.lane_max_spans:
         return
     for (state,), group in (
@@ -256,7 +256,7 @@ def shade_state_times(
 
 
 def draw_time_fractions_of_gate_reasons(axes: "Axes", run: Run) -> None:
-    """Draw the share of time of each gate reason, the most frequent on top."""
+    """Draw the fraction of time of each gate reason, the most frequent on top."""
     gate = run.frames.get("gate")
     if gate is None or not gate.height:
         axes.axis("off")

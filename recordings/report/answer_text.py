@@ -1,4 +1,4 @@
-"""Lines about the answer: loads, payloads, sensitivity to priors, largest uncertainty."""
+"""Write lines about the answer: loads, payloads, sensitivity to priors, largest uncertainty."""
 
 from collections.abc import Mapping
 from math import ceil
@@ -16,7 +16,7 @@ from recordings.report.number_text import (
 from recordings.report.report_limits import LIMITS
 from recordings.report.shift_text import describe_min_detectable_load, may_miss_small_loads
 
-#: A normal distribution's 95 %.
+#: Coverage factor of a normal distribution's interval of 95 %.
 COVERAGE: Final = 1.96
 
 _HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg")
@@ -24,7 +24,7 @@ _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
 
 
 def make_load_table_heads(answer: Answer) -> tuple[str, ...]:
-    """Column heads of `make_load_table_rows`."""
+    """Make the column heads of `make_load_table_rows`."""
     return (*_HEADS, *(_CALIBRATED if _has_calibrated_masses(answer) else ()), "")
 
 
@@ -33,7 +33,7 @@ def _has_calibrated_masses(answer: Answer) -> bool:
 
 
 def make_load_table_rows(answer: Answer) -> list[tuple[str, ...]]:
-    """A row per load: number, begin, end, manoeuvres, mass, payload, remark.
+    """Make a row per load: number, start, end, manoeuvres, mass, payload, remark.
 
     With a calibration, the calibrated mass and its interval precede the remark.
     """
@@ -53,7 +53,7 @@ def make_load_table_rows(answer: Answer) -> list[tuple[str, ...]]:
 
 
 def describe_loads_as_lines(answer: Answer, max_loads: int) -> list[str]:
-    """A line per load, up to `max_loads`."""
+    """Describe each load in a line, up to `max_loads`; a last line counts the others."""
     lines: list[str] = []
     rows = zip(make_load_table_rows(answer)[:max_loads], answer.loads, strict=False)
     for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
@@ -68,7 +68,7 @@ def describe_loads_as_lines(answer: Answer, max_loads: int) -> list[str]:
 
 
 def describe_answer_as_lines(answer: Answer, *, is_brief: bool = False) -> list[str]:
-    """Masses, payloads and their caveats as lines, or the reason why there is no answer."""
+    """Describe masses, payloads and their caveats in lines, or why there is no answer."""
     if len(answer.loads) == 1:
         return describe_load_as_lines(answer.loads[0], is_brief=is_brief)
     lines = [f"{len(answer.loads)} load states; masses are listed per load"] if answer.loads else []
@@ -90,7 +90,7 @@ def describe_answer_as_lines(answer: Answer, *, is_brief: bool = False) -> list[
 
 
 def describe_load_as_lines(load_row: Mapping[str, Any], *, is_brief: bool = False) -> list[str]:
-    """Lines with mass, payload and, unless brief, prior sensitivity; or why there is no mass."""
+    """Describe mass, payload and, unless brief, prior sensitivity; or why there is no mass."""
     if load_row.get("mass_kg") is None:
         return [f"no mass: {load_row.get('withheld_for') or 'nothing was fitted'}"]
     mass, u = load_row["mass_kg"], load_row["u_kg"]
@@ -110,7 +110,7 @@ def describe_load_as_lines(load_row: Mapping[str, Any], *, is_brief: bool = Fals
 
 
 def describe_prior_sensitivity(load_row: Mapping[str, Any]) -> str:
-    """Line with the masses for priors half and twice as wide."""
+    """Describe in a line the masses with priors half and twice as wide."""
     halved, doubled = (
         round_to_uncertainty(load_row[name], load_row["u_kg"])
         for name in ("mass_halved_priors_kg", "mass_doubled_priors_kg")
@@ -119,7 +119,7 @@ def describe_prior_sensitivity(load_row: Mapping[str, Any]) -> str:
 
 
 def _list_notes_on_load(load_row: Mapping[str, Any]) -> list[str]:
-    """Notes that apply to every load of the log."""
+    """List the notes on a load that apply to every load of the log."""
     lines = [load_row[name] for name in ("said", "calibrated_said") if load_row.get(name)]
     told = load_row.get("payload_to") is not None and not load_row.get("payload_scale_unknown")
     if load_row["scale_unknown"]:
@@ -131,7 +131,7 @@ def _list_notes_on_load(load_row: Mapping[str, Any]) -> list[str]:
 
 
 def describe_manoeuvres_needed_for_goal(answer: Answer, goal_u_kg: float) -> list[str]:
-    """Number of further manoeuvres that would reach ± `goal_u_kg` for each load."""
+    """Say for each load how many further manoeuvres would reach ± `goal_u_kg`."""
     lines: list[str] = []
     for load in answer.loads:
         if load["mass_kg"] is None or load.get("empty"):
@@ -149,7 +149,7 @@ def describe_manoeuvres_needed_for_goal(answer: Answer, goal_u_kg: float) -> lis
             causes = [
                 source
                 for source in answer.budget
-                # what makes a mass uncertain cancels in a difference
+                # common errors of masses cancel in a difference
                 if not by_difference
                 and source.get("load_id", 0) == load["load_id"]
                 and source["kind"] != "random"
@@ -189,7 +189,7 @@ class UncertaintyRow(NamedTuple):
 
 
 def make_uncertainty_rows(answer: Answer, bar_character: str = "█") -> list[UncertaintyRow]:
-    """Rows of the uncertainty budget of the load with the most manoeuvres."""
+    """Make the rows of the uncertainty budget of the load with the most manoeuvres."""
     shown = find_load_with_most_manoeuvres(answer)
     rows: list[UncertaintyRow] = []
     for source in answer.budget:
@@ -211,17 +211,17 @@ def make_uncertainty_rows(answer: Answer, bar_character: str = "█") -> list[Un
 
 
 def find_load_with_most_manoeuvres(answer: Answer) -> int:
-    """Number of the load with the most manoeuvres, the first of several."""
+    """Find the number of the first load with the most manoeuvres; 0 if no load has a mass."""
     known = [load for load in answer.loads if load["mass_kg"] is not None]
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
 
 
-#: What scatter is where too few manoeuvres tell it: that of its prior.
+#: Meaning of the scatter if it is its prior's, since there are too few manoeuvres to estimate it.
 _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
 def advise_to_reduce_uncertainty(answer: Answer) -> str | None:
-    """Measure that would reduce the uncertainty most; None without an answer."""
+    """Advise what would reduce the uncertainty most; None without an answer."""
     shown = find_load_with_most_manoeuvres(answer)
     known = [s for s in answer.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in answer.loads):
@@ -248,27 +248,27 @@ def _format_payload_or_reason(load_row: Mapping[str, Any]) -> str:
 
 
 def make_calibrated_mass_cells(load_row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Table cells with the calibrated mass and the ends of its interval."""
+    """Make the table cells with the calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
     return tuple("–" if load_row[name] is None else f"{load_row[name]:,.1f}" for name in names)
 
 
 def describe_calibrated_mass(load_row: Mapping[str, Any]) -> str:
-    """Line with the calibrated mass; empty without a calibration."""
+    """Describe the calibrated mass in a line; empty without a calibration."""
     if "calibrated_kg" not in load_row:
         return ""
     if load_row["calibrated_kg"] is None:
         return f"not calibrated: {load_row['calibrated_reason']}"
     mass, low, high = make_calibrated_mass_cells(load_row)
     unlike_kg = load_row.get("calibrated_unlike_u_kg") or 0.0
-    # less is lost in the rounding of the whole
+    # a smaller part has hardly any effect on the whole
     tells = unlike_kg > LIMITS.unlike_driving_fraction * load_row["calibrated_u_kg"]
     more = f"; ± {unlike_kg:,.1f} kg of that for driving unlike the campaign" if tells else ""
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
 def _make_load_remark(load_row: Mapping[str, Any]) -> str:
-    """Why a load has no mass or no calibration; empty otherwise."""
+    """Say why a load has no mass, repeatability or calibration; empty otherwise."""
     if load_row["mass_kg"] is None:
         return load_row["withheld_for"]
     if load_row.get("scatter_known") is False:
@@ -283,13 +283,13 @@ def _format_seconds_from_start(t_ns: int | None) -> str:
 
 
 def describe_shift_total(answer: Answer) -> list[str]:
-    """Line with the sum of the log's cycles; none if nothing was dumped."""
+    """Describe the sum of the log's cycles in a line; none if nothing was dumped."""
     shift = answer.shift
     if not shift:
         return []
     u_kg = 2.0 * shift["payload_u_kg"]
     total = ""
-    # a recording of an earlier version has no total
+    # recordings of earlier versions have no total
     if shift.get("total_kg") is not None and shift["total_kg"] != shift["payload_kg"]:
         total = (
             f"; in the shift {shift['total_kg'] / 1e3:,.3f} ± "

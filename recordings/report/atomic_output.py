@@ -1,4 +1,4 @@
-"""Outputs that are never partial: complete files, or files that grow by complete records."""
+"""Write outputs that are never partial: complete files, or files that grow by complete records."""
 
 import secrets
 import shutil
@@ -10,7 +10,7 @@ from typing import Final
 
 from estimators.errors import OutputError
 
-#: Folders that payscope writes whole, by the file that shows what a folder is.
+#: Kinds of folders that payscope writes as a whole, by the file that identifies them.
 _WRITTEN_WHOLE: Final = {
     "metadata.yaml": "a rosbag2 directory",
     "evidence.json": "evidence",
@@ -19,7 +19,7 @@ _WRITTEN_WHOLE: Final = {
 
 
 class AppendOnlyFile:
-    """A file that grows by complete records and exists from the first one on.
+    """A file that grows by complete records, and exists from the first one on.
 
     Attributes:
         path: path of the file.
@@ -38,7 +38,7 @@ class AppendOnlyFile:
             self._truncate_after_last_record(self._open_for_appending())
 
     def append_record(self, record_bytes: bytes) -> None:
-        """Append a record; if that fails, cut the file after its last complete record.
+        """Append a record; if that fails, truncate the file after its last complete record.
 
         Raises:
             OSError: the record does not fit on the disk.
@@ -92,7 +92,7 @@ def stage_output_files(targets: Sequence[Path], *, force: bool) -> Generator[Pat
         except OSError as error:
             reason = error.strerror or error
             raise OutputError(f"{targets[0]}: cannot be written ({reason})") from None
-        except OutputError as error:  # of a file within, by the name that the user gave
+        except OutputError as error:  # on a file in the stage: report the path that the user gave
             raise OutputError(str(error).replace(str(stage), str(stage.parent))) from None
 
 
@@ -105,12 +105,12 @@ def stage_output_file(target: Path, *, force: bool) -> Generator[Path]:
 
 
 def require_writable_folder(target: Path, *, force: bool, marker: str | None = None) -> None:
-    """Raise an error before the work begins if an output folder cannot be created.
+    """Raise an error, before any work, if an output folder cannot be created.
 
     Args:
         target: folder to write.
-        force: whether an existing folder of its kind may be replaced.
-        marker: file that shows its kind; None for one that is never replaced.
+        force: whether an existing folder of the same kind may be replaced.
+        marker: file that identifies the kind; None for a folder that is never replaced.
 
     Raises:
         OutputError: the folder already exists, or its parent cannot be written to.
@@ -126,7 +126,7 @@ def require_writable_folder(target: Path, *, force: bool, marker: str | None = N
 
 
 def require_writable_output(target: Path, *, force: bool) -> None:
-    """Raise an error before the work begins if an output file cannot be created.
+    """Raise an error, before any work, if an output file cannot be created.
 
     Raises:
         OutputError: the file already exists, or its folder cannot be written to.
@@ -139,11 +139,11 @@ def require_writable_output(target: Path, *, force: bool) -> None:
 def refuse_input_as_output(target: Path, inputs: Iterable[Path]) -> None:
     """Raise an error if an output would overwrite an input, even with `--force`.
 
-    A folder that payscope writes whole is replaced with all that is in it; of any other folder only
-    single files are.
+    A folder that payscope writes as a whole is replaced with everything in it; in any other folder,
+    only single files are replaced.
 
     Raises:
-        OutputError: the target is one of the inputs, or a folder that is replaced with one in it.
+        OutputError: the target is an input, or a folder with an input in it that is replaced.
     """
     if not target.exists() or (target.is_dir() and not _is_folder_written_whole(target)):
         return
@@ -167,7 +167,7 @@ def make_staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Pa
     folder = targets[0].parent
     if not folder.is_dir():
         raise OutputError(f"{targets[0]}: no folder '{folder}'; create it first")
-    # it has its name before it is there: a signal that comes with it finds what to remove
+    # named before it is created, so that it can be removed if a signal arrives meanwhile
     stage = folder / f".payscope-{secrets.token_hex(4)}"
     try:
         try:
@@ -183,7 +183,7 @@ def make_staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Pa
     finally:
         try:
             shutil.rmtree(stage, ignore_errors=True)
-        except BaseException:  # a signal that comes while it goes
+        except BaseException:  # a signal during the removal
             shutil.rmtree(stage, ignore_errors=True)
             raise
 
@@ -204,7 +204,7 @@ def _is_folder_written_whole(folder: Path) -> bool:
 
 def _replace_target(finished_output: Path, target: Path) -> None:
     """Move the output into place, over an existing file or folder."""
-    # only a file can be renamed over what is there, and only over a file
+    # only a file can replace an existing path by renaming, and only a file
     if not (target.exists() and (target.is_dir() or finished_output.is_dir())):
         finished_output.replace(target)
         return
@@ -212,7 +212,7 @@ def _replace_target(finished_output: Path, target: Path) -> None:
     try:
         target.replace(replaced)
         finished_output.replace(target)
-    except BaseException:  # a fault, or a signal that comes between both: what was there stays
+    except BaseException:  # an error or signal between the two steps: restore the old output
         if replaced.exists() and not target.exists():
             replaced.replace(target)
         raise

@@ -1,4 +1,4 @@
-"""Times in the machine's time zone, with the offset from UTC so that each is unambiguous."""
+"""Format times in the machine's time zone, unambiguous by their offset from UTC."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,7 +12,7 @@ from recordings.report.report_limits import LIMITS
 #: Seconds of a minute, and of an hour.
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
-#: Distances of an axis' ticks, in s; the shortest with at most `time_max_ticks` of them is taken.
+#: Distances of an axis' ticks in s, of which the shortest with at most `time_max_ticks` is used.
 _STEPS_S: Final = tuple(
     60 * each for each in (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720, 1440, 2880, 10080)
 )
@@ -20,7 +20,7 @@ _STEPS_S: Final = tuple(
 
 @dataclass(frozen=True)
 class ShiftClock:
-    """Converts times since the first sample of a shift to local times of its machine.
+    """Clock that converts times since the first sample of a shift to local times of its machine.
 
     Attributes:
         zone: name of the machine's time zone.
@@ -58,7 +58,7 @@ class ShiftClock:
         return f"{day}{local:%H:%M:%S} {self._format_utc_offset(time_s)}"
 
     def format_start_of_hour(self, time_s: float) -> str:
-        """Begin of the hour that contains a time, with offset; h:00 without a date."""
+        """Format the start of the hour that contains a time, with offset; h:00 without a date."""
         if not self.has_date:
             return f"{int(time_s // _HOUR_S)}:00"
         local = self.to_local_datetime(time_s)
@@ -66,14 +66,14 @@ class ShiftClock:
         return f"{day}{local:%H}:00 {self._format_utc_offset(time_s)}"
 
     def compute_next_hour_s(self, time_s: float) -> float:
-        """Begin of the next hour, in s since the first sample."""
+        """Compute the start of the next hour, in s since the first sample."""
         if not self.has_date:
             return _HOUR_S * (time_s // _HOUR_S + 1.0)
         local = self.to_local_datetime(time_s)
         return time_s + _HOUR_S - local.minute * _MINUTE_S - local.second
 
     def format_day_and_time(self, instant: datetime) -> str:
-        """Date and local time of any instant."""
+        """Format date and local time of an instant."""
         local = instant.astimezone(ZoneInfo(self.zone))
         return f"{local:%Y-%m-%d %H:%M:%S} {_format_utc_offset_of(local)}"
 
@@ -82,19 +82,19 @@ class ShiftClock:
         return self.format_time((unix_ns - self.t0_unix_ns) / NS)
 
     def to_local_datetime(self, time_s: float) -> datetime:
-        """Local time of a time in s since the first sample, rounded to a second."""
+        """Convert a time in s since the first sample to local time, rounded to a second."""
         unix_s = (self.t0_unix_ns + round(time_s * NS)) // NS
         return datetime.fromtimestamp(unix_s, UTC).astimezone(ZoneInfo(self.zone))
 
     def make_time_axis_ticks(self, low_s: float, high_s: float) -> list[tuple[float, str]]:
-        """Round local times in a range given in s since the first sample, with their labels.
+        """Choose round local times, with labels, in a range in s since the first sample.
 
         If the offset changes, each tick shows its own.
         """
         step_s = next(
             (s for s in _STEPS_S if (high_s - low_s) / s <= LIMITS.time_max_ticks), _STEPS_S[-1]
         )
-        # minutes since local midnight by the first offset: a tick is round on the wall
+        # from local midnight by the first offset, so that ticks are round in local time
         shift_s = 0.0
         if self.has_date:
             first = self.to_local_datetime(0.0)
@@ -108,7 +108,7 @@ class ShiftClock:
     def _format_time_axis_tick(self, time_s: float) -> str:
         if not self.has_date:
             return _format_elapsed_time(time_s).removesuffix(":00")
-        # a tick that float rounding puts a hair before its minute is that minute
+        # rounded, since a tick may be just before its minute by float rounding
         local = self.to_local_datetime(time_s + 0.5)
         offset = "" if self._has_one_utc_offset else self._format_utc_offset(time_s + 0.5)[:3]
         return f"{local:%H:%M}{offset}"

@@ -6,7 +6,7 @@ from typing import Final
 
 from analysis.model.methods import METHODS
 
-#: Okabe and Ito's palette: told apart by the colour-blind, on black and on white.
+#: Okabe and Ito's palette, which the colour-blind can distinguish, on black and on white.
 _PALETTE: Final = ("#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#8c7ae6", "#b0a030")
 _METHODS: Final = tuple(METHODS)
 
@@ -14,9 +14,9 @@ _GOOD: Final = "#2e9e5b"
 _QUIET: Final = "#7f8c8d"
 _BAD: Final = "#c0392b"
 _WARM: Final = "#e69f00"
-#: Of a state without a colour of its own.
+#: Colour of a state without one of its own.
 OTHER: Final = "#b8bfc6"
-#: The states of a lane that a plot shades behind its lines.
+#: States of a lane that a plot shades behind its lines.
 SHADED: Final[dict[str, tuple[str, ...]]] = {
     "gate": ("accepted",),
     "phase": ("accelerating", "braking", "turning", "arc", "spinning"),
@@ -50,20 +50,20 @@ STATES: Final[dict[str, str]] = {
 
 @cache
 def make_colour_by_state() -> Mapping[str, str]:
-    """Colour of each state, and of each cause by its consequence."""
-    # the causes bring all that looks for them
+    """Make the colour of each state, and of each cause by its consequence."""
+    # imported here, since the table of causes imports all detectors
     from analysis.findings import CAUSES
 
     return {**STATES, **{each.key: _BAD if each.withholds else _WARM for each in CAUSES}}
 
 
 def choose_line_colour(line_index: int) -> str:
-    """Colour of the n-th line of a plot."""
+    """Choose the colour of the n-th line of a plot."""
     return _PALETTE[line_index % len(_PALETTE)]
 
 
 def choose_method_colour(method: str) -> str:
-    """Colour of an estimator."""
+    """Choose the colour of an estimator."""
     return choose_line_colour(_METHODS.index(method)) if method in _METHODS else _QUIET
 
 

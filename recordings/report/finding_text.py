@@ -1,4 +1,4 @@
-"""Findings as text: one line each, and as Markdown."""
+"""Format findings as text, in one line each or as Markdown."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
@@ -16,35 +16,35 @@ _LEADS_TO: Final = {
 
 
 def describe_consequence_of_finding(finding: Finding) -> str:
-    """Effect of a finding on the mass, in words."""
+    """Describe the effect of a finding on the mass."""
     if finding.severity == "tell" and finding.mass_change_kg is None:
         return "effect on the mass unknown"
     return _LEADS_TO[finding.severity]
 
 
 def read_findings_of_run(run: Run) -> tuple[Finding, ...]:
-    """Findings of a run, the most likely first; none if they were not computed."""
+    """Read the findings of a run, the most likely first; none if they were not computed."""
     frame = run.frames.get("findings")
     return () if frame is None else make_findings_of_rows(frame.iter_rows(named=True))
 
 
 def make_findings_of_rows(finding_rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
-    """Findings from rows of the frame `findings`, the most likely first."""
+    """Make findings from rows of the frame `findings`, the most likely first."""
     return tuple(Finding.from_row(row) for row in finding_rows)
 
 
 def find_readable_cause_name(cause: str) -> str:
-    """Name of a cause for readers."""
+    """Name of a cause for readers, with spaces instead of underscores."""
     return cause.replace("_", " ")
 
 
 def can_fixing_change_mass(finding: Finding) -> bool:
-    """Whether correcting the finding may change the mass; without kilograms it does not."""
+    """Whether fixing a finding may change the mass: not if it only informs, without a change."""
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
 
 def describe_mass_change_if_fixed(finding: Finding) -> str:
-    """By how much fixing the cause of a finding changes the mass; empty if unknown."""
+    """Say by how much fixing the cause of a finding changes the mass; empty if unknown."""
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
         return ""
@@ -54,7 +54,7 @@ def describe_mass_change_if_fixed(finding: Finding) -> str:
 
 
 def format_finding_span(finding: Finding, clock: ShiftClock | None = None) -> str:
-    """Time span of a finding in s since the start or by a clock; empty for the whole log."""
+    """Format a finding's time span in s since the start, or by a clock; empty for the whole log."""
     if finding.start_s is None or finding.end_s is None:
         return ""
     if clock is not None:
@@ -65,7 +65,7 @@ def format_finding_span(finding: Finding, clock: ShiftClock | None = None) -> st
 
 
 def format_finding(finding: Finding, clock: ShiftClock | None = None) -> str:
-    """One line with the cause, its time span, the measured evidence and the mass change."""
+    """Format in one line the cause, its time span, the measured evidence and the mass change."""
     where = ", ".join(filter(None, (finding.channel, format_finding_span(finding, clock))))
     parts = [
         f"{find_readable_cause_name(finding.cause)}{f' ({where})' if where else ''}: "
@@ -76,7 +76,7 @@ def format_finding(finding: Finding, clock: ShiftClock | None = None) -> str:
 
 
 def format_proposed_machine_keys(finding: Finding) -> str:
-    """Keys to set in the machine file; empty if there are none."""
+    """Format the keys to set in the machine file; empty if there are none."""
     if finding.setting is None or finding.value is None:
         return ""
     keys, values = finding.setting.split(", "), finding.value.split(", ")
@@ -88,7 +88,7 @@ def format_proposed_machine_keys(finding: Finding) -> str:
 
 
 def describe_indistinguishable_causes(finding: Finding) -> str:
-    """Causes that the log cannot distinguish from this one; empty if there are none."""
+    """Say which causes the log cannot distinguish from this one; empty if there are none."""
     if not finding.alternatives:
         return ""
     names = ", ".join(map(find_readable_cause_name, finding.alternatives))
@@ -96,7 +96,7 @@ def describe_indistinguishable_causes(finding: Finding) -> str:
 
 
 def format_findings_markdown(run: Run) -> str:
-    """All findings in Markdown; a sentence if there are none, empty if they were not computed."""
+    """Format all findings in Markdown; a sentence if there are none, "" if not computed."""
     if "findings" not in run.frames:
         return ""
     found = read_findings_of_run(run)

@@ -1,4 +1,4 @@
-"""Force over acceleration, whose slope is the mass: points by gate decision, and mass lines."""
+"""Select the data of force against acceleration: points by gate decision, and lines of masses."""
 
 from typing import Any, Final, NamedTuple
 
@@ -10,9 +10,9 @@ from recordings.report import colours
 from recordings.report.number_text import format_plus_minus
 from recordings.report.report_limits import LIMITS
 
-#: The acceleration that multiplies the mass, a column of the excitation.
+#: Column of the excitation with the acceleration that multiplies the mass.
 ACCELERATION: Final = "regressor_acc_x_m_s2"
-#: The force, less friction where the answer has it.
+#: Column with the force, minus friction if the answer has it.
 FORCE: Final = "force_N"
 ACCELERATION_LABEL: Final = "acceleration that multiplies the mass (m/s²)"
 _NEEDED: Final = ("force_x_N", ACCELERATION, "speed_x_m_s")
@@ -36,7 +36,7 @@ class MassLine(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name, mass and expanded uncertainty."""
+        """Name, mass and expanded uncertainty of the line."""
         return f"{self.name} {format_plus_minus(self.mass_kg, 2 * self.u_kg)} kg (k = 2)"
 
 
@@ -66,7 +66,7 @@ def select_force_acceleration_data(
         at_s: selected time in s; None for the whole run.
 
     Returns:
-        None if no sample has both force and acceleration.
+        The data; None if no sample has both force and acceleration.
     """
     points = select_force_acceleration_samples(run)
     if points is None or not points.height:
@@ -75,7 +75,7 @@ def select_force_acceleration_data(
     friction = next((row["friction_x_N_s_m"] for row in loads), None)
     coulomb = read_coulomb_friction_newtons(run) if friction is not None else 0.0
     force = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
-    # a shift has millions of rows: no more columns than are drawn
+    # only the drawn columns, since a shift has millions of rows
     points = points.select(
         "t_ns",
         ACCELERATION,
@@ -114,7 +114,7 @@ def _group_points_by_gate_reason(points: pl.DataFrame) -> list[PointGroup]:
 
 
 def select_force_acceleration_samples(run: Run) -> pl.DataFrame | None:
-    """Samples with force and acceleration, whether they were used, and the gate's reason."""
+    """Select samples with force and acceleration, whether they were used, and the gate's reason."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     if excitation is None or any(name not in excitation.columns for name in _NEEDED):
         return None
@@ -134,7 +134,7 @@ def select_force_acceleration_samples(run: Run) -> pl.DataFrame | None:
 
 
 def estimate_rows_per_window(run: Run, gate_frame: pl.DataFrame) -> int:
-    """Number of rows in a window; a review keeps only some of the rows."""
+    """Estimate the number of rows in a window, since a review keeps only some of the rows."""
     settings = run.provenance.settings
     step_ns = gate_frame["t_ns"].diff().median()
     if not isinstance(step_ns, float) or step_ns <= 0.0:
@@ -144,7 +144,7 @@ def estimate_rows_per_window(run: Run, gate_frame: pl.DataFrame) -> int:
 
 
 def _select_loads_of_mass_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
-    """Loads whose masses are drawn as lines, the lighter first."""
+    """Select the loads whose masses are drawn as lines, the lighter first."""
     loads = run.frames.get("loads")
     if loads is None:
         return []
@@ -160,7 +160,7 @@ def _select_loads_of_mass_lines(run: Run, at_s: float | None) -> list[dict[str, 
 
 
 def read_coulomb_friction_newtons(run: Run) -> float:
-    """Coulomb friction of the answer in N."""
+    """Read the Coulomb friction of the answer in N; 0 if it has none."""
     terms = run.frames.get("nuisances")
     if terms is None:
         return 0.0

@@ -1,4 +1,4 @@
-"""Formats of numbers and tables in texts."""
+"""Format numbers and tables in texts."""
 
 from collections.abc import Iterable, Sequence
 from math import floor, isfinite, log10
@@ -7,14 +7,14 @@ from typing import Final
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, TRACK_WIDTH
 from analysis.model.verdict import Check
 
-#: What a check that failed led to, where it withholds no mass.
+#: Word for the consequence of a failed check that withholds no mass.
 REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
-#: What any check that failed led to.
+#: Word for the consequence of any failed check.
 CONSEQUENCES: Final = {"withhold": "no mass", **REMARKED}
 
 
 def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
-    """Outcome of a check in one word; a harmless failure is named by its consequence.
+    """Format the outcome of a check in a word: a failure that withholds no mass by its consequence.
 
     Args:
         check: the check.
@@ -28,12 +28,12 @@ def format_check_outcome(check: Check, *, passed: str, failed: str, absent: str)
 
 
 def format_unit_suffix(unit: str) -> str:
-    """Unit behind a number; nothing for a ratio."""
+    """Format the unit after a number; empty for a ratio."""
     return "" if unit == "1" else f" {unit}"
 
 
 def format_number(value: object) -> str:
-    """Table cell of a value: five significant digits, thousands separators, a dash for None."""
+    """Format a value for a table cell: 4 significant digits, or whole from 10,000; – for None."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -45,36 +45,36 @@ def format_number(value: object) -> str:
 
 
 def format_plus_minus(value: float | None, std: float | None) -> str:
-    """Value ± standard deviation, the latter with two digits and both to the same place."""
+    """Format a value ± its standard deviation, which has two digits, to the same decimal place."""
     if value is None or std is None or not (std > 0 and isfinite(std)):
         return format_number(value)
     return f"{round_to_uncertainty(value, std)} ± {round_to_uncertainty(std, std)}"
 
 
 def round_to_uncertainty(value: float | None, std: float) -> str:
-    """Value to the place of the second digit of its standard deviation."""
+    """Round a value to the decimal place of the second digit of its standard deviation."""
     if value is None or not (std > 0 and isfinite(std)):
         return format_number(value)
     return f"{value:.{max(0, 1 - floor(log10(std)))}f}"
 
 
-#: Stands beside a number whose ± lacks the scale error.
+#: Remark on a number whose ± does not include the scale error.
 SCALE_NOT_KNOWN: Final = "scale error not included"
 
 
 def describe_missing_scale_uncertainties(missing_names: str, quantity: str = "") -> str:
-    """Line that names the uncertainties missing from the machine file.
+    """Name in a line the uncertainties that are missing from the machine file.
 
     Args:
         missing_names: names of the sources in frames: `force_gain, wheel_radius`.
-        quantity: the quantity, if not the mass.
+        quantity: quantity whose ± lacks them, unless it is the mass.
     """
     whose = f" of {quantity}" if quantity else ""
     keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in missing_names.split(", "))
     return f"±{whose} excludes scale error: set {keys} in the machine file"
 
 
-#: Keys of the machine file by the source of the uncertainty that they state.
+#: Key of the machine file that states an uncertainty, by its source.
 _UNCERTAINTY_KEYS: Final = {
     scale.name: scale.setting.removeprefix("machine.")
     for scale in (*SCALES, TRACK_WIDTH, IMU_POSITION)
@@ -84,7 +84,7 @@ _UNCERTAINTY_KEYS: Final = {
 def format_markdown_table(
     column_heads: Sequence[str], cell_rows: Iterable[Sequence[object]]
 ) -> str:
-    """A Markdown table, or "none"."""
+    """Format a Markdown table; "none" without rows."""
     body = [
         "| " + " | ".join(format_number(cell).replace("|", "\\|") for cell in row) + " |"
         for row in cell_rows

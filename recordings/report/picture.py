@@ -1,4 +1,4 @@
-"""Picture files: the suffix selects the format, and partial files never remain."""
+"""Write picture files, whose suffix selects the format, and of which no partial file remains."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -16,7 +16,7 @@ SUFFIXES: Final = (".png", ".pdf", ".svg")
 
 
 def require_writable_picture(path: Path, *, force: bool) -> None:
-    """Raise an error before drawing if a picture file cannot be written.
+    """Raise an error, before drawing, if a picture file cannot be written.
 
     Raises:
         OutputError: the suffix is not supported, the file exists, or its folder cannot be written
@@ -28,14 +28,14 @@ def require_writable_picture(path: Path, *, force: bool) -> None:
 
 
 def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
-    """Write a figure in the format of the file's suffix.
+    """Write a figure in the format of the file's suffix, and return the file's path.
 
     Raises:
-        OutputError: as `require_writable_picture`, or if writing fails.
+        OutputError: as from `require_writable_picture`, or if writing fails.
     """
     require_writable_picture(path, force=force)
     with stage_output_file(path, force=force) as partial, catch_warnings():
-        filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
+        filterwarnings("ignore", "Glyph", UserWarning)  # names with characters that the font lacks
         figure.savefig(partial, dpi=LIMITS.picture_dpi)
     return path
 

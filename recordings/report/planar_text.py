@@ -1,4 +1,4 @@
-"""Texts about the centre of mass: results of arcs and joint motion, and what is undetermined."""
+"""Write texts about the centre of mass: results of arcs and joint motion, what is undetermined."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,7 +21,7 @@ _NAMES = {
     "friction of turning": ("friction_z_N_m_s", "friction_z_std_N_m_s", "N·m·s"),
 }
 
-#: Of what the budget is said in a line each: quantity, words, factor and unit.
+#: Quantities whose largest uncertainty is stated in a line each, with words, factor and unit.
 _SAID = {
     "inertia_z_kg_m2": ("the yaw inertia", 1.0, "kg·m²"),
     "com_x_m": ("the centre of mass ahead", 1e3, "mm"),
@@ -31,7 +31,7 @@ _SAID = {
 def describe_planar_fits(
     planar_rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
 ) -> list[str]:
-    """Lines for each fit over several arcs, or for a single arc, with its uncertainty sources."""
+    """Describe each fit over several arcs, or else each arc, with the largest uncertainties."""
     whole = [row for row in planar_rows if row["kind"] in _OF] or list(planar_rows)
     return (
         [_describe_planar_fit(row) for row in whole]
@@ -43,7 +43,7 @@ def describe_planar_fits(
 def describe_largest_uncertainty_parts(
     uncertainty_budget: Sequence[Mapping[str, Any]],
 ) -> list[str]:
-    """Lines with the largest known part of each uncertainty."""
+    """Describe the largest known part of each uncertainty in a line."""
     lines: list[str] = []
     for quantity, (words, factor, unit) in _SAID.items():
         known = [row for row in uncertainty_budget if row["quantity"] == quantity and row["u"]]
@@ -58,7 +58,7 @@ def describe_largest_uncertainty_parts(
 
 
 def describe_uncertainties_missing_in_file(planar_rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Lines on uncertainties missing from the machine file; empty in recordings of old versions."""
+    """Name uncertainties missing from the machine file; empty for recordings of old versions."""
     lines: list[str] = []
     for column, of in (
         ("scale_unknown", "yaw inertia and first moments"),
@@ -71,7 +71,7 @@ def describe_uncertainties_missing_in_file(planar_rows: Sequence[Mapping[str, An
 
 
 def format_planar_markdown(run: Run) -> str:
-    """Every arc and joint fit in Markdown; empty if the machine did not turn."""
+    """Format every arc and joint fit in Markdown; empty if the machine did not turn."""
     rows = read_planar_rows(run)
     if not rows:
         return ""
@@ -99,11 +99,11 @@ def format_planar_markdown(run: Run) -> str:
         sources = run.frames["planar_budget"].to_dicts()
         lines: dict[str, list[str]] = {}
         for row in sources:
-            # smaller shares of the variance are not listed
+            # smaller fractions of the variance are not listed
             if row["share_1"] is not None and row["share_1"] < LIMITS.small_variance_fraction:
                 continue
             u = "not known" if row["u"] is None else f"{format_number(row['u'])} {row['unit']}"
-            # a list, not a table: the viewer wraps it
+            # a list, not a table, since the viewer wraps it
             line = f"- **{row['cause']}** ({row['kind']}): {u}; shrinks with {row['shrinks']}"
             lines.setdefault(row["quantity"], []).append(line)
         parts.append("## Where their uncertainty comes from")
@@ -113,7 +113,7 @@ def format_planar_markdown(run: Run) -> str:
 
 
 def read_planar_rows(run: Run) -> list[dict[str, Any]]:
-    """Rows of the frame `planar`; empty if the run lacks it."""
+    """Read the rows of the frame `planar`; empty if the run lacks it."""
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
 

@@ -44,10 +44,10 @@ def render_page_html(
 def load_templates_and_script_digest(
     package: str, scripts: tuple[str, ...]
 ) -> "tuple[Environment, str]":
-    """Compiled templates of a package, and the digest of the page's script."""
+    """Load the templates of a package, and compute the digest of the page's script."""
     from jinja2 import DictLoader, Environment, StrictUndefined
 
-    # our own files, so part of the template: no text of a log is in them
+    # the files are our own and part of the template, without text from a log
     here = files(_HERE)
     own_scripts = [files(package).joinpath(name) for name in scripts]
     code = "".join(
@@ -74,7 +74,7 @@ def load_templates_and_script_digest(
 
 
 def _strip_control_characters(value: object) -> object:
-    """Remove control and text-direction characters that a browser would obey."""
+    """Remove control and text-direction characters, which browsers interpret, from a text."""
     return join_to_one_line(value) if type(value) is str else value
 
 

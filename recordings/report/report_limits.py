@@ -12,15 +12,15 @@ class ReportLimits:
     """
 
     # clock_text
-    #: Ticks of an axis of time that do not touch each other.
+    #: Most ticks of a time axis whose labels do not touch.
     time_max_ticks: int = 6
 
     # force_acceleration
-    #: Reasons that are named beside the accepted; the rest is "other".
+    #: Reasons that are named besides "accepted"; the others are "other".
     named_reasons: int = 3
 
     # picture
-    #: Dots an inch of a PNG.
+    #: Dots per inch of a PNG.
     picture_dpi: int = 150
 
     # planar_text
@@ -28,12 +28,12 @@ class ReportLimits:
     small_variance_fraction: float = 0.005
 
     # shift_text
-    #: Smallest detectable load, over the mean one, from which loads may be missing: starts of half
-    #: a load are common at the end of a heap.
+    #: Ratio of the smallest detectable to the mean load above which loads may be missing: half
+    #: loads are common at the end of a heap.
     missed_load_fraction: float = 0.5
 
     # svg_shapes
-    #: Ticks of an axis, about.
+    #: Approximate number of ticks of an axis.
     ticks: int = 5
     #: Width of a character, in units of the drawing.
     character_width: float = 6.2
@@ -41,7 +41,8 @@ class ReportLimits:
     # answer_text
     #: Characters of the longest bar.
     bar_characters: int = 24
-    #: Fraction of the whole uncertainty from which the cost of driving unlike a campaign is stated.
+    #: Fraction of the calibrated mass's uncertainty above which the part due to driving unlike the
+    #: campaign is stated.
     unlike_driving_fraction: float = 0.3
 
 

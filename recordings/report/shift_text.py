@@ -1,4 +1,4 @@
-"""Result of a shift in one sentence, for page, terminal and recording."""
+"""Describe the result of a shift in one sentence, for page, terminal and recording."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -7,12 +7,12 @@ from estimators.errors import format_count
 from recordings.report.number_text import SCALE_NOT_KNOWN
 from recordings.report.report_limits import LIMITS
 
-#: Of an interval with a confidence of 95 %.
+#: Coverage factor of an interval with a confidence of 95 %.
 K: Final = 2.0
 
 
 def describe_shift_payload(shift: Mapping[str, Any]) -> str:
-    """Sentence with the payload of a shift; it needs at least one counted cycle.
+    """Describe the payload of a shift, which must have at least one counted cycle.
 
     Args:
         shift: row of the frame `shift`.
@@ -27,7 +27,7 @@ def describe_shift_payload(shift: Mapping[str, Any]) -> str:
 
 
 def describe_min_detectable_load(shift: Mapping[str, Any]) -> str:
-    """Text on loads too small to show; empty for a recording of an earlier version."""
+    """Say below which mass loads count as empty; empty for a recording of an earlier version."""
     least_kg = shift.get("min_detectable_kg")
     if least_kg is None:
         return ""
@@ -42,7 +42,7 @@ def may_miss_small_loads(shift: Mapping[str, Any]) -> bool:
 
 
 def format_tonnes(mass_kg: float, u_kg: float) -> str:
-    """Mass in t with its expanded uncertainty, to the significant digits."""
+    """Format a mass in t with its expanded uncertainty, to the significant digits."""
     digits = 1 if u_kg >= 3000.0 else 2 if u_kg >= 300.0 else 3
     return f"{mass_kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 

@@ -1,4 +1,4 @@
-"""Figures of a report as SVG shapes, byte for byte reproducible."""
+"""Draw figures of a report as SVG shapes, byte for byte reproducible."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,14 +9,14 @@ import numpy as np
 
 from recordings.report.report_limits import LIMITS
 
-#: Units of the drawing; on a phone one is a pixel.
+#: Width of a drawing in its units; on a phone, a unit is a pixel.
 WIDTH: Final = 360
 """Width of a letter."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """An SVG element with look, tag, attributes and text; the template escapes the text."""
+    """An SVG element: its look, tag, attributes and text, which the template escapes."""
 
     look: str
     tag: str
@@ -99,7 +99,7 @@ class Drawing:
         self.shapes.append(Shape("ink", "text", at, text))
 
 
-#: Looks without a style sheet, as on paper; the report's own changes them in the dark.
+#: Attributes of each look without a style sheet, as on paper; in dark mode, the report's differ.
 _LOOKS: Final = {
     "ink": {"fill": "#1d2733", "font-size": "11", "font-family": "sans-serif"},
     "axis": {"stroke": "#5b6673", "stroke-width": "1"},
@@ -122,7 +122,7 @@ class DrawingPoint(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """Frame of a plot, which maps numbers to positions in the drawing."""
+    """Axes of a plot, which map numbers to positions in the drawing."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -136,7 +136,7 @@ class Axes:
         drawing_box: tuple[float, float, float, float],
         margin_fraction: float = 0.06,
     ) -> "Axes":
-        """Axes with ranges that contain all values, plus a margin."""
+        """Make axes with ranges that contain all values, plus a margin."""
         return cls(
             compute_range_with_margin(x, margin_fraction),
             compute_range_with_margin(y, margin_fraction),
@@ -144,7 +144,7 @@ class Axes:
         )
 
     def convert_to_drawing_units(self, x: float, y: float) -> DrawingPoint:
-        """Position of a point (x, y) in the drawing."""
+        """Convert a point (x, y) to its position in the drawing."""
         left, top, right, bottom = self.box
         across = (x - self.x[0]) / (self.x[1] - self.x[0])
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
@@ -174,7 +174,7 @@ class Axes:
 
 
 def choose_round_axis_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """About five round numbers in a range, with labels of equal precision."""
+    """Choose about five round numbers in a range, with labels of equal precision."""
     raw = (high - low) / LIMITS.ticks
     power = 10.0 ** np.floor(np.log10(raw))
     step = float(next(s * power for s in (1.0, 2.0, 5.0, 10.0) if s * power >= raw * 0.999))
@@ -198,12 +198,12 @@ class AxisRange(NamedTuple):
 
 
 def compute_range_with_margin(values: Sequence[float], margin_fraction: float) -> AxisRange:
-    """Range of the values with a margin on both sides."""
+    """Compute the range of values with a margin on both sides."""
     low, high = min(values), max(values)
     room = (high - low) * margin_fraction or max(abs(high) * 0.01, 1.0)
     return AxisRange(low - room, high + room)
 
 
 def _format_svg_coordinate(value: float) -> str:
-    """Format a coordinate to a tenth of a unit, which no printer resolves."""
+    """Format a coordinate to a tenth of a unit, beyond the resolution of printers."""
     return f"{value:.1f}".removesuffix(".0")

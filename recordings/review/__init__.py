@@ -1,1 +1,1 @@
-"""The review of a shift: ledger, page, and what a reviewer says of its cycles."""
+"""Review of a shift: ledger, page, and verdicts of reviewers on its cycles."""

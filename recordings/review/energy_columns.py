@@ -1,4 +1,4 @@
-"""Energy of a shift in ledger, JSON and page: columns, a table and a sentence."""
+"""Write the energy of a shift into ledger, JSON and page: columns, a table and sentences."""
 
 from collections.abc import Mapping, Sequence
 from math import floor, hypot, log10
@@ -12,26 +12,26 @@ from recordings.report.shift_text import K
 from recordings.review.review_limits import LIMITS
 from recordings.review.review_state import ReviewState
 
-#: Columns of the ledger, each with its standard uncertainty beside it: the whole work, what it is
-#: split into, its phases, and the work for a tonne.
+#: Energies in the ledger, each with its standard uncertainty beside it: the whole work, its parts,
+#: its phases, and the work per tonne.
 ENERGIES: Final = ("energy", *PARTS[1:], *PHASES, "energy_per_t")
-#: Columns of the ledger with the fuel of a cycle, and its standard uncertainty.
+#: Columns of the ledger with the fuel of a cycle and its standard uncertainty.
 FUEL: Final = "fuel_L"
 FUEL_U: Final = "fuel_u_L"
 
 
 def make_energy_column_name(energy_name: str) -> str:
-    """Ledger column of an energy."""
+    """Make the name of the ledger column of an energy."""
     return f"{energy_name}_kWh"
 
 
 def make_uncertainty_column_name(energy_name: str) -> str:
-    """Ledger column of its standard uncertainty."""
+    """Make the name of the ledger column of an energy's standard uncertainty."""
     return f"{energy_name}_u_kWh"
 
 
 def add_energy_columns(ledger_rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
-    """The ledger with the energy of each cycle; null if unknown.
+    """Add the energy of each cycle to the ledger; null if unknown.
 
     Args:
         ledger_rows: the ledger.
@@ -67,14 +67,14 @@ def add_energy_columns(ledger_rows: pl.DataFrame, state: ReviewState) -> pl.Data
 
 
 def read_energy_amounts(ledger_row: EnergyRow) -> dict[str, EnergyAmount]:
-    """Energy amounts of a row, by the ledger's column names."""
+    """Read the energy amounts of a row, by their names in the ledger."""
     if ledger_row.phase != WHOLE:
         return {ledger_row.phase: ledger_row.work}
     return {"energy": ledger_row.work, **{part: getattr(ledger_row, part) for part in PARTS[1:]}}
 
 
 def _compute_energy_per_tonne(energy: EnergyAmount, ledger_row: Mapping[str, Any]) -> EnergyAmount:
-    """Energy per tonne of a cycle's payload; energy and payload have independent errors."""
+    """Compute the energy per tonne of a cycle; errors of energy and payload are independent."""
     t, u_t = ledger_row["payload_kg"] / 1e3, ledger_row["payload_u_kg"] / 1e3
     if t <= 0.0:
         return EnergyAmount(0.0, 0.0)
@@ -85,7 +85,7 @@ def _compute_energy_per_tonne(energy: EnergyAmount, ledger_row: Mapping[str, Any
 def compute_energy_per_counted_tonne(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> EnergyAmount | None:
-    """Energy per counted tonne; None if no counted cycle has both.
+    """Compute the energy per counted tonne; None if no counted cycle has energy and payload.
 
     Args:
         ledger: ledger with energy.
@@ -102,14 +102,14 @@ def compute_energy_per_counted_tonne(
 
 
 def format_energy_amount(amount: EnergyAmount) -> str:
-    """An energy with its 95 % interval, in kWh."""
+    """Format an energy in kWh with its 95 % interval."""
     return format_plus_minus(amount.kWh, K * amount.u_kWh)
 
 
 def list_energy_names_and_values(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> list[tuple[str, str]]:
-    """Lines on the shift's energy, as (name, value); empty if unknown."""
+    """List facts on the shift's energy as (name, value); empty if unknown."""
     if not state.energy.rows:
         return []
     whole = state.energy.rows[0]
@@ -134,10 +134,10 @@ def list_energy_names_and_values(
 
 
 def _format_work_fractions(shift_energy: EnergyRow) -> str:
-    """Shares of the work as text, or that they are not determined."""
+    """Format the fractions of the work, or say that they are not determined."""
     work = shift_energy.work.kWh
     parts = {part: getattr(shift_energy, part) for part in PARTS[1:-1]}
-    # ground may fall, but neither speeding up nor friction gives energy to the drive
+    # climbing may be negative, but neither acceleration nor friction returns energy to the drive
     negative = any(
         parts[part].kWh < LIMITS.energy_min_share * work for part in ("kinetic", "friction")
     )
@@ -145,7 +145,7 @@ def _format_work_fractions(shift_energy: EnergyRow) -> str:
         K * each.u_kWh > LIMITS.energy_max_u_share * work for each in parts.values()
     ):
         return ", its shares not determined"
-    # no -0 %
+    # + 0.0 avoids -0 %
     shares = (f"{part} {round(each.kWh / work, 2) + 0.0:.0%}" for part, each in parts.items())
     return f": {', '.join(shares)}"
 
@@ -153,7 +153,7 @@ def _format_work_fractions(shift_energy: EnergyRow) -> str:
 def _format_fuel_of_shift(
     fuel_L: float, ledger: pl.DataFrame, shift: Mapping[str, Any], relative_u: float | None
 ) -> str:
-    """Fuel of the cycles, and per counted tonne, as text."""
+    """Format the fuel of the cycles, and per counted tonne."""
     both = ledger.filter("counted", pl.col(FUEL).is_not_null())
     tonnes = float(both["payload_kg"].sum()) / 1e3
     per_t = float(both[FUEL].sum()) / tonnes if tonnes > 0.0 else None
@@ -168,11 +168,11 @@ def _format_fuel_of_shift(
 
 
 def make_energy_table_by_phase(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
-    """The shift's energy with a row per part and a column per phase; empty if unknown."""
+    """Make a table of the shift's energy: a row per part, a column per phase; empty if unknown."""
     rows = [row for row in state.energy.rows if row.cycle is None]
     if not rows:
         return []
-    # all cells to the place that the whole work is worth
+    # all cells have the decimal places that the uncertainty of the whole work justifies
     digits = min(
         max(1 - floor(log10(max(K * rows[0].work.u_kWh, 1e-9))), 0), LIMITS.energy_max_digits
     )
@@ -188,7 +188,7 @@ def make_energy_table_by_phase(state: ReviewState) -> list[tuple[str, Sequence[s
 
 
 def format_litres_cell(fuel_L: float | None, relative_u: float | None) -> str:
-    """Table cell of a phase's fuel, with its interval if known."""
+    """Format the table cell of a phase's fuel, with its interval if known."""
     if fuel_L is None:
         return "–"
     return (
@@ -197,7 +197,7 @@ def format_litres_cell(fuel_L: float | None, relative_u: float | None) -> str:
 
 
 def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
-    """Table cell of an energy; a dash for none."""
+    """Format the table cell of an energy; a dash if it rounds to zero."""
     least = 0.5 * 10.0**-digits
     if abs(amount.kWh) < least and K * amount.u_kWh < least:
         return "–"
@@ -207,7 +207,7 @@ def make_energy_cell(amount: EnergyAmount, digits: int) -> str:
 def convert_shift_energy_to_dict(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> dict[str, Any] | None:
-    """Energy of each part and phase in kWh with standard uncertainty, JSON-compatible."""
+    """Convert the energy of each part and phase to JSON-compatible values; None if unknown."""
     if not state.energy.rows:
         return None
     per_t = compute_energy_per_counted_tonne(ledger, shift, state)

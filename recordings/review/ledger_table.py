@@ -1,4 +1,4 @@
-"""The ledger as a spreadsheet: dates as dates, ± as on the page, and a row of units."""
+"""Write the ledger as a spreadsheet: dates as dates, ± as on the page, and a row of units."""
 
 import csv
 import datetime as dt
@@ -26,7 +26,7 @@ from recordings.review.shift_ledger import escape_spreadsheet_formula, make_cycl
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
-#: Kilometres an hour of a metre a second.
+#: km/h per m/s.
 _KM_H: Final = 3.6
 _DATE: Final = "yyyy-mm-dd hh:mm:ss"
 Row = Mapping[str, Any]
@@ -84,7 +84,7 @@ def _make_remark_cell(ledger_row: Row, _clock: ShiftClock) -> Cell:
 
 
 def _make_energy_columns(energy_name: str) -> tuple[TableColumn, TableColumn]:
-    """Columns of an energy, and of its interval."""
+    """Make the columns of an energy and of its interval."""
     own = {"energy": "energy", "energy_per_t": "energy per tonne"}
     head = own.get(energy_name, f"energy, {energy_name}")
     unit = "kWh/t" if energy_name == "energy_per_t" else "kWh"
@@ -101,7 +101,7 @@ def _make_energy_columns(energy_name: str) -> tuple[TableColumn, TableColumn]:
     )
 
 
-#: Times are those of the dump; the offset tells two 02:30 of one night apart.
+#: Columns of the table. Times are those of the dump; the offset distinguishes two 02:30 in a night.
 COLUMNS: Final = (
     TableColumn("cycle", "1", _make_getter_of_column("cycle"), 0),
     TableColumn("local time", "date", _make_wall_clock_cell),
@@ -127,7 +127,7 @@ COLUMNS: Final = (
 
 
 def make_ledger_table_cells(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
-    """Cells, a row per cycle.
+    """Make the cells of the table, a row per cycle.
 
     Args:
         ledger: ledger with motion.
@@ -139,8 +139,8 @@ def make_ledger_table_cells(ledger: pl.DataFrame, clock: ShiftClock) -> list[lis
 
 
 def write_ledger_as_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
-    """Write a workbook with fixed heads and units above the rows."""
-    # no text becomes a formula or a link, and the same ledger gives the same bytes
+    """Write a workbook with frozen heads and units above the rows."""
+    # no text becomes a formula or a link, and equal ledgers give equal bytes
     options = {"strings_to_formulas": False, "strings_to_urls": False, "in_memory": True}
     with xlsxwriter.Workbook(str(path), options) as book:
         book.set_properties({"created": dt.datetime(2000, 1, 1, tzinfo=dt.UTC)})

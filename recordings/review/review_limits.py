@@ -12,57 +12,58 @@ class ReviewLimits:
     """
 
     # energy_columns
-    #: Most digits behind the point in kWh: a tenth of a Wh.
+    #: Most decimal places in kWh: a tenth of a Wh.
     energy_max_digits: int = 4
-    #: Parts of the work are listed unless one is less sure than this share of it, with 95 %,
+    #: Fraction of the work that the 95 % uncertainty of a part may have; with more, no part is
+    #: listed.
     energy_max_u_share: float = 0.5
-    #: or one that cannot be negative is less than this.
+    #: Fraction of the work below which a part that cannot be negative shows that parts are wrong.
     energy_min_share: float = -0.05
 
     # ledger_table
-    #: Width of a column of dates in the workbook, in characters: a date with its time.
+    #: Width in characters of a column of dates in the workbook: a date with its time.
     date_column_characters: int = 19
 
     # review_page
-    #: Shortest recorded time in s of which a rate is stated.
+    #: Shortest recorded time in s for which a rate is stated.
     rate_min_s: float = 300.0
-    #: Longest gap in s whose hours have rows of their own: days without a log would bury the rest.
+    #: Longest gap in s whose hours have their own rows: days without a log would hide the others.
     gap_by_hour_max_s: float = 86_400.0
-    #: Findings that a page lists: it is no list of all that may be wrong.
+    #: Most findings that a page lists: it is no list of all possible faults.
     max_findings: int = 3
 
     # review_plots
-    #: Height of a figure, in units of the drawing,
+    #: Height of a figure, in units of the drawing.
     figure_height: int = 226
-    #: and of a bar.
+    #: Height of a bar, in units of the drawing.
     bar_height: float = 20.0
-    #: Bars of a distribution.
+    #: Number of bars of a distribution.
     payload_bins: int = 12
-    #: Reasons of the gate that are drawn.
+    #: Most reasons of the gate that are drawn.
     max_reasons: int = 9
-    #: Loads that a scale has room for at least: one of fewer would have fractions of them.
+    #: Fewest loads that an axis has room for: with fewer, it would have ticks at fractions.
     scale_min_loads: int = 5
 
     # review_state
-    #: Periods after which a message is late.
+    #: Periods after the previous message beyond which a message is late.
     late_message_periods: float = 1.5
 
     # reviewer_verdicts
-    #: Time in s by which another replay may find the same dump later.
+    #: Time in s by which the same dump may differ between replays.
     same_dump_s: float = 5.0
 
     # shift_facts
-    #: Checks that a headline names: it is no list of all that may be wrong; the table has all.
+    #: Most checks that a headline names; the table has all of them.
     headline_max_checks: int = 3
-    #: Longest stands that are named.
+    #: Number of longest standstills that are named.
     max_stands: int = 3
-    #: Length in s of a hole that is stated at the top: about one cycle.
+    #: Duration in s of a gap beyond which it is stated at the top: about one cycle.
     headline_gap_s: float = 120.0
 
     # shift_ledger
-    #: Length in s of a hole from which a cycle with it says so, and is left out of the mean times.
+    #: Duration in s of a gap beyond which its cycle has a remark, and does not count in mean times.
     cycle_gap_s: float = 5.0
-    #: Time in s before or after the one that is asked for, within which a dump is meant.
+    #: Largest difference in s between the time by which a dump is named and that of the dump.
     near_dump_s: float = 5.0
 
 

@@ -1,4 +1,4 @@
-"""Page of a review: one HTML file for phone, desk or paper."""
+"""Render the page of a review: one HTML file for phone, desk or paper."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -39,12 +39,12 @@ from recordings.review.shift_facts import (
 )
 from recordings.review.shift_ledger import make_cycle_remark, make_cycles_frame
 
-#: Kilometres an hour of a metre a second.
+#: km/h per m/s.
 _KM_H: Final = 3.6
 Row = Mapping[str, Any]
 #: Seconds of an hour.
 _HOUR_S: Final = 3600.0
-#: Heads of the table, behind the hour.
+#: Column heads of the table of hours, after the hour.
 HOUR_HEADS: Final = ("loads", "t ± U", "t/h", "recorded", "not counted", "look again", "kWh")
 PAGE: Final = "review.html"
 _PACKAGE: Final = "recordings.review"
@@ -62,7 +62,7 @@ class CycleColumn(NamedTuple):
 
 
 def _make_getter_in_other_unit(factor: float, column_name: str) -> Callable[[Row], float | None]:
-    """Function that returns a ledger column in another unit."""
+    """Make a function that returns the value of a ledger column in another unit."""
 
     def scaled_value(row: Row) -> float | None:
         return None if row[column_name] is None else factor * row[column_name]
@@ -70,12 +70,12 @@ def _make_getter_in_other_unit(factor: float, column_name: str) -> Callable[[Row
     return scaled_value
 
 
-#: The answer, beside which quality and verdict stand.
+#: Columns of the payload, beside which quality and verdict are shown.
 PAYLOAD: Final = (
     CycleColumn("payload kg", _make_getter_in_other_unit(1.0, "payload_kg")),
     CycleColumn("± kg", _make_getter_in_other_unit(K, "payload_u_kg")),
 )
-#: What else is known of a cycle.
+#: Columns of further facts of a cycle.
 DETAILS: Final = (
     CycleColumn("carried back kg", _make_getter_in_other_unit(1.0, "carry_back_kg")),
     CycleColumn("haul m", _make_getter_in_other_unit(1.0, "haul_m")),
@@ -93,7 +93,7 @@ DETAILS: Final = (
 
 
 def format_number_cells_of_row(ledger_row: Row, columns: Sequence[CycleColumn]) -> list[str]:
-    """Numbers as texts; a dash for none."""
+    """Format the numbers of a ledger row by columns; a dash for missing ones."""
     values = [(column, column.value(ledger_row)) for column in columns]
     return ["–" if value is None else f"{value:,.{column.digits}f}" for column, value in values]
 
@@ -101,7 +101,7 @@ def format_number_cells_of_row(ledger_row: Row, columns: Sequence[CycleColumn]) 
 def make_cycle_table_rows(
     ledger_rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict], clock: ShiftClock
 ) -> list[Row]:
-    """Rows of the page's table of cycles.
+    """Make the rows of the page's table of cycles.
 
     Args:
         ledger_rows: the ledger.
@@ -136,10 +136,10 @@ def _make_cycle_row(ledger_row: Row, verdict: CycleVerdict | None, clock: ShiftC
 
 
 def make_hour_table_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]:
-    """A row per hour of the shift: recorded time, loads, tonnes, uncounted cycles, energy.
+    """Make a row per hour of the shift: loads, tonnes, recorded time, uncounted cycles, energy.
 
-    A load belongs to the hour of its dump. Each hour's ± includes the common uncertainty, so they
-    do not add in squares.
+    A load belongs to the hour of its dump. The ± of each hour includes uncertainty common to all
+    hours, so that the squares do not add up.
 
     Args:
         ledger: ledger with energy.
@@ -176,7 +176,7 @@ def _make_hour_cells(ledger_rows: pl.DataFrame, t0_ns: int, recorded_s: float) -
 def sum_recorded_time_by_hour(
     clock: ShiftClock, gaps_s: Iterable[tuple[float, float]]
 ) -> dict[str, float]:
-    """Recorded time in s of each clock hour of the shift, without the hours of long gaps."""
+    """Sum the recorded time in s by clock hour of the shift, without the hours of long gaps."""
     ends_s = [0.0, *chain.from_iterable(sorted(gaps_s)), clock.duration_s]
     recorded_s: dict[str, float] = {}
     for number, (start_s, end_s) in enumerate(pairwise(ends_s)):
@@ -240,7 +240,7 @@ class ReviewPage:
 
 
 def render_review_html(review_page: ReviewPage) -> str:
-    """HTML of the page, with all text escaped and no network access."""
+    """Render the page as HTML, with all text escaped and no network access."""
     state, shift = review_page.state, review_page.shift
     why_not = explain_why_no_cycle_is_counted(state, review_page.ledger)
     said = review_page.ledger.filter(pl.col("author") != "").height
@@ -296,7 +296,7 @@ class _TotalRow(NamedTuple):
 
 
 def _make_rows_of_totals(totals: Sequence[LabelTotal]) -> list[_TotalRow]:
-    """Rows with label, number of loads and tonnes."""
+    """Make rows with label, number of loads and tonnes."""
     return [
         _TotalRow(
             each.label or "–",

@@ -1,4 +1,4 @@
-"""Figures of a review: payloads over time and against the target, gate reasons, track."""
+"""Draw the figures of a review: payloads over time and against target, gate reasons, track."""
 
 from typing import Final
 
@@ -16,7 +16,7 @@ _BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
 def draw_pictures_of_loads(
     ledger: pl.DataFrame, state: ReviewState, payload_target: TargetCheck | None
 ) -> list[Drawing]:
-    """Figures of the loads; none if no load counts, no distribution for a single one.
+    """Draw the figures of the counted loads; none without one, no distribution for a single one.
 
     Args:
         ledger: the ledger.
@@ -35,7 +35,7 @@ def draw_pictures_of_loads(
 
 
 def draw_pictures_of_shift(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
-    """Figures of friction, gate and track for which there are data.
+    """Draw the figures of friction, gate and track, if there are data.
 
     Args:
         state: state of the review.
@@ -111,7 +111,7 @@ def _draw_payload_distribution(
         if payload_target is None
         else f" Dashed: the target, {payload_target.target_kg:,.0f} kg, 110 and 120 %."
     )
-    # of the sample, as in the frame `shift`
+    # sample standard deviation, as in the frame `shift`
     std = float(payload.std(ddof=1))
     picture = Drawing(
         "distribution",
@@ -154,7 +154,7 @@ def _draw_friction_over_time(state: ReviewState) -> Drawing:
         "in each part.",
         LIMITS.figure_height,
     )
-    # what changes by less than a tenth is to look like it
+    # at least 5 % on either side, so that small changes look small
     room = max(0.05 * abs(float(np.mean(value))), 1e-9)
     axes = Axes.from_data([0.0, last.end_s], [low - room, high + room], _BOX, 0.03)
     axes.draw_grid_and_labels(
@@ -196,7 +196,7 @@ def _draw_gate_reasons(state: ReviewState) -> Drawing:
 
 
 def draw_position_track(track: pl.DataFrame) -> Drawing:
-    """Track in a plane tangent to the earth at its middle, in m."""
+    """Draw the track in m, in the plane tangent to the earth at its middle."""
     latitude, longitude = (track[n].to_numpy() for n in ("latitude_deg", "longitude_deg"))
     middle = float(np.median(latitude))
     metre = 6_371_008.8 * np.pi / 180.0

@@ -1,4 +1,4 @@
-"""State of a review beside the ledger: its inputs, and further content of the page."""
+"""State of a review besides its ledger: its inputs, and further content of the page."""
 
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple, TypeAlias
@@ -31,9 +31,9 @@ from recordings.rrd.recording_texts import read_machine_name
 
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
-#: Raised whenever a review that is there has to be made anew.
+#: Version of the state, raised whenever existing reviews must be made again.
 FORMAT: Final = 9
-#: Names of checks, and evidence with them: a state of an earlier version has former ones.
+#: Name of a check; former names in a state of an earlier version are replaced.
 _CheckNames: TypeAlias = Annotated[str, AfterValidator(replace_former_check_names)]
 _Evidence: TypeAlias = Annotated[str, AfterValidator(replace_former_names_in_evidence)]
 
@@ -241,7 +241,7 @@ class ChangedSetting(NamedTuple):
 def list_changed_settings(
     previous_state: ReviewState | None, resolved_settings: dict[str, Any]
 ) -> list[ChangedSetting]:
-    """Settings that changed since the previous review: name, old and new value.
+    """List the settings that changed since the previous review: name, old and new value.
 
     Args:
         previous_state: state of the previous review.
@@ -261,7 +261,7 @@ def list_changed_settings(
 
 
 def flatten_values_to_texts(nested_values: Any, dotted_prefix: str = "") -> dict[str, str]:
-    """Nested values as texts, by dotted name."""
+    """Flatten nested values to texts, by dotted name."""
     if isinstance(nested_values, dict):
         found: dict[str, str] = {}
         for key, value in nested_values.items():  # pyright: ignore[reportUnknownVariableType]
@@ -273,7 +273,7 @@ def flatten_values_to_texts(nested_values: Any, dotted_prefix: str = "") -> dict
 
 
 def describe_missing_cycles(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
-    """Why there is no cycle; empty if there is one."""
+    """Say why there is no cycle; empty if there is one."""
     if cycles.height:
         return ""
     if loads["withheld"].all():
@@ -284,7 +284,7 @@ def describe_missing_cycles(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
 
 
 def _summarise_topic_sampling(topic: str, topic_frame: pl.DataFrame) -> TopicSampling:
-    """Rate, longest step and late fraction of a topic's messages."""
+    """Summarise a topic's messages: rate, longest step and fraction of late ones."""
     steps = np.diff(topic_frame["log_time_ns"].to_numpy()) / NS
     middle = float(np.median(steps)) if steps.size else 0.0
     known = middle > 0.0

@@ -19,7 +19,7 @@ author = "R. Meier"
 time = 2023-11-15T08:00:00Z
 ```
 
-A person writes it, or the page does, or `payscope review DIR --reject …`, which adds to its end.
+It is written by a person, by the page, or by `payscope review DIR --reject …`, which appends to it.
 """
 
 import datetime as dt
@@ -35,9 +35,9 @@ from estimators.errors import ReviewError, format_count
 from recordings.review.review_limits import LIMITS
 
 VERDICTS: Final = "verdicts.toml"
-#: What a load can be labelled with; totals are made of each.
+#: Labels that a load can have; totals are made by each of them.
 LABELS: Final = ("product", "operator", "truck", "customer", "stockpile")
-#: Keys of the file in the order in which they are written.
+#: Keys of a verdict in the file, in the order in which they are written.
 _KEYS: Final = ("id", "begin", "end", "reject", *LABELS, "note", "author", "time")
 _Text = Annotated[str, Field(max_length=500)]
 _Author = Annotated[str, Field(min_length=1, max_length=200)]
@@ -69,8 +69,8 @@ class ShiftVerdict(Labels):
     """Verdict of a reviewer on all cycles; the later one counts, label by label.
 
     Attributes:
-        begin: start of the time in which the cycles are dumped,
-        end: and its end; None is unbounded.
+        begin: start of the time in which the cycles are dumped; None for no bound.
+        end: end of that time; None for no bound.
         author: name of the reviewer.
         time: time of the verdict.
     """
@@ -81,7 +81,7 @@ class ShiftVerdict(Labels):
     time: dt.datetime | None = None
 
     def does_apply_to_dump_at(self, dump_unix_s: float) -> bool:
-        """Whether the verdict applies to a cycle dumped at a unix time in s."""
+        """Whether the verdict applies to a cycle dumped at a Unix time in s."""
         first, last = (
             limit if each is None else each.timestamp()
             for each, limit in ((self.begin, float("-inf")), (self.end, float("inf")))
@@ -99,20 +99,20 @@ class VerdictFile(BaseModel):
 
     @property
     def labels_of_whole_shift(self) -> Labels:
-        """Labels of the whole shift: those given without begin and end."""
+        """Labels of the whole shift: those given without start and end."""
         return merge_labels_of_verdicts(
             each for each in self.shift if each.begin is None and each.end is None
         )
 
     def find_labels_at_dump(self, dump_unix_s: float) -> Labels:
-        """Labels of cycles dumped at a time."""
+        """Find the labels that apply to a cycle dumped at a Unix time in s."""
         return merge_labels_of_verdicts(
             each for each in self.shift if each.does_apply_to_dump_at(dump_unix_s)
         )
 
 
 def merge_labels_of_verdicts(verdicts: Iterable[ShiftVerdict]) -> Labels:
-    """Merge the labels of verdicts."""
+    """Merge the labels of verdicts; the later verdict counts, label by label."""
     said: dict[str, str] = {}
     for verdict in verdicts:
         said |= {name: text for name in LABELS if (text := getattr(verdict, name))}
@@ -120,16 +120,16 @@ def merge_labels_of_verdicts(verdicts: Iterable[ShiftVerdict]) -> Labels:
 
 
 def read_verdict_file(folder: Path) -> VerdictFile:
-    """Verdicts in a review's folder; none if it has no file of verdicts.
+    """Read the verdicts in a review's folder; none if it has no file of verdicts.
 
     Raises:
-        ReviewError: the file cannot be read or is not a file of verdicts.
+        ReviewError: the file cannot be read, or is not a file of verdicts.
     """
     return parse_verdicts(read_verdict_text(folder), folder)
 
 
 def read_verdict_text(folder: Path) -> str:
-    """Text of the file of verdicts in a review's folder, unchanged; empty if there is none.
+    """Read the text of a review's file of verdicts, unchanged; empty if there is none.
 
     Raises:
         ReviewError: the file cannot be read.
@@ -151,7 +151,7 @@ def parse_verdicts(text: str, folder: Path) -> VerdictFile:
         folder: folder of the review, for error messages.
 
     Raises:
-        ReviewError: the text is not one of verdicts.
+        ReviewError: the text is not that of a file of verdicts.
     """
     path = folder / VERDICTS
     try:
@@ -169,7 +169,7 @@ def parse_verdicts(text: str, folder: Path) -> VerdictFile:
 
 
 def format_verdicts_as_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
-    """Verdicts in TOML; empty values are left out."""
+    """Format verdicts as TOML, without empty values."""
     blocks: list[str] = []
     for verdict in verdicts:
         name = "cycle" if isinstance(verdict, CycleVerdict) else "shift"
@@ -183,7 +183,7 @@ def format_verdicts_as_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> 
 
 
 def list_verdict_file_lines(text: str) -> list[str]:
-    """Lines of the file with comments, for a page; invisible characters as their code points."""
+    """List the lines of a file of verdicts, with invisible characters as their code points."""
     return [
         "".join(_escape_unprintable_character(c) for c in line.replace("\t", " "))
         for line in text.splitlines()
@@ -193,15 +193,15 @@ def list_verdict_file_lines(text: str) -> list[str]:
 def assign_verdicts_to_rows(
     verdicts: VerdictFile, cycle_ids: pl.Series, verdict_path: Path
 ) -> dict[int, CycleVerdict]:
-    """Verdict by row index; the later of two verdicts on one cycle counts.
+    """Assign verdicts to rows of cycles by index; the later of two verdicts on a cycle counts.
 
     Args:
         verdicts: verdicts from the file.
         cycle_ids: ids of the cycles in row order.
-        verdict_path: folder, for error messages.
+        verdict_path: folder of the review, for error messages.
 
     Raises:
-        ReviewError: an id that no cycle has.
+        ReviewError: a verdict has an id that no cycle has.
     """
     times = [parse_cycle_id_s(each) for each in cycle_ids]
     found: dict[int, CycleVerdict] = {}
@@ -220,7 +220,7 @@ def assign_verdicts_to_rows(
 
 
 def parse_cycle_id_s(cycle_id: str) -> float | None:
-    """Time in seconds that an id denotes; None if it is not a time."""
+    """Parse the time in s that an id of a cycle denotes; None if it is not a time."""
     try:
         if cycle_id.endswith("s"):
             return float(cycle_id[:-1])
@@ -238,7 +238,7 @@ def _format_verdict_value_as_toml(value: object) -> str:
 
 
 def _escape_toml_character(character: str) -> str:
-    """Character of a TOML basic string; invisible ones as escape sequences."""
+    """Escape a character for a TOML basic string, if necessary or invisible."""
     return f"\\{character}" if character in '\\"' else _escape_unprintable_character(character)
 
 

@@ -1,4 +1,4 @@
-"""Facts of a shift as names and sentences, the same on page and terminal."""
+"""Describe the facts of a shift in names and sentences, the same on page and terminal."""
 
 import re
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from recordings.review.truncated_logs import find_truncated_last_log
 
 #: Seconds of an hour.
 _HOUR_S: Final = 3600.0
-#: Kilometres an hour of a metre a second.
+#: km/h per m/s.
 _KM_H: Final = 3.6
 _NUMBER: Final = re.compile(r"\d[\d.,]*")
 
@@ -32,7 +32,7 @@ _NUMBER: Final = re.compile(r"\d[\d.,]*")
 def summarise_shift_in_line(
     shift: Mapping[str, Any], missing_tonnes_reason: str, state: ReviewState
 ) -> str:
-    """Answer of a shift in one line.
+    """Summarise the answer of a shift in one line.
 
     Args:
         shift: frame `shift` after verdicts.
@@ -67,7 +67,7 @@ def explain_why_no_cycle_is_counted(state: ReviewState, ledger: pl.DataFrame) ->
     rows = ledger.select("rejected", "withheld_for", "quality").iter_rows()
     for rejected, withheld_for, quality in rows:
         reason = "rejected by a reviewer" if rejected else withheld_for or str(quality)
-        # the same reason, with other numbers
+        # reasons that differ only in their numbers
         alike.setdefault(_NUMBER.sub("", reason), []).append(reason)
     return "; ".join(
         f"{format_count(len(each), 'cycle')}{', such as' if len({*each}) > 1 else ''}: {each[0]}"
@@ -76,7 +76,7 @@ def explain_why_no_cycle_is_counted(state: ReviewState, ledger: pl.DataFrame) ->
 
 
 def describe_missing_loads(shift: Mapping[str, Any]) -> list[str]:
-    """Sentences about loads missing from the total: not weighed, or not dumped yet."""
+    """Describe loads that are missing from the total: not weighed, or not dumped yet."""
     found: list[str] = []
     if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
         found.append(
@@ -90,7 +90,7 @@ def describe_missing_loads(shift: Mapping[str, Any]) -> list[str]:
 
 
 def describe_long_gaps(shift: Mapping[str, Any], state: ReviewState) -> str:
-    """Sentence on gaps of minutes and the work they hide; empty if there are none."""
+    """Describe gaps of minutes and the work in them; empty if there are none."""
     spans = format_spans_of_recording_gaps(state)
     if not spans:
         return ""
@@ -106,7 +106,7 @@ def describe_long_gaps(shift: Mapping[str, Any], state: ReviewState) -> str:
 
 
 def format_spans_of_recording_gaps(state: ReviewState) -> str:
-    """Gaps of minutes as text; empty if there are none."""
+    """Format the gaps of minutes; empty if there are none."""
     clock = state.clock
     return "; ".join(
         f"from {clock.format_time(s)} to {clock.format_time(e)} ({format_duration(e - s)})"
@@ -116,12 +116,12 @@ def format_spans_of_recording_gaps(state: ReviewState) -> str:
 
 
 def describe_truncated_logs(state: ReviewState) -> list[str]:
-    """Sentences about truncated logs and the minutes they lack."""
+    """Describe truncated logs and the minutes that they lack."""
     return [each.describe_missing_time(state.clock) for each in state.torn]
 
 
 def list_losses_besides_truncated_ends(state: ReviewState) -> list[str]:
-    """Losses other than truncated ends of logs."""
+    """List the losses other than truncated ends of logs."""
     torn = {text for each in state.torn for text in each.losses}
     return [text for text in state.losses if text not in torn]
 
@@ -132,7 +132,7 @@ def list_shift_names_and_values(
     state: ReviewState,
     payload_target: TargetCheck | None,
 ) -> list[tuple[str, str]]:
-    """Facts as pairs of name and value: the work first, then the uncertainty of the tonnes."""
+    """List facts as pairs of name and value: first the work, then the uncertainty of the tonnes."""
     found = [
         *_list_work_names_and_values(shift, ledger),
         *_list_time_names_and_values(shift, ledger, state),
@@ -166,14 +166,14 @@ def _list_work_names_and_values(
     if shift["cycles_counted"]:
         found.append(("a load", _format_mean_payload(shift)))
     back_kg, back_u_kg = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
-    # an interval that holds zero says nothing about what stays in the bucket
+    # stated only if it is significantly different from zero
     if back_kg is not None and abs(back_kg) > back_u_kg:
         found.append(("carried back", f"{back_kg:,.0f} ± {back_u_kg:,.0f} kg on average"))
     return found
 
 
 def _describe_cycle_counts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> str:
-    """How many cycles were detected, and what became of each."""
+    """Say how many cycles were detected, and how many were counted, rejected or not weighed."""
     rejected = ledger.filter("rejected").height
     others = ledger.filter(~pl.col("counted"), ~pl.col("rejected"))
     weighed = others.filter(pl.col("payload_kg").is_not_null())
@@ -191,7 +191,7 @@ def _describe_cycle_counts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> st
 
 
 def _format_mean_payload(shift: Mapping[str, Any]) -> str:
-    """Mean payload and its standard deviation, as text."""
+    """Format the mean payload and its standard deviation."""
     mean = f"{shift['payload_mean_kg']:,.0f} kg"
     if shift["cycles_counted"] == 1:
         return mean
@@ -252,7 +252,7 @@ def _list_payload_names_and_values(
 
 
 def describe_where_payload_was_weighed(shift: Mapping[str, Any]) -> str:
-    """Text on whether payloads were measured at the start or at the end of hauls."""
+    """Say whether payloads were measured at the start or at the end of hauls."""
     arriving_1 = shift.get("arriving_1")
     if arriving_1 is None:
         return (
@@ -288,7 +288,7 @@ _ON_BOARD: Final = "not dumped"
 def format_cycles_and_mass(
     cycles_with_u: tuple[float, float], mass_with_u_kg: tuple[float, float]
 ) -> str:
-    """Number of cycles and their mass as text, each with its standard uncertainty."""
+    """Format a number of cycles and their mass, each given with its standard uncertainty."""
     if not any((*cycles_with_u, *mass_with_u_kg)):
         return _NOTHING
     return (
@@ -298,14 +298,14 @@ def format_cycles_and_mass(
 
 
 def describe_scale_of_tonnes(shift: Mapping[str, Any]) -> str:
-    """Text on how the scale of the tonnes is fixed, or which sources are unknown."""
+    """Say what determines the scale of the tonnes, or which sources of error are unknown."""
     gain = ""
     if shift["gain_1"] is not None:
         found = format_plus_minus(shift["gain_1"], shift["gain_u_1"])
         gain = f"; the empty machine weighs {found} times its stated mass here"
     if not shift["scale_unknown"]:
         return f"by the {shift['scale_from']}{gain}"
-    # what changes with the load is left where the empty machine tells the rest
+    # if the empty mass determines the gain, only errors that change with the load are left
     remedy = "known loads" if gain else "a weighbridge ticket (machine.empty_mass_u_kg)"
     return (
         f"not known: the machine file gives no uncertainty of {shift['scale_unknown']}, so the ± "
@@ -314,7 +314,7 @@ def describe_scale_of_tonnes(shift: Mapping[str, Any]) -> str:
 
 
 def list_mean_phase_durations(ledger: pl.DataFrame) -> list[tuple[str, str]]:
-    """Mean duration of each phase of a cycle; empty if no cycle was recorded whole.
+    """List the mean duration of each phase of a cycle; empty if no cycle is complete.
 
     Cycles with a gap, or rejected by a reviewer, are left out of the means.
     """
@@ -333,7 +333,7 @@ def list_mean_phase_durations(ledger: pl.DataFrame) -> list[tuple[str, str]]:
 
 
 def describe_target_check(payload_target: TargetCheck) -> str:
-    """Result of the target check in words."""
+    """Describe the result of the target check."""
     near = (
         f"; {format_count(payload_target.near, 'load')} within the uncertainty of a limit"
         if payload_target.near
@@ -348,7 +348,7 @@ def describe_target_check(payload_target: TargetCheck) -> str:
 
 
 def make_warning_of_mixed_machines(state: ReviewState) -> str:
-    """Warning that the logs may be of two machines, or of one that changes; else empty."""
+    """Warn of logs that may be of two machines, or of one that changes; else empty."""
     said = state.mixed_machines
     return f"{said[:1].upper()}{said[1:]}." if said else ""
 

@@ -1,6 +1,6 @@
 """Ledger of a shift: frame `cycles` with readable times, doubts and reviewers' verdicts.
 
-A cycle is found in it by number, id or local time.
+Cycles are found in it by number, id or local time.
 """
 
 import datetime as dt
@@ -29,11 +29,11 @@ from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
 
 PARQUET: Final = "ledger.parquet"
 CSV: Final = "ledger.csv"
-#: Quality of a load that counts and is worth a second look.
+#: Quality of a load that counts, but is worth a second look.
 CHECK: Final = "check"
 NO_LABELS: Final = Labels()
 _QUALITY: Final = ("quality", "withheld_for", "counted")
-#: How a text begins that a spreadsheet computes; some take the full-width signs as well.
+#: Start of a text that a spreadsheet would compute as a formula; some accept full-width signs too.
 FORMULA: Final = "^[=+\\-@\t\r\n\uff1d\uff0b\uff0d\uff20]"
 _TIME: Final = re.compile(
     r"(?:(?P<day>\d{4}-\d\d-\d\d)[ T])?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?"
@@ -42,7 +42,7 @@ _TIME: Final = re.compile(
 
 
 def make_cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
-    """Ids of cycles: the time of their end, in UTC, or by an undated log's own clock."""
+    """Make the ids of cycles: the time of their end, in UTC, or by an undated log's own clock."""
     return pl.Series(
         "id",
         [_make_cycle_id_of_time(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]],
@@ -56,7 +56,7 @@ def make_ledger_frame(
     verdicts: Mapping[int, CycleVerdict],
     find_labels_at_time: Callable[[float], Labels] = lambda _: NO_LABELS,
 ) -> pl.DataFrame:
-    """Ledger with one row per cycle.
+    """Make the ledger, with a row per cycle.
 
     The quality is that of the frame, except "check" for a good load with a doubt.
 
@@ -64,8 +64,8 @@ def make_ledger_frame(
         cycles: frame `cycles`.
         t0_unix_ns: origin of the frame's times.
         verdicts: verdicts by row.
-        find_labels_at_time: labels of cycles that end at a unix time in s; the verdict's own labels
-            precede them.
+        find_labels_at_time: function that returns the labels of a cycle that ends at a Unix time in
+            s; the cycle's own labels have precedence.
     """
     rows = [verdicts.get(row) for row in range(cycles.height)]
     shared = [find_labels_at_time((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
@@ -109,7 +109,7 @@ def make_ledger_frame(
 
 
 def add_motion_columns(ledger_rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
-    """Ledger with local times, distances, speeds, standstills and energy by cycle number.
+    """Add local times, distances, speeds, standstills and energy to the ledger.
 
     Args:
         ledger_rows: the ledger.
@@ -133,7 +133,7 @@ def add_motion_columns(ledger_rows: pl.DataFrame, state: ReviewState) -> pl.Data
 
 
 def make_cycle_remark(ledger_row: Mapping[str, Any]) -> str:
-    """Remark on a cycle: why it has no mass or needs checking, or its gap.
+    """Make the remark on a cycle: why it has no mass or needs checking, and its gap.
 
     Args:
         ledger_row: row of the ledger, with motion.
@@ -144,7 +144,7 @@ def make_cycle_remark(ledger_row: Mapping[str, Any]) -> str:
 
 
 def make_cycles_frame(ledger_rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
-    """Frame `cycles` of a ledger, without verdicts.
+    """Make the frame `cycles` of a ledger, without verdicts.
 
     Args:
         ledger_rows: the ledger.
@@ -162,18 +162,18 @@ def make_cycles_frame(ledger_rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFram
 
 
 class CycleRows(NamedTuple):
-    """Rows of a ledger as they were written, and its frame `cycles`."""
+    """Rows of a ledger as written, and its frame `cycles`."""
 
     ledger: pl.DataFrame
     cycles: pl.DataFrame
 
 
 def read_cycle_rows_of_review(folder: Path, state: ReviewState) -> CycleRows:
-    """Read the ledger of a review, whose cycles have to be those that the review wrote.
+    """Read the ledger of a review, whose cycles must be those that the review wrote.
 
     Raises:
-        OSError: it cannot be read.
-        PolarsError: it is not a ledger.
+        OSError: the file cannot be read.
+        PolarsError: the file is not a ledger.
         ReviewError: a cycle was changed, added or removed.
     """
     rows = pl.read_parquet(folder / PARQUET)
@@ -190,7 +190,7 @@ def write_ledger_parquet_and_csv(ledger: pl.DataFrame, folder: Path) -> None:
 
     In the CSV, an apostrophe precedes texts that a spreadsheet would evaluate as formulas.
     """
-    # by way of memory: polars says of a full disk only that some computing failed
+    # through memory: for a full disk, polars reports only that computing failed
     written = BytesIO()
     ledger.write_parquet(written, compression="zstd")
     (folder / PARQUET).write_bytes(written.getvalue())
@@ -216,12 +216,12 @@ def _format_time_as_iso_8601(time: dt.datetime) -> str:
 
 
 def escape_spreadsheet_formula(text: str) -> str:
-    """Text, after an apostrophe if a spreadsheet would evaluate it."""
+    """Prefix a text with an apostrophe if a spreadsheet would evaluate it as a formula."""
     return f"'{text}" if re.match(FORMULA, text) else text
 
 
 def find_ledger_row_of_cycle(time_text: str, ledger_rows: pl.DataFrame, clock: ShiftClock) -> int:
-    """Row of the cycle that a reviewer names.
+    """Find the row of the cycle that a reviewer names.
 
     A local time selects the cycle dumped within 5 s of it or in that minute, else the one in
     progress.
@@ -270,10 +270,10 @@ def find_ledger_row_of_cycle(time_text: str, ledger_rows: pl.DataFrame, clock: S
 
 
 def parse_local_instant(text: str, clock: ShiftClock) -> dt.datetime:
-    """Instant at which the local clock shows a time; see `find_ledger_row_of_cycle`.
+    """Parse the instant at which the local clock shows a time; see `find_ledger_row_of_cycle`.
 
     Raises:
-        ReviewError: it is not a time, or the clock shows it never or twice.
+        ReviewError: the text is not a time, or the clock shows the time never or twice.
     """
     match = _TIME.fullmatch(text.strip())
     try:
@@ -284,7 +284,7 @@ def parse_local_instant(text: str, clock: ShiftClock) -> dt.datetime:
         raise ReviewError(f"'{text}' is not a time; write it like 14:32 or 2023-11-14 14:32:10")
     begin_s = clock.t0_unix_ns / NS
     within_shift = [each for each in found if 0.0 <= each - begin_s <= clock.duration_s]
-    # of a shift over midnight the other day's hour is hours before it begins
+    # in a shift over midnight, the same hour of the other day is outside the shift
     found = within_shift or found
     if len(found) != 1:
         times = "never" if not found else f"{len(found)} times"
@@ -295,7 +295,7 @@ def parse_local_instant(text: str, clock: ShiftClock) -> dt.datetime:
 def find_ledger_rows_at_time(
     time_match: re.Match[str], ledger_rows: pl.DataFrame, clock: ShiftClock
 ) -> list[int]:
-    """Rows that a time may select."""
+    """Find the rows of cycles that a time may select."""
     starts, ends = ledger_rows["start_unix_ns"].to_list(), ledger_rows["end_unix_ns"].to_list()
     room_s = 60.0 if time_match["s"] is None else 0.0
     found: set[int] = set()
@@ -316,7 +316,7 @@ def find_ledger_rows_at_time(
 
 
 def convert_local_time_to_unix_s(time_match: re.Match[str], clock: ShiftClock) -> list[float]:
-    """Unix times in s at which the local clock shows this time."""
+    """Convert a local time to the Unix times in s at which the clock shows it, none to several."""
     hour, minute, second = (int(time_match[name] or 0) for name in ("h", "m", "s"))
     if not clock.has_date:
         return [clock.t0_unix_ns / NS + 3600 * hour + 60 * minute + second]
@@ -331,7 +331,7 @@ def convert_local_time_to_unix_s(time_match: re.Match[str], clock: ShiftClock) -
     for day in days:
         for fold in (0, 1):
             wall = dt.datetime.combine(day, dt.time(hour, minute, second, fold=fold), zone)
-            # a clock that is put forward never shows the hour between
+            # a clock that is set forward never shows the hour between
             utc = wall.astimezone(dt.UTC)
             if utc.astimezone(zone).replace(tzinfo=None) == wall.replace(tzinfo=None):
                 found.add(utc.timestamp())
@@ -346,10 +346,10 @@ def _parse_utc_offset(text: str) -> dt.timezone:
 
 
 def describe_doubts_of_each_cycle(cycle_rows: pl.DataFrame) -> list[str]:
-    """Doubts about each cycle, joined by semicolons; empty without doubts or payload.
+    """Describe the doubts about each cycle, joined by semicolons; "" without doubts or payload.
 
     Args:
-        cycle_rows: frame `cycle_rows`, as counted.
+        cycle_rows: frame `cycles`, as counted.
     """
     counted = cycle_rows.filter("counted")["payload_kg"]
     typical = spread = None
@@ -364,7 +364,7 @@ def describe_doubts_of_each_cycle(cycle_rows: pl.DataFrame) -> list[str]:
 def _describe_cycle_doubts(
     cycle_row: Mapping[str, Any], typical_kg: Any, median_deviation_kg: Any
 ) -> str:
-    """Doubts about one cycle, joined by semicolons."""
+    """Describe the doubts about one cycle, joined by semicolons; "" without doubts."""
     payload_kg, u_kg = cycle_row["payload_kg"], cycle_row["payload_u_kg"]
     if payload_kg is None or not cycle_row["counted"]:
         return ""

@@ -1,4 +1,4 @@
-"""Logs that end abruptly, and how many minutes of the shift are lost."""
+"""Describe logs that end abruptly, and how many minutes of the shift are lost."""
 
 from collections.abc import Iterable
 
@@ -29,7 +29,7 @@ class TruncatedLog(BaseModel):
     losses: tuple[str, ...]
 
     def describe_missing_time(self, clock: ShiftClock) -> str:
-        """Sentence on the missing time."""
+        """Describe the missing time in a sentence."""
         which = f"Log {self.number} of {self.logs} ({self.name})"
         if self.next_s is None:
             return (
@@ -53,5 +53,5 @@ class TruncatedLog(BaseModel):
 
 
 def find_truncated_last_log(truncated_logs: Iterable[TruncatedLog]) -> TruncatedLog | None:
-    """Last log of the shift if it is truncated, so that the shift's end is unknown; else None."""
+    """Find the shift's last log if it is truncated, so that the shift's end is unknown; or None."""
     return next((each for each in truncated_logs if each.next_s is None), None)

@@ -1,4 +1,4 @@
-"""Page of a week: days, machines and products of reviewed shifts, with verdicts applied.
+"""Render the page of a week: days, machines and products of reviewed shifts, after verdicts.
 
 Reviewed shifts of a week are read first, with what is missing in them and trends of friction.
 """
@@ -41,11 +41,11 @@ from recordings.review.week_totals import (
 _DAY_S: Final = 86_400.0
 _PACKAGE: Final = "recordings.review"
 _TEMPLATE: Final = "week.html.j2"
-#: What the page of a week holds, so that no other file is replaced by one.
+#: Mark in the page of a week, without which an existing file is not replaced.
 _MARK: Final = "<!-- payscope week -->"
 #: Plot area of the friction, in units of the drawing.
 _BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
-#: Heads of a table of totals, behind the name.
+#: Column heads of a table of totals, after the name.
 HEADS: Final = ("loads", "t ± U", "rejected", "other verdicts", "kWh/t ± U")
 
 
@@ -68,7 +68,7 @@ class WeekShift(NamedTuple):
 
 
 def read_shifts_of_reviews(folders: Sequence[Path]) -> list[WeekShift]:
-    """Shifts of the folders that `read_counted_loads_of_reviews` accepts, chronologically."""
+    """Read the shifts of review folders, in order of time; other folders are skipped."""
     states = [
         (folder, state) for folder in folders if (state := read_review_state(folder)) is not None
     ]
@@ -103,7 +103,7 @@ def _read_friction_of_shift_day(state: ReviewState) -> FrictionDay | None:
 
 
 def group_friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionDay]]:
-    """Friction of each machine's shifts, in order of time."""
+    """Group the friction of shifts by machine, in order of time."""
     found: dict[str, list[FrictionDay]] = defaultdict(list)
     for shift in shifts:
         if shift.friction is not None:
@@ -114,7 +114,7 @@ def group_friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[Fri
 def fit_friction_trends(
     shifts: Sequence[WeekShift], limit_N_s_m: float
 ) -> dict[str, FrictionTrend]:
-    """Trend of friction by machine, and when it reaches the limit."""
+    """Fit the trend of friction by machine, and estimate when it reaches the limit in N·s/m."""
     by_machine = {
         shift.machine: list[FrictionDay]() for shift in shifts
     } | group_friction_by_machine(shifts)
@@ -125,7 +125,7 @@ def fit_friction_trends(
 
 
 def format_day_number(day_number: float) -> str:
-    """Date of a day number on the week's clock."""
+    """Format the date of a day number, counted from 1970-01-01."""
     try:
         return f"{dt.datetime.fromtimestamp(day_number * _DAY_S, dt.UTC):%Y-%m-%d}"
     except (OverflowError, ValueError, OSError):
@@ -133,7 +133,7 @@ def format_day_number(day_number: float) -> str:
 
 
 def describe_friction_trends(trends: Mapping[str, FrictionTrend]) -> list[str]:
-    """Sentences on when each machine's friction reaches the limit."""
+    """Describe when each machine's friction reaches the limit, a sentence each."""
     return [
         f"{machine}: {_describe_friction_trend_of_machine(trend)}"
         for machine, trend in trends.items()
@@ -165,11 +165,11 @@ def write_week_page(
     Args:
         week_parts: parts of the week.
         shifts: shifts of the week.
-        limit_N_s_m: limit of friction, if requested.
+        limit_N_s_m: limit of viscous friction for trends; None for no trends.
         page_path: page to write; an existing page of a week is replaced.
 
     Raises:
-        OutputError: it is not .html, or another file exists there.
+        OutputError: the suffix is not .html, or the existing file is not the page of a week.
     """
     if page_path.suffix != ".html":
         raise OutputError(f"{page_path}: the page of a week is one file; name it like week.html")
@@ -191,7 +191,7 @@ def render_week_html(
     limit_N_s_m: float | None,
     page_folder: Path,
 ) -> str:
-    """HTML of the page; arguments as for `write_week_page`, links are relative to `page_folder`."""
+    """Render the page as HTML; arguments as for `write_week_page`, links from `page_folder`."""
     whole = sum_week(week_parts)
     days = sorted({part.day for part in week_parts})
     trends = {} if limit_N_s_m is None else fit_friction_trends(shifts, limit_N_s_m)
@@ -220,7 +220,7 @@ def render_week_html(
 
 
 def describe_week_tonnes(week_parts: Sequence[WeekPart]) -> str:
-    """Tonnes of the week, and whether their ± includes the error of scale."""
+    """Describe the tonnes of the week, and whether their ± includes the scale error."""
     whole = sum_week(week_parts)
     scale = "" if all(part.scale_known for part in week_parts) else f", {SCALE_NOT_KNOWN}"
     sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
@@ -228,7 +228,7 @@ def describe_week_tonnes(week_parts: Sequence[WeekPart]) -> str:
 
 
 def _make_cells_of_totals(week_total: WeekTotal) -> tuple[str, ...]:
-    """Cells of a row in a table of totals."""
+    """Make the cells of a row in a table of totals."""
     per_t = "–"
     if week_total.kWh_per_t is not None and week_total.kWh_per_t_u is not None:
         per_t = format_plus_minus(week_total.kWh_per_t, K * week_total.kWh_per_t_u)
@@ -245,7 +245,7 @@ def _make_cells_of_totals(week_total: WeekTotal) -> tuple[str, ...]:
 def _make_shift_row(
     shift: WeekShift, shift_total: WeekTotal | None, page_folder: Path
 ) -> tuple[str, str, tuple[str, ...]]:
-    """Start of a shift, link to its page, and cells of its totals."""
+    """Make the row of a shift: its start, the link to its page, and the cells of its totals."""
     cells = (
         ("0", "–", "0", "0", "–") if shift_total is None else _make_cells_of_totals(shift_total)[1:]
     )
@@ -256,7 +256,7 @@ def _make_shift_row(
 def _draw_friction_pictures(
     shifts: Sequence[WeekShift], trends: Mapping[str, FrictionTrend]
 ) -> list[Drawing]:
-    """Pictures of the friction of machines with more than one shift."""
+    """Draw the friction of each machine with more than one shift."""
     return [
         _draw_friction_picture(number, machine, days, trends.get(machine))
         for number, (machine, days) in enumerate(sorted(group_friction_by_machine(shifts).items()))

@@ -1,4 +1,4 @@
-"""Totals of reviewed shifts by day, machine and product, from their ledgers and verdicts."""
+"""Sum reviewed shifts by day, machine and product, from their ledgers and verdicts."""
 
 import math
 from collections import defaultdict
@@ -31,14 +31,14 @@ class WeekPart(NamedTuple):
         product: product; empty if none was named.
         loads: number of counted loads.
         payload_kg: sum of payloads.
-        random_u_kg: random part of its standard uncertainty.
-        common_u_kg: part of its standard uncertainty common to all loads of the machine.
+        random_u_kg: random part of the sum's standard uncertainty.
+        common_u_kg: part of the sum's standard uncertainty common to all loads of the machine.
         rejected: number of loads rejected by a reviewer.
         noted: number of loads with another verdict.
-        energy_kWh: energy of the counted loads with known energy,
-        energy_u_kWh: its standard uncertainty,
+        energy_kWh: energy of the counted loads with known energy.
+        energy_u_kWh: standard uncertainty of that energy.
         energy_t: tonnes of the loads with known energy.
-        scale_known: whether the uncertainty includes the error of scale.
+        scale_known: whether the uncertainty includes the scale error.
         review: folder of the review.
     """
 
@@ -65,11 +65,11 @@ class WeekTotal(NamedTuple):
         name: name of the group; empty for loads without a product.
         loads: number of counted loads.
         payload_kg: sum of payloads.
-        payload_u_kg: its standard uncertainty.
+        payload_u_kg: standard uncertainty of that sum.
         rejected: number of loads rejected by a reviewer.
         noted: number of loads with another verdict: a product, a note.
-        kWh_per_t: energy per tonne, if known,
-        kWh_per_t_u: and its standard uncertainty.
+        kWh_per_t: energy per tonne; None if unknown.
+        kWh_per_t_u: standard uncertainty of the energy per tonne; None if unknown.
     """
 
     name: str
@@ -83,13 +83,13 @@ class WeekTotal(NamedTuple):
 
 
 def read_counted_loads_of_reviews(review_folders: Sequence[Path]) -> list[WeekPart]:
-    """Counted loads of reviews, with the present `verdicts.toml`, without a replay.
+    """Read the counted loads of reviews, with the current `verdicts.toml`, without a replay.
 
     A load belongs to the day on which it ends, by the clock of its machine.
 
     Raises:
-        ReviewError: a folder holds no review of this version, its ledger was changed, or two hold
-            one load.
+        ReviewError: a folder has no review of this version, its ledger was changed, or two folders
+            have the same load.
     """
     owners: dict[tuple[str, int], Path] = {}
     found: list[WeekPart] = []
@@ -123,7 +123,7 @@ def read_counted_loads_of_reviews(review_folders: Sequence[Path]) -> list[WeekPa
 
 
 def format_machine_title(state: ReviewState) -> str:
-    """Name and serial number of a machine."""
+    """Format name and serial number of a machine."""
     return f"{state.machine} {state.serial}".strip()
 
 
@@ -168,7 +168,7 @@ def _sum_loads_by_material_and_day(
 def sum_energy_of_counted_loads(
     ledger_rows: pl.DataFrame, cycles: pl.DataFrame, rejected_rows: Sequence[int]
 ) -> dict[str, float]:
-    """Energy of the counted loads with known energy; its errors are common to all of them."""
+    """Sum the energy of counted loads with known energy; its errors are common to all loads."""
     known = ledger_rows.with_columns(counted=cycles["counted"]).filter(
         pl.col("counted"), ~pl.col("cycle").is_in(rejected_rows), pl.col("energy_kWh").is_not_null()
     )
@@ -180,14 +180,14 @@ def sum_energy_of_counted_loads(
 
 
 def sum_week_parts_by_group(week_parts: Sequence[WeekPart], group_name: str) -> list[WeekTotal]:
-    """Totals by one of `GROUPS`, in its order.
+    """Sum the parts of a week by one of `GROUPS`, in alphabetical order.
 
     Errors common to the loads of a machine are common to all its shifts and add linearly; machines
     are independent.
 
     Args:
         week_parts: parts of the week.
-        group_name: group, or `BY_REVIEW`.
+        group_name: name of the group, or `BY_REVIEW`.
     """
     members: dict[str, list[WeekPart]] = defaultdict(list)
     for part in week_parts:
@@ -196,12 +196,12 @@ def sum_week_parts_by_group(week_parts: Sequence[WeekPart], group_name: str) -> 
 
 
 def sum_week(week_parts: Sequence[WeekPart]) -> WeekTotal:
-    """Totals of the whole week."""
+    """Sum the whole week."""
     return _sum_week_parts("all", week_parts)
 
 
 def _sum_week_parts(total_name: str, week_parts: Sequence[WeekPart]) -> WeekTotal:
-    """Total of several parts; common errors add up within a machine."""
+    """Sum several parts; common errors add linearly within a machine."""
     common_kg: dict[str, float] = defaultdict(float)
     for part in week_parts:
         common_kg[part.machine] += part.common_u_kg
@@ -224,7 +224,7 @@ class EnergyPerTonne(NamedTuple):
 def compute_week_energy_per_tonne(
     week_parts: Sequence[WeekPart], mass_kg: float, mass_u_kg: float
 ) -> EnergyPerTonne:
-    """Energy per tonne and its standard uncertainty; None if no load has both."""
+    """Compute energy per tonne and its standard uncertainty; None without known energy."""
     energy_kWh, tonnes = (
         math.fsum(getattr(part, name) for part in week_parts) for name in ("energy_kWh", "energy_t")
     )

@@ -1,1 +1,1 @@
-"""Rerun recordings: writer, reader, layout and viewer."""
+"""Rerun recordings: write and read them, lay out their views, and open them in the viewer."""

@@ -1,4 +1,4 @@
-"""Layout of a recording: the tabs of the table, without what this run lacks."""
+"""Lay out a recording by the table of views, without views for which the run has no data."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from rerun.blueprint.encodings import VisualizerComponentMapping
     from rerun.encodings import EntityPathLike
 
-#: Displayed frames of methods begin so.
+#: Prefix of the names of displayed frames of methods.
 _ESTIMATES: Final = f"{ROOT}/estimates/"
-#: Of several methods, the one that stands for all: it converges over the log, as on board.
+#: Method that represents several methods, since it converges over the log, as on board.
 _LEADING_METHOD: Final = "rls"
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One view to draw: its series, and the range of most of its values."""
+    """A view to draw: its series, and the range of most of its values."""
 
     title: str
     kind: ViewKind
@@ -55,13 +55,13 @@ class Panel:
     @property
     def plot_height_fraction(self) -> float:
         """Fraction of a page's height that the plot needs to show its legend."""
-        # lines of one name have one entry
+        # lines of the same name have one entry
         names = len({each.label for each in self.drawn}) if self.has_legend else 1
         return (LIMITS.plot_margin + LIMITS.legend_name_height * names) / LIMITS.page_height
 
     @property
     def lanes_height_fraction(self) -> float:
-        """Fraction of the page's height that its lanes need; 0 for a plot."""
+        """Fraction of a page's height that its lanes need; 0 for a plot."""
         if self.kind is not ViewKind.STATES:
             return 0.0
         return (LIMITS.lanes_margin + LIMITS.lane_height * len(self.drawn)) / LIMITS.page_height
@@ -73,7 +73,7 @@ Row = tuple[Panel, ...]
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """One tab to draw: panels or rows of panels from top to bottom, with texts."""
+    """A tab to draw: panels or rows of panels from top to bottom, with texts."""
 
     name: str
     panels: tuple[Panel | Row, ...] = ()
@@ -100,7 +100,7 @@ def lay_out_run_in_tabs(
     Args:
         run: the run.
         display_frames: frames from `make_display_frames`.
-        texts: names of its texts.
+        texts: names of the run's texts.
         pictures: pictures from `make_plane_pictures`.
         parent_entity: parent entity; empty for none.
     """
@@ -115,7 +115,7 @@ def lay_out_run_in_tabs(
             ),
         )
         for tab in TABS
-        # what is not there needs no signals beside it
+        # a tab of findings is omitted if there are none
         if not tab.events or read_findings_of_run(run)
     ]
     return lay_out_pages_as_tabs(pages, find_unix_span_of_grid_ns(run), parent_entity)
@@ -124,7 +124,7 @@ def lay_out_run_in_tabs(
 def make_panels_of_tab(
     tab: Tab, run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> tuple[Panel | Row, ...]:
-    """Views of a tab for which this run has data, by its `display_frames`.
+    """Make panels of a tab's views for which this run has data in `display_frames`.
 
     Returns:
         Panels, or rows of panels; none if only the tab's context has data.
@@ -157,7 +157,7 @@ def _make_panel_of_view(
 
 
 def _split_panel_by_method(panel: Panel) -> dict[str, Panel]:
-    """A panel per method on a common axis; one unnamed panel for a single method."""
+    """Split a panel into one per method on a common axis; one unnamed panel for a single method."""
     by_frame: dict[str, list[DisplayColumn]] = {}
     for each in panel.drawn:
         by_frame.setdefault(each.frame, []).append(each)
@@ -172,7 +172,7 @@ def _split_panel_by_method(panel: Panel) -> dict[str, Panel]:
 
 
 def find_unix_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
-    """First and last Unix time of a run's grid; None without one."""
+    """Find the first and last Unix time in ns of a run's grid; None without a grid."""
     span, t0_ns = find_time_span_of_grid_ns(run), run.provenance.t0_unix_ns
     return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
 
@@ -184,13 +184,13 @@ def lay_out_pages_as_tabs(
     *,
     is_growing: bool = False,
 ) -> "rrb.Blueprint":
-    """Lay out pages as tabs, the first one open; empty pages are left out.
+    """Lay out pages as tabs, of which the first is open; empty pages are omitted.
 
     Args:
         pages: the pages.
         span_ns: visible Unix times in ns; None for all.
         parent_entity: parent entity; empty for none.
-        is_growing: whether the time cursor stays at the newest row.
+        is_growing: whether the time cursor follows the newest row.
     """
     import rerun.blueprint as rrb
 
@@ -214,17 +214,17 @@ def lay_out_pages_as_tabs(
 
 
 def make_text_entity_path(name: str, parent_entity: str = "") -> str:
-    """Entity path of a text."""
+    """Make the entity path of a text."""
     return make_entity_path(f"{ROOT}/text/{name}", parent_entity)
 
 
 def make_picture_entity_path(name: str, parent_entity: str = "") -> str:
-    """Entity path of a picture."""
+    """Make the entity path of a picture."""
     return make_entity_path(f"{ROOT}/picture/{name}", parent_entity)
 
 
 def make_events_entity_path(parent_entity: str = "") -> str:
-    """Entity path of the events."""
+    """Make the entity path of the events."""
     return make_entity_path(f"{ROOT}/events", parent_entity)
 
 
@@ -280,7 +280,7 @@ def _lay_out_views_side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Cont
 
 
 def compute_relative_panel_heights(page: Page) -> list[float]:
-    """Relative heights of a page's panels, events and pictures.
+    """Compute relative heights of a page's panels, events and pictures.
 
     Lanes get the height they need; the other panels are equal, except for tall legends.
     """
@@ -297,7 +297,7 @@ def compute_relative_panel_heights(page: Page) -> list[float]:
 
 
 def divide_height_with_minimums(min_heights: Sequence[float], total_height: float) -> list[float]:
-    """Share room equally, but with a minimum for each; all shrink if it is too little."""
+    """Divide a height equally, but with a minimum for each; all shrink if there is too little."""
     if sum(min_heights) >= total_height:
         return [total_height * each / sum(min_heights) for each in min_heights]
     level, higher = total_height / max(len(min_heights), 1), 0
@@ -309,7 +309,7 @@ def divide_height_with_minimums(min_heights: Sequence[float], total_height: floa
 
 
 def _make_time_axis(span_ns: tuple[int, int] | None, legend_fraction: float) -> "rrb.TimeAxis":
-    """Time axis of the whole log, plus a fraction `legend_fraction` for legends."""
+    """Make the time axis of a span, extended by the fraction `legend_fraction` for legends."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
 
@@ -380,7 +380,7 @@ def _iter_visualizers_of_column(
             names=display_column.label,
             colors=colour,
             widths=width,
-            aggregation_policy="MinMax",  # zoomed out, a mean would hide what it averages
+            aggregation_policy="MinMax",  # zoomed out, a mean would hide extremes
         )
         yield line.visualizer(mappings=[scalars])
     if display_column.dotted:

@@ -1,8 +1,8 @@
-"""Frames that are only drawn, by a view of a run.
+"""Make the frames that views of a run draw, which are not data.
 
-A line must not cross a gap, so sparse rows get an empty row after each stretch; a manoeuvre is
-held over its span; a state is kept where it changes; of a long log there are the mean and the
-extremes of every few seconds. These frames lie under `display/` and are never read back.
+A line must not cross a gap, so an empty row follows each stretch of rows; a manoeuvre is drawn over
+its span; a state has a row where it changes; a long log has the mean and the extremes of every few
+seconds. These frames are stored under `display/` and never read back.
 """
 
 import itertools
@@ -24,12 +24,12 @@ from recordings.rrd.stored_names import STATE, split_frame_name_to_path
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
-#: A log longer than this is drawn decimated, in bins of 1 to 10 s.
+#: Duration in ns beyond which a log is drawn decimated, in bins of 1 to 10 s.
 LONG_NS: Final = 600 * NS
 _ENDS: Final = ("min", "max")
-#: A row of these lasts from its start to its end; they are too few to be decimated.
+#: Frames whose rows last from a start to an end; these are too few to be decimated.
 _HELD: Final = ("segments", "planar", "loads", "manoeuvres", "cycles")
-#: One may be a short start of a shift: too short for a line.
+#: Frames whose rows may be too short for a line, such as a single start of a shift.
 _SHORT: Final = ("loads", "manoeuvres", "cycles")
 
 
@@ -50,7 +50,7 @@ class DisplayColumn:
 
 
 def find_time_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
-    """First and last `t_ns` of a run's grid; None if no frame has times."""
+    """Find the first and last `t_ns` of a run's grid; None if no frame has times."""
     for name in ("aligned", "excitation", "gate"):
         if name in run.frames and run.frames[name].height:
             times = run.frames[name]["t_ns"]
@@ -59,13 +59,13 @@ def find_time_span_of_grid_ns(run: Run) -> tuple[int, int] | None:
 
 
 def is_run_drawn_decimated(run: Run) -> bool:
-    """Whether this run is drawn decimated."""
+    """Whether a run is longer than `LONG_NS`, and therefore drawn decimated."""
     span = find_time_span_of_grid_ns(run)
     return span is not None and span[1] - span[0] > LONG_NS
 
 
 def iter_view_series(view: View, run: Run) -> Iterator[tuple[ViewSeries, str]]:
-    """Series of a view for which this run has data, each with the name of its frame."""
+    """Yield the series of a view for which this run has data, each with the name of its frame."""
     for series in view.series:
         for name in list_frames_of_series(series, run.frames):
             if _has_frame_values_for_series(series, select_rows_of_arcs(run.frames[name])):
@@ -79,7 +79,7 @@ def _has_frame_values_for_series(series: ViewSeries, frame: pl.DataFrame) -> boo
     column = frame[series.column]
     if column.dtype == pl.Boolean:
         return bool(column.any())
-    # a log in which nothing is dumped, as a calibration's, has no cycles but what is left over
+    # a log without dumps, as of a calibration, has only a cycle that was not dumped
     if series.frame == "cycles" and not (frame["quality"] != "not dumped").any():
         return False
     return column.null_count() < column.len()
@@ -88,7 +88,7 @@ def _has_frame_values_for_series(series: ViewSeries, frame: pl.DataFrame) -> boo
 def list_displayed_columns(
     view: View, run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> tuple[DisplayColumn, ...]:
-    """Columns of this run that a view draws.
+    """List the columns of this run that a view draws.
 
     Args:
         view: the view.
@@ -114,7 +114,7 @@ def list_displayed_columns(
             view.kind is ViewKind.LINES
             and _make_extreme_column_name(series.column, "min") in display_frames[frame].columns
         )
-        # lines of one name have one entry in a legend, in the colour of the first
+        # lines of the same name have one entry in a legend, in the colour of the first
         label += ", binned" if extremes else ""
         drawn.append(DisplayColumn(frame, series.column, label, colour, variance, dotted=dotted))
         ends = [_make_extreme_column_name(series.column, end) for end in _ENDS if extremes]
@@ -127,11 +127,11 @@ def list_displayed_columns(
 
 
 def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame]:
-    """Frames that are only drawn, by name under `display/`, with `t_ns`.
+    """Make the frames that are drawn, by name under `display/`, with `t_ns`.
 
     Args:
         run: the run.
-        decimate: whether to draw a long run as means and extremes of bins.
+        decimate: whether a long run is drawn by means and extremes of bins.
     """
     frames: dict[str, pl.DataFrame] = {}
     asked: dict[str, dict[str, pl.Expr]] = {}
@@ -170,7 +170,7 @@ def make_display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.Data
 
 
 def choose_axis_range_without_outliers(view: View, run: Run) -> tuple[float, float] | None:
-    """Range of most values of a view with outliers; None to show all."""
+    """Choose the range of most values for a view that clips outliers; None to show all."""
     if not view.clips_outliers:
         return None
     drawn = list(iter_view_series(view, run))
@@ -215,7 +215,7 @@ def _read_threshold_setting_of_view(run: Run, view: View) -> float:
 
 
 def should_draw_as_points(numbers: pl.Series) -> bool:
-    """Whether most values are isolated, or in many short lines."""
+    """Whether to draw points, since most values are isolated or in many short lines."""
     there = numbers.is_not_null().to_numpy()
     edges = np.diff(there, prepend=False, append=False)
     begins, ends = edges[:-1] & there, edges[1:] & there
@@ -225,12 +225,12 @@ def should_draw_as_points(numbers: pl.Series) -> bool:
 
 
 def find_grid_period_ns(run: Run) -> int:
-    """Period of the grid."""
+    """Compute the period of the grid in ns."""
     return round(NS / run.provenance.settings.align.rate_hz)
 
 
 def select_numbers_to_draw(name: str, frame: pl.DataFrame) -> pl.DataFrame:
-    """Numbers of a frame that a view draws, by time or start time, with variances."""
+    """Select the numbers of a frame that a view draws, by time or start time, with variances."""
     family = split_frame_name_to_path(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
     columns = dict.fromkeys(s.column for s in shown if s.column in frame.columns)
@@ -254,7 +254,7 @@ def insert_empty_rows_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataF
 
 
 def select_rows_of_arcs(planar_frame: pl.DataFrame) -> pl.DataFrame:
-    """Arcs among planar fits, in order of time; the fit of all motion if there are none."""
+    """Select the arcs among planar fits, in order of time; else the fit of all motion."""
     if "kind" not in planar_frame.columns:
         return planar_frame
     arcs = planar_frame.filter(pl.col("kind") == "arc")
@@ -262,7 +262,7 @@ def select_rows_of_arcs(planar_frame: pl.DataFrame) -> pl.DataFrame:
 
 
 def _repeat_rows_at_span_end(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
-    """Each row at its start and its end, followed by an empty row."""
+    """Repeat each row at its end, followed by an empty row, so that it is drawn over its span."""
     ends = numbers.with_columns(end_ns.alias("t_ns"))
     breaks = ends.select(pl.col("t_ns") + 1)
     return pl.concat([numbers, ends, breaks], how="diagonal").sort("t_ns", maintain_order=True)
@@ -271,9 +271,9 @@ def _repeat_rows_at_span_end(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.Dat
 def keep_shortest_of_overlapping_findings(
     findings: pl.DataFrame, span: tuple[int, int] | None
 ) -> pl.DataFrame:
-    """Findings in order of time; where several overlap, the shortest one.
+    """Order findings in time; where several overlap, keep the shortest one.
 
-    Findings of the whole log fill the remaining time.
+    Findings about the whole log fill the remaining time.
     """
     begin, end = span or (0, 0)
     rows = [
@@ -294,7 +294,7 @@ def keep_shortest_of_overlapping_findings(
 
 
 def select_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
-    """Rows at which a state begins; null in holes and after the last one."""
+    """Select the rows at which a state begins; null in gaps and after the last row."""
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
         column = pl.when(column).then(pl.lit(series.column))
@@ -305,10 +305,10 @@ def select_state_changes(series: ViewSeries, frame: pl.DataFrame, period_ns: int
     else:
         starts = frame.select("t_ns", column)
         step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
-        # a frame that keeps one row of many has a period of its own
+        # a thinned frame has a longer period than the grid
         is_last = (step > 1.5 * step.median()).fill_null(value=True)
         ends = frame.filter(is_last).select(pl.col("t_ns") + period_ns)
-    # where one manoeuvre ends as the next begins, the beginning is the later of the two rows
+    # if a manoeuvre ends when the next begins, the row of the start comes last
     states = pl.concat([ends, starts], how="diagonal").sort("t_ns", maintain_order=True)
     changed = pl.col(STATE).ne_missing(pl.col(STATE).shift(1))
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
@@ -318,13 +318,13 @@ def _bin_frame_of_run(run: Run, name: str, bin_expressions: list[pl.Expr]) -> pl
     span = find_time_span_of_grid_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (LIMITS.screen_bins * NS)), 1), 10) * NS
-    # narrower than the grid's step most bins were empty, and no line would be drawn
+    # in bins narrower than the grid's period, most bins would be empty, and no line drawn
     width_ns = max(width_ns, find_grid_period_ns(run))
     return bin_frame_rows(run.frames[name], bin_expressions, span, width_ns)
 
 
 def make_bin_expressions(drawing_type: ViewKind, series: ViewSeries) -> dict[str, pl.Expr]:
-    """Expressions for the binned columns of a series."""
+    """Make the expressions of the binned columns of a series."""
     numbers = pl.col(series.column)
     if drawing_type is ViewKind.BANDS:
         mean = {series.column: numbers.mean()}
@@ -343,7 +343,7 @@ def make_bin_expressions(drawing_type: ViewKind, series: ViewSeries) -> dict[str
 def bin_frame_rows(
     frame: pl.DataFrame, expressions: list[pl.Expr], span: tuple[int, int], bin_width_ns: int
 ) -> pl.DataFrame:
-    """A row per bin at its middle; bins without rows are empty, so that no line crosses them."""
+    """Bin rows to a row at the middle of each bin, empty for bins without rows: lines end there."""
     start, end = span
     number = ((pl.col("t_ns") - start) // bin_width_ns).alias("bin")
     bins = pl.select(pl.int_range((end - start) // bin_width_ns + 1, dtype=pl.Int64).alias("bin"))

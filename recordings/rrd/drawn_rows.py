@@ -1,4 +1,4 @@
-"""Storage of drawn frames in a recording: a row per sample, on two timelines."""
+"""Store drawn frames in a recording: a row per sample, on two timelines."""
 
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
@@ -22,7 +22,7 @@ def iter_record_batches_to_draw(
     parent_entity: str = "",
     extra_times: "Mapping[str, pa.Scalar]" = MappingProxyType({}),
 ) -> "Iterator[pa.RecordBatch]":
-    """Record batches of a frame, with the timelines as first columns.
+    """Yield record batches of a frame, with the timelines as first columns.
 
     Args:
         name: name of the frame.
@@ -42,10 +42,10 @@ def iter_record_batches_to_draw(
             **{timeline: pa.repeat(time, part.height) for timeline, time in extra_times.items()},
         }
         fields = [pa.field(name, array.type) for name, array in arrays.items()]
-        # a list of one value a row: a bare null would become a row without any value
+        # a list of one value per row: a null by itself would become a row without any value
         starts = pa.array(np.arange(part.height + 1, dtype=np.int32))
         for column in part.drop("t_ns").get_columns():
-            # Rerun draws a line across a null, and none across a NaN
+            # Rerun draws a line across a null, but not across a NaN
             has_gaps = column.dtype.is_float() and column.null_count()
             drawn = column.fill_null(float("nan")) if has_gaps else column
             values = drawn.to_arrow()

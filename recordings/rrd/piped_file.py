@@ -13,11 +13,11 @@ _DESCRIPTORS: Final = Path("/dev/fd")
 
 
 class PipedFile:
-    """Copies a pipe to a file; after an error the rest is discarded.
+    """Pipe whose content is copied to a file; after an error, the rest is discarded.
 
     Attributes:
         name: name that the library opens for writing, once.
-        fault: error that stopped the writing, if any.
+        fault: error that stopped writing; None without one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -27,7 +27,7 @@ class PipedFile:
         self._write = -1
         self._thread: Thread | None = None
         if _DESCRIPTORS.is_dir():  # elsewhere the library writes the file itself
-            # opened here: a thread that comes late would make it anew after it was given up
+            # opened here, since a late thread would create the file again after it was abandoned
             file = path.open("wb", buffering=0)
             read, self._write = os.pipe()
             self.name = str(_DESCRIPTORS / str(self._write))
@@ -67,7 +67,7 @@ class PipedFile:
 
     def _copy_pipe_to_file(self, pipe_descriptor: int, file: BinaryIO) -> None:
         """Copy the pipe to the file; after an error, read on without writing."""
-        # a library that has to stop in the middle of its queue may wait for ever: it never has to
+        # the library may wait forever if it must stop within its queue, so the pipe never blocks
         with open(pipe_descriptor, "rb", buffering=0) as source:
             try:
                 with file:

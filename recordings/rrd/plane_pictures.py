@@ -1,7 +1,7 @@
-"""Pictures without a time axis: force over acceleration, and a calibration's line and errors.
+"""Make pictures without a time axis: force against acceleration, a calibration's line and errors.
 
-The viewer plots over time only. So these are drawn in its 2D view: grid, numbers, points and lines,
-each under a separate path, which can be hidden in the viewer.
+The viewer plots only over time. So these pictures are drawn in its 2D view: grid, numbers, points
+and lines, each under its own path, which can be hidden in the viewer.
 """
 
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ class PlaneSeries:
         colour: colour as #rrggbb.
         x: (n,) horizontal coordinates.
         y: (n,) vertical coordinates.
-        joined: whether to draw a line.
+        joined: whether to draw a line instead of points.
     """
 
     label: str
@@ -52,7 +52,7 @@ class PlaneSeries:
 
 @dataclass(frozen=True)
 class PlanePicture:
-    """A picture with two axes."""
+    """A picture with two labelled axes and series."""
 
     title: str
     x_label: str
@@ -61,7 +61,7 @@ class PlanePicture:
 
 
 def make_plane_pictures(run: Run) -> dict[str, PlanePicture]:
-    """Pictures for which this run has data, by name."""
+    """Make the pictures for which this run has data, by name."""
     drawn = {
         "scatter": _make_force_acceleration_picture(run),
         "line": make_calibration_line_picture(run),
@@ -119,7 +119,7 @@ class _LineEnds(NamedTuple):
 
 
 def _iter_grid_line_ends(axes: Axes) -> Iterator[_LineEnds]:
-    """Ends of each grid line, in the units of the axes."""
+    """Yield the ends of each grid line, in the units of the axes."""
     for value, _ in choose_round_axis_ticks(*axes.x):
         yield _LineEnds(value, axes.y[0], value, axes.y[1])
     for value, _ in choose_round_axis_ticks(*axes.y):
@@ -129,7 +129,7 @@ def _iter_grid_line_ends(axes: Axes) -> Iterator[_LineEnds]:
 def iter_axis_labels(
     axes: Axes, picture: PlanePicture
 ) -> Iterator[tuple[tuple[float, float], str, int]]:
-    """Position, text and colour of numbers, labels and legend."""
+    """Yield position, text and colour of numbers, labels and legend."""
     left, top, right, bottom = LIMITS.plane_box
     ink = colours.pack_colour_as_rgba(_INK)
     for value, text in choose_round_axis_ticks(*axes.x):
@@ -186,7 +186,7 @@ def _make_force_acceleration_picture(run: Run) -> PlanePicture | None:
 
 
 def make_calibration_line_picture(run: Run) -> PlanePicture | None:
-    """Picture of a calibration's points and line, by method; None without data."""
+    """Make the picture of a calibration's points and line, by method; None without data."""
     series: list[PlaneSeries] = []
     for name, colour, points in iter_points_of_calibrated_methods(run):
         estimate, reference = points["estimate_kg"].to_numpy(), points["reference_kg"].to_numpy()
@@ -203,11 +203,11 @@ def make_calibration_line_picture(run: Run) -> PlanePicture | None:
 
 
 def make_load_errors_picture(run: Run) -> PlanePicture | None:
-    """Picture of each load's residual and leave-one-out error; None without data."""
+    """Make the picture of each load's residual and leave-one-out error; None without data."""
     series: list[PlaneSeries] = []
     methods = list(iter_points_of_calibrated_methods(run))
     for number, (name, colour, points) in enumerate(methods):
-        # methods of one load beside each other
+        # methods of a load are side by side
         aside_1 = (number - (len(methods) - 1) / 2.0) * LIMITS.method_distance_fraction
         for column, label, look in (
             ("error_left_out_kg", "", colours.mix_colour_with_white(colour)),
@@ -234,14 +234,14 @@ def make_load_errors_picture(run: Run) -> PlanePicture | None:
 
 
 class ErrorLimitLine(NamedTuple):
-    """Horizontal line of a picture of errors."""
+    """Horizontal line in a picture of errors, with its label."""
 
     label: str
     error_kg: float
 
 
 def make_lines_of_error_limits(run: Run) -> list[ErrorLimitLine]:
-    """Lines at zero error, and at the interval of a later mass if there is evidence."""
+    """Make lines at zero error and, for evidence, at the interval of a later mass."""
     line = run.frames.get("line", pl.DataFrame())
     if line.is_empty():
         return [ErrorLimitLine("", 0.0)]
@@ -263,7 +263,7 @@ class MethodPoints(NamedTuple):
 
 
 def iter_points_of_calibrated_methods(run: Run) -> Iterator[MethodPoints]:
-    """Name, colour and points of each calibrated method; evidence has one."""
+    """Yield name, colour and points of each calibrated method; evidence has only one."""
     evidence, line = (run.frames.get(name, pl.DataFrame()) for name in ("points", "line"))
     if evidence.height and line.height:
         points = evidence.rename({"mean_kg": "estimate_kg"}).join(

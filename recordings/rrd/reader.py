@@ -21,10 +21,10 @@ from recordings.rrd.stored_names import make_component_name
 if TYPE_CHECKING:
     from rerun.chunk import LazyStore
 
-#: The property of a recording that says what payscope wrote into it.
+#: Property of a recording with payscope's description of it.
 PROPERTY = "payscope"
-#: Raised whenever what is stored changes its meaning: 2 has settings by stage, 3 frames in
-#: blocks.
+#: Version of recordings, raised whenever the meaning of their content changes: 2 has settings by
+#: stage, 3 frames in blocks.
 FORMAT = 3
 
 
@@ -37,8 +37,8 @@ def read_recording(path: str | Path, *, stored_names: bool = False) -> Run:
             of the frames; otherwise former names become the present ones.
 
     Returns:
-        A run equal to the one written, but for former names of checks. For a recovered recording,
-        its remaining rows, with a loss in the provenance for each frame that misses rows.
+        A run equal to the one written, except for former names of checks. For a recovered
+        recording, its remaining rows, with a loss in the provenance for each frame that lacks rows.
 
     Raises:
         RecordingError: the file does not exist, is not a recording of payscope, or is damaged.
@@ -53,7 +53,7 @@ def read_recording(path: str | Path, *, stored_names: bool = False) -> Run:
 def add_losses_of_missing_frame_rows(
     path: str | Path, manifest: Manifest, provenance: Provenance, row_counts: Mapping[str, int]
 ) -> Provenance:
-    """Provenance with a loss for each incomplete frame.
+    """Add a loss for each incomplete frame to the provenance.
 
     Args:
         path: the recording.
@@ -96,7 +96,7 @@ def read_provenance(path: str | Path) -> Provenance:
 
 
 def list_columns_by_frame(path: str | Path) -> dict[str, tuple[str, ...]]:
-    """Names of a recording's frames in pipeline order, with their columns.
+    """List a recording's frames in the order of the pipeline, with their columns.
 
     Raises:
         RecordingError: as `read_recording`.
@@ -132,7 +132,7 @@ class OpenRecording:
         """Raise an error for a recording without frames, such as an overlay of two others.
 
         Raises:
-            RecordingError: it contains no frames.
+            RecordingError: the recording contains no frames.
         """
         if not self.manifest.frames:
             notes = "; ".join(self.provenance.notes) or "it was written for viewing only"
@@ -168,7 +168,7 @@ class OpenRecording:
 
 @contextmanager
 def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generator[OpenRecording]":
-    """Context with an open recording; errors of Rerun become one line.
+    """Context with an open recording, in which errors of Rerun are raised as one line.
 
     Args:
         path: the recording.
@@ -190,10 +190,10 @@ def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generato
 
     with _convert_errors_to_one_line(path):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
+            warnings.simplefilter("ignore", RerunWarning)  # raised as an error as well
             store = rr.chunk.RrdReader(path).store()
         held = OpenRecording(path, *_read_manifest_and_provenance(path, store), store, stored_names)
-    yield held  # a fault of whoever reads is not the recording's
+    yield held  # outside the `with`: errors of the caller are not those of the recording
 
 
 @contextmanager
@@ -212,7 +212,7 @@ def _convert_errors_to_one_line(path: Path) -> Generator[None]:
 def _read_manifest_and_provenance(
     path: Path, chunk_store: "LazyStore"
 ) -> tuple[Manifest, Provenance]:
-    """Read what describes the recording; an error if another wrote it."""
+    """Read manifest and provenance; raise an error if payscope did not write the recording."""
     found: dict[str, Any] = {}
     for chunk in chunk_store.stream().filter(content=f"/__properties/{PROPERTY}"):
         batch = chunk.to_record_batch()
@@ -249,9 +249,9 @@ def _read_manifest_and_provenance(
 def _read_stored_frame(
     store: "LazyStore", stored_frame: StoredFrame, columns: Sequence[StoredColumn]
 ) -> pl.DataFrame:
-    """Read columns of a frame, with rows in the order of writing."""
+    """Read columns of a frame, with rows in the order in which they were written."""
     wanted = [make_component_name(column.name) for column in columns]
-    # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well
+    # Rerun trims expressions, but an entity may end in a space: filter by everything below it
     below = store.stream().filter(content=f"{stored_frame.entity_path_text}/**", components=wanted)
     chunks = (chunk for chunk in below if chunk.entity_path == stored_frame.entity_path_text)
     return stored_frame.rebuild_frame_from_blocks(

@@ -1,8 +1,8 @@
-"""Properties of a recording, by which viewer and catalog sort recordings, and its provenance.
+"""Make the properties of a recording, by which viewer and catalog sort, and its provenance.
 
-Properties belong to the property `ANSWER`: `property:answer:mass_kg` is a column of Rerun's tables,
-for example. A quantity is present if the run has it; all others always are. The provenance, in
-Markdown, is settings, machine file, inputs and versions.
+Properties are below `ANSWER`, so that `property:answer:mass_kg` is a column of Rerun's tables. A
+quantity is present only if the run has it; other properties always are. The provenance, in
+Markdown, has settings, machine file, inputs and versions.
 """
 
 import json
@@ -26,16 +26,16 @@ Value = str | float | int | bool
 
 
 def make_recording_properties(run: Run) -> dict[str, Value]:
-    """Properties of a run's recording.
+    """Make the properties of a run's recording.
 
     Args:
         run: the recorded run.
 
     Returns:
-        Values by name with the unit: `machine`, `serial`, `day` (local; empty without a date),
-        `logs`, `verdict`, `can_weigh`, `loads` (load states), `first_finding`, `fingerprint`,
-        `payscope` and `versions`; `mass_kg` for one load state, `tonnes_t` and `cycles` if cycles
-        count, each quantity with its uncertainty `U` (95 %).
+        Values by name, which includes the unit: `machine`, `serial`, `day` (local; empty without a
+        date), `logs`, `verdict`, `can_weigh`, `loads` (load states), `first_finding`,
+        `fingerprint`, `payscope` and `versions`; `mass_kg` for one load state, `tonnes_t` and
+        `cycles` if cycles count, each quantity with its expanded uncertainty `U` (95 %).
     """
     about, said = run.provenance, make_answer(run)
     body: Mapping[str, Any] = about.machine.get("machine", {})
@@ -72,7 +72,7 @@ def _make_quantity_property(
     standard_u: float | None,
     units_per_display_unit: float = 1.0,
 ) -> dict[str, float | None]:
-    """A quantity and its expanded uncertainty."""
+    """Make the properties of a quantity and its expanded uncertainty; None if unknown."""
     return {
         f"{name}_{unit}": None if value is None else value / units_per_display_unit,
         f"{name}_U_{unit}": None
@@ -96,7 +96,7 @@ def _format_recording_day(provenance: Provenance) -> str:
 
 
 def format_local_time(provenance: Provenance, t_ns: int = 0) -> str:
-    """Local time of a time since the start; without a date if the log has none."""
+    """Format a time since the start in local time; by the log's own clock if it is undated."""
     stamp_ns = provenance.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / NS:.3f} s of the log's own clock"
@@ -105,7 +105,7 @@ def format_local_time(provenance: Provenance, t_ns: int = 0) -> str:
 
 
 def format_settings_markdown(run: Run) -> str:
-    """All settings, and the resolved machine file."""
+    """Format all settings and the resolved machine file in Markdown."""
     about = run.provenance
     rows = [
         (name, json.dumps(value)) for name, value in sorted(about.settings.to_flat_dict().items())
@@ -122,7 +122,7 @@ def format_settings_markdown(run: Run) -> str:
 
 
 def format_provenance_markdown(run: Run) -> str:
-    """Inputs with SHA-256, versions, stamps, losses and notes."""
+    """Format inputs with SHA-256, versions, stamps, losses and notes in Markdown."""
     about = run.provenance
     inputs = [
         (each.name, format_number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
@@ -154,7 +154,7 @@ def format_provenance_markdown(run: Run) -> str:
 
 
 def _format_fingerprint_digests(provenance: Provenance) -> str:
-    """Digests in full, including those of the frames."""
+    """Format the digests of the fingerprint in full, including the digests of the frames."""
     taken = provenance.fingerprint
     if taken is None:
         return "none"
@@ -164,11 +164,11 @@ def _format_fingerprint_digests(provenance: Provenance) -> str:
 
 
 def read_machine_section(provenance: Provenance) -> dict[str, Any]:
-    """Table `machine` of the machine file."""
+    """Read the table `machine` of the machine file; empty without one."""
     body = provenance.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
 
 
 def read_timezone_name(provenance: Provenance) -> str:
-    """Time zone of the machine file."""
+    """Read the time zone of the machine file; UTC by default."""
     return str(read_machine_section(provenance).get("timezone", "UTC"))

@@ -268,7 +268,7 @@ TABS: Final = (
     Tab("Provenance", texts=("settings", "provenance")),
 )
 
-#: What the one page of `plot` shows, from top to bottom.
+#: Views on the page of `plot`, from top to bottom.
 PAGE: Final = (
     _FORCE,
     _ACCELERATION,
@@ -281,7 +281,7 @@ PAGE: Final = (
     _INERTIA,
     _COM,
 )
-#: What an explanation shows around a moment.
+#: Views that an explanation shows around a moment.
 MOMENT: Final = (_FORCE, _ACCELERATION, _SPEED, _INDEX, _DECISIONS)
 #: Declared columns that no view draws, by frame: time, tables that are shown as text, and the
 #: smoothed copy of channels that "Channels" and "Attitude" draw as aligned.
@@ -376,12 +376,12 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
 
 
 def list_frames_of_series(series: ViewSeries, frames: Iterable[str]) -> tuple[str, ...]:
-    """Frames of a run that a series is drawn from, in the run's order."""
+    """List the frames of a run from which a series is drawn, in the run's order."""
     return tuple(name for name in frames if split_frame_name_to_path(name)[0] == series.frame)
 
 
 def list_columns_needed_for_drawing(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
-    """Columns of a frame that a view draws, and those that order its rows."""
+    """List the columns of a frame that views draw, and those that order its rows."""
     family = split_frame_name_to_path(frame)[0]
     wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind", "rank"} | {
         name

@@ -1,4 +1,4 @@
-"""Texts of a recording in Markdown: the answer first, then its provenance."""
+"""Write the texts of a recording in Markdown: first the answer, then its provenance."""
 
 from collections.abc import Callable
 from typing import Final
@@ -44,7 +44,7 @@ from recordings.rrd.recording_properties import (
     read_timezone_name,
 )
 
-#: The viewer's font has no block, and the viewer ends where a glyph is missing.
+#: Character of bars, since the viewer's font has no block and the viewer crashes without a glyph.
 _MARK: Final = "="
 _MASS: Final = ("mass_kg", "mass_std_kg")
 _INERTIA: Final = ("inertia_z_kg_m2", "inertia_z_std_kg_m2")
@@ -61,7 +61,7 @@ _MASS_COLUMNS: Final = (
 
 
 def make_texts_of_run(run: Run) -> dict[str, str]:
-    """All texts for which this run has content, by name."""
+    """Make all texts for which this run has content, by name."""
     written: dict[str, Callable[[Run], str]] = {
         "answer": format_answer_markdown,
         "findings": format_findings_markdown,
@@ -74,17 +74,17 @@ def make_texts_of_run(run: Run) -> dict[str, str]:
 
 
 def make_recording_name(provenance: Provenance) -> str:
-    """Name of a recording in the viewer: its machine and logs."""
+    """Make the name of a recording in the viewer: its machine and logs."""
     logs = ", ".join(each.name for each in provenance.inputs)
     return ": ".join(filter(None, (read_machine_name(provenance), logs))) or "payscope"
 
 
 def read_machine_name(provenance: Provenance) -> str:
-    """Name in the machine file; empty without one."""
+    """Read the machine's name in the machine file; empty without one."""
     return str(read_machine_section(provenance).get("name", ""))
 
 
-#: What the times on the axes of the viewer are.
+#: Sentence on the times on the axes of the viewer.
 _AXES: Final = "Times on the axes are UTC, unless the viewer's settings say local time."
 _AXES_WITHOUT_DATE: Final = "Times on the axes are those of the log's own clock, which has no date."
 #: Heads of a calibration's errors.
@@ -92,7 +92,7 @@ _ERRORS: Final = ("error kg", "load left out kg")
 
 
 def format_answer_headline(answer: Answer) -> str:
-    """The answer in one sentence, without Markdown."""
+    """Format the answer in one sentence, without Markdown."""
     failed = answer.verdict.list_withholding_checks("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
@@ -107,7 +107,7 @@ def format_answer_headline(answer: Answer) -> str:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
             mass = format_plus_minus(load["mass_kg"], load["u_kg"])
             return f"{mass} kg (standard uncertainty{scale})"
-    # a recording of an earlier version has no loads
+    # recordings of earlier versions have no loads
     for row in answer.rows if not answer.loads else ():
         known = [method for method in row.methods if row.estimate("mass_kg", method) is not None]
         if known:
@@ -125,7 +125,7 @@ def has_payload_total(answer: Answer) -> bool:
 
 
 def _describe_loads_in_sentence(answer: Answer) -> str:
-    """Sentence on the loads of a log."""
+    """Describe the loads of a log in a sentence."""
     known = [load for load in answer.loads if load["payload_kg"] is not None]
     count = f"{len(answer.loads)} loads"
     if not known:
@@ -137,7 +137,7 @@ def _describe_loads_in_sentence(answer: Answer) -> str:
 
 
 def format_answer_summary(run: Run) -> str:
-    """The answer in plain lines, headline first."""
+    """Format the answer in plain lines, the headline first."""
     about, said = run.provenance, make_answer(run)
     lines = [
         format_answer_headline(said),
@@ -177,9 +177,9 @@ def format_answer_summary(run: Run) -> str:
 
 
 def format_answer_markdown(run: Run) -> str:
-    """Masses, verdict with every check, and notes for the reader."""
+    """Format masses, verdict with every check, and notes for the reader."""
     if "points" in run.frames:
-        return ""  # of evidence, which is about many logs
+        return ""  # evidence is about many logs
     about, span, said = run.provenance, find_time_span_of_grid_ns(run), make_answer(run)
     duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
@@ -220,7 +220,7 @@ def format_answer_markdown(run: Run) -> str:
 
 
 def format_calibration_markdown(run: Run) -> str:
-    """Calibration points and line of each method, and the evidence; empty without any."""
+    """Format calibration points and line of each method, and the evidence; empty without any."""
     parts = ["# Calibration", *_describe_calibration_evidence(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():
@@ -248,7 +248,7 @@ def format_calibration_markdown(run: Run) -> str:
 
 
 def _describe_calibration_evidence(run: Run) -> list[str]:
-    """Lines on the evidence: its line, points, and recordings of runs."""
+    """Describe the evidence: its line, points, and recordings of runs; empty without evidence."""
     if "points" not in run.frames:
         return []
     line, points, runs = (run.frames[name] for name in ("line", "points", "runs"))
@@ -271,7 +271,7 @@ def _describe_calibration_evidence(run: Run) -> list[str]:
         f"k = {format_number(row['coverage_k_1'])}"
         for row in line.iter_rows(named=True)
     ]
-    # a digest does not fit into a column
+    # listed, since a digest does not fit into a column
     logs = [
         f"- **{row['run_id']}** {row['log']}{', ' + row['recording'] if row['recording'] else ''}: "
         f"`{row['log_sha256']}`"
@@ -312,13 +312,13 @@ def _make_mass_cells_of_load(row: AnswerRow) -> list[str]:
 
 
 def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
-    """Lines about the answer: prior sensitivity, budget, priors and posteriors.
+    """Describe the answer's reliability: prior sensitivity, budget, priors and posteriors.
 
     Sentences are lists, since the viewer wraps them but not tables.
 
     Args:
         answer: the answer.
-        cycles: lines of the cycles, for a shift.
+        cycles: lines on the cycles of a shift.
     """
     if not any(load["mass_kg"] is not None for load in answer.loads):
         return []
@@ -350,7 +350,7 @@ def _describe_reliability(answer: Answer, cycles: list[str]) -> list[str]:
 
 
 def _make_cycle_lines(run: Run) -> list[str]:
-    """Lines of a shift's cycles, with the local time of each dump."""
+    """Make the lines on a shift's cycles, with the local time of each dump."""
     about, span = run.provenance, find_time_span_of_grid_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
     clock = ShiftClock(read_timezone_name(about), about.t0_unix_ns, duration_s)

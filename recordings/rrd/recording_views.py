@@ -7,7 +7,7 @@ from analysis.model.schema import find_frame_declaration
 
 
 class ViewKind(Enum):
-    """How a view draws its series."""
+    """Kind of a view, which determines how it draws its series."""
 
     LINES = "lines"
     BANDS = "a line with a ±1σ band"
@@ -16,7 +16,7 @@ class ViewKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ViewSeries:
-    """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`.
+    """A column of a frame; `frame` "estimates" stands for every `estimates/<method>`.
 
     The label of a lane of states is also the last part of its entity path in the viewer.
     """
@@ -29,7 +29,7 @@ class ViewSeries:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One plot, whose series share a unit from the schema."""
+    """A plot, whose series have the same unit in the schema."""
 
     name: str
     kind: ViewKind
@@ -53,7 +53,7 @@ class View:
 
 
 class MethodLayout(Enum):
-    """How a tab draws several methods: overlaid, or side by side."""
+    """Layout of several methods in a tab: overlaid, or side by side."""
 
     ONE = "one of them, as an example for all"
     ROWS = "a row for each method, all with the same axis"
@@ -61,7 +61,7 @@ class MethodLayout(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Tab:
-    """One tab: its views from top to bottom, and the texts next to them.
+    """A tab: its views from top to bottom, and the texts beside them.
 
     Attributes:
         name: name of the tab.
@@ -69,7 +69,7 @@ class Tab:
         texts: texts to the left of the views.
         events: whether it lists the findings as events in time.
         context: views that only give context.
-        methods: how estimates are drawn.
+        methods: layout of the methods' estimates.
         pictures: names of pictures below the views.
     """
 
@@ -85,7 +85,7 @@ class Tab:
 def line_view(
     view_name: str, frame_name: str, threshold: str | None = None, /, **label_by_column: str
 ) -> View:
-    """View of columns as lines, by label; `threshold` is a setting drawn as a limit."""
+    """Make a view of columns as labelled lines; `threshold` is a setting drawn as a limit."""
     drawn = tuple(
         ViewSeries(frame_name, column, label) for column, label in label_by_column.items()
     )
@@ -95,7 +95,7 @@ def line_view(
 def line_view_without_outliers(
     view_name: str, frame_name: str, column: str, line_label: str = ""
 ) -> View:
-    """View of a column as a line, on an axis that leaves its outliers out."""
+    """Make a view of a column as a line, on an axis that excludes outliers."""
     return View(
         view_name,
         ViewKind.LINES,
@@ -107,7 +107,7 @@ def line_view_without_outliers(
 def band_view(
     view_name: str, frame_name: str, column: str, std_column: str, line_label: str = ""
 ) -> View:
-    """View of a column with a band of its standard deviation."""
+    """Make a view of a column with a band of its standard deviation."""
     return View(
         view_name,
         ViewKind.BANDS,
@@ -117,5 +117,5 @@ def band_view(
 
 
 def state_lanes_view(view_name: str, *series: tuple[str, str, str]) -> View:
-    """View of states as lanes: frame, column and label of each."""
+    """Make a view of states as lanes, from frame, column and label of each."""
     return View(view_name, ViewKind.STATES, tuple(ViewSeries(*each) for each in series))

@@ -1,4 +1,4 @@
-"""Part of a recording, undecimated."""
+"""Read the part of a recording in a time range, undecimated."""
 
 import math
 from pathlib import Path
@@ -21,12 +21,12 @@ def read_run_of_time_range(
 
     Args:
         path: the recording.
-        from_s: begin in seconds since the start; None for the begin.
-        to_s: end in seconds since the start; None for the end.
+        from_s: first time, in seconds since the start; None for the start.
+        to_s: last time, in seconds since the start; None for the end.
         are_raw_frames_read: whether to read the channels of the log as well.
 
     Raises:
-        RecordingError: as `read_recording`; the range is invalid or contains nothing; or the
+        RecordingError: as from `read_recording`; also if the range is invalid or empty, or the
             recording has no frames.
     """
     whole_run = from_s is None and to_s is None
@@ -94,7 +94,7 @@ def _select_rows_of_time_range(
     frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int
 ) -> pl.DataFrame:
     has = frame.columns
-    # a log may call its own fields anything
+    # fields of a log may have any name
     if "log_time_ns" in has:
         first, last, shift = "log_time_ns", "log_time_ns", t0_ns
     elif "start_t_ns" in has:
@@ -104,7 +104,7 @@ def _select_rows_of_time_range(
     else:
         return frame
     wanted = [pl.lit(value=True)]
-    # a row without times is of the whole run
+    # a row without times is about the whole run
     if begin is not None:
         wanted.append((pl.col(last) >= begin + shift).fill_null(value=True))
     if end is not None:

@@ -1,8 +1,8 @@
-"""Storage of frames in a recording: blocks of rows, each column's block as one list.
+"""Store frames in a recording in blocks of rows, each column of a block as one list.
 
-Rerun stores row id and times in every row and an offset in every cell, which for a shift is more
-than the numbers themselves. So a frame that is not drawn is stored in rows of many values each.
-Rerun does not keep empty frames, the order of columns and their dtypes: a manifest stores these.
+Rerun stores row id and times in every row and an offset in every cell, which take more space than
+the numbers themselves. So a frame that is not drawn is stored in rows of many values each. Rerun
+does not keep empty frames, the order of columns and their dtypes: a manifest has these.
 """
 
 from collections.abc import Iterator, Sequence
@@ -45,7 +45,7 @@ class StoredColumn(BaseModel):
 
     @classmethod
     def from_series(cls, series: pl.Series) -> Self:
-        """Describe `series`.
+        """Describe the dtype of `series`.
 
         Raises:
             OutputError: its dtype cannot be stored, or it has no name.
@@ -67,7 +67,7 @@ class StoredColumn(BaseModel):
 
     @property
     def polars_dtype(self) -> pl.DataType:
-        """Dtype in polars."""
+        """The original dtype in polars."""
         return pl.Enum(self.categories) if self.dtype == _ENUM else _DTYPES[self.dtype]()
 
     def encode_series(self, series: pl.Series) -> pl.Series:
@@ -75,7 +75,7 @@ class StoredColumn(BaseModel):
         return series.to_physical() if self.dtype == _ENUM else series
 
     def decode_series(self, series: pl.Series) -> pl.Series:
-        """Undo `encode`."""
+        """Undo `encode_series`."""
         if self.dtype != _ENUM:
             return series.cast(self.polars_dtype)
         categories = pl.Series(series.name, self.categories, dtype=self.polars_dtype)
@@ -93,7 +93,7 @@ class StoredFrame(BaseModel):
 
     @classmethod
     def from_frame(cls, name: str, frame: pl.DataFrame) -> Self:
-        """Describe `frame`.
+        """Describe the schema of `frame`.
 
         Raises:
             OutputError: a column's dtype cannot be stored.
@@ -103,16 +103,16 @@ class StoredFrame(BaseModel):
 
     @property
     def entity_path_text(self) -> str:
-        """Entity path."""
+        """Entity path of the frame."""
         return make_entity_path(self.name)
 
     def select_columns(self, columns: Sequence[str]) -> tuple[StoredColumn, ...]:
-        """Some of its columns, in the given order."""
+        """Select some of its columns, in the given order."""
         by_name = {column.name: column for column in self.columns}
         return tuple(by_name[name] for name in columns)
 
     def iter_blocks_of_frame(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
-        """Blocks of the frame, each a record batch of one row at the time of its first row."""
+        """Yield blocks of the frame, each a record batch of a row, indexed by its first row."""
         import pyarrow as pa
 
         for number, part in enumerate(frame.iter_slices(LIMITS.stored_block_rows)):
@@ -144,7 +144,7 @@ class StoredFrame(BaseModel):
             group_column_values_by_block(batches, make_component_name(column.name))
             for column in columns
         ]
-        # of a damaged recording some blocks may have lost a column: only whole rows are rows
+        # blocks of a damaged recording may lack a column: only complete blocks are used
         whole = sorted(set.intersection(*(set(each) for each in found))) if found else []
         series: list[pl.Series] = []
         for column, blocks in zip(columns, found, strict=True):
@@ -159,9 +159,9 @@ class StoredFrame(BaseModel):
 def group_column_values_by_block(
     block_batches: "Sequence[pa.RecordBatch]", column_name: str
 ) -> "dict[int, pa.Array]":
-    """Values of a column by the first row of their block.
+    """Group the values of a column by the first row of their block.
 
-    `rerun rrd optimize` stores thin columns apart from thick ones, so each batch may lack columns.
+    `rerun rrd optimize` separates small columns from large ones, so a batch may lack columns.
     """
     found: dict[int, pa.Array] = {}
     for batch in block_batches:
@@ -183,12 +183,12 @@ class Manifest(BaseModel):
     frames: tuple[StoredFrame, ...]
 
     def find_frame_by_name(self, name: str) -> StoredFrame | None:
-        """Frame of this name; None if absent."""
+        """Find the frame of this name; None if absent."""
         return next((frame for frame in self.frames if frame.name == name), None)
 
 
 def make_entity_path(frame_name: str, parent_entity: str = "") -> str:
-    """Entity path of a frame in Rerun's spelling, below an existing path."""
+    """Make the entity path of a frame in Rerun's spelling, below a parent if there is one."""
     import rerun as rr
 
     prefix = parent_entity.strip("/")

@@ -1,6 +1,6 @@
-"""The Rerun viewer: show a recording, or take screenshots of its tabs without a display.
+"""Run the Rerun viewer: show a recording, or take screenshots of its tabs without a display.
 
-The viewer is started here and not by Rerun's own `spawn`, which listens on every interface.
+The viewer is started here and not by Rerun's `spawn`, which listens on every network interface.
 """
 
 import os
@@ -90,13 +90,13 @@ def list_ids_of_shown_recordings(viewer_address: str) -> tuple[str, ...]:
 
 
 def replace_recording_in_viewer(viewer_address: str, earlier_ids: Sequence[str]) -> None:
-    """Put the newest recording in place of the previous one, and close older ones.
+    """Show the newest recording in place of the previous one, and close older ones.
 
     A viewer that was closed is ignored.
 
     Args:
         viewer_address: address of the viewer.
-        earlier_ids: ids in the viewer before the newest came (`list_ids_of_shown_recordings`).
+        earlier_ids: ids in the viewer before the newest recording (`list_ids_of_shown_recordings`).
     """
     from rerun.experimental import ViewerClient
 
@@ -153,7 +153,7 @@ def take_screenshots_of_recording_or_log(
         path: a recording, or a log with an importer.
         folder: existing folder for `NN-tab.png`.
         tab_title: name of a tab; None for all.
-        at_unix_ns: position of the time cursor.
+        at_unix_ns: position of the time cursor, as Unix time in ns; None for the default.
 
     Raises:
         RecordingError: the viewer cannot open the file, it lacks the tab, or the viewer does not
@@ -173,7 +173,7 @@ def take_screenshots_of_recording_or_log(
 
 
 def _find_tabs_container(blueprint: dict[str, Any]) -> dict[str, Any]:
-    """Container of the tabs in a blueprint, by title."""
+    """Find the container of the tabs in a blueprint."""
     return next(
         layout["ContainerBlueprint"]
         for layout in blueprint.values()
@@ -196,14 +196,14 @@ def _take_screenshots_of_tabs(
     tabs: dict[str, Any],
     tab_title: str | None,
 ) -> Iterator[Screenshot]:
-    """Open the tabs one after the other, and take a picture of each."""
+    """Open the tabs one after the other, and take a screenshot of each."""
     for number, entity in enumerate(_list_child_entities(tabs)):
         name = _read_tab_title(blueprint, entity)
         if tab_title is not None and tab_title.casefold() != name.casefold():
             continue
         tabs["active_tab"] = entity
         client.set_blueprint(blueprint, "recording")
-        # a tab of an imported log is called like its topic
+        # a tab of an imported log has the name of its topic
         png = folder / f"{number:02}-{name.lower().strip('/').replace('/', '-')}.png"
         png.write_bytes(wait_for_still_screenshot(client))
         shown = set(_iter_view_ids(blueprint, entity))
@@ -217,7 +217,7 @@ def _take_screenshots_of_tabs(
 
 
 def wait_for_still_screenshot(client: "ViewerClient") -> bytes:
-    """Take pictures until two are equal, since the first ones lack data that is being loaded."""
+    """Take screenshots until two are equal, since data are still being loaded in the first ones."""
     before, deadline = b"", time.monotonic() + LIMITS.viewer_start_s
     while time.monotonic() < deadline:
         time.sleep(LIMITS.viewer_settle_s)
@@ -234,7 +234,7 @@ def _list_child_entities(container: dict[str, Any]) -> list[str]:
 
 
 def _iter_view_ids(blueprint: dict[str, Any], entity: str) -> Iterator[str]:
-    """Ids of the views in a container, at any depth."""
+    """Yield the ids of the views in a container, at any depth."""
     kind, _, identifier = entity.partition("/")
     if kind == "view":
         yield identifier
@@ -253,7 +253,7 @@ class HeadlessViewer(NamedTuple):
 @contextmanager
 def run_headless_viewer(path: Path | None) -> "Generator[HeadlessViewer]":
     """Context with a viewer without a display: its client and address."""
-    # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
+    # "CI" disables Rerun's usage statistics, since nobody sees this viewer to consent
     with tempfile.TemporaryFile() as log:
         process, port = start_viewer_process(
             path, log, "--headless", "--window-size", _WINDOW, CI="1"
@@ -279,7 +279,7 @@ class ViewerProcess(NamedTuple):
 def start_viewer_process(
     path: Path | None, log_file: IO[bytes], *command_options: str, **environment: str
 ) -> ViewerProcess:
-    """Start the viewer with or without a recording, listening on this machine only."""
+    """Start the viewer with or without a recording; it listens only on this machine."""
     with socket.socket() as free:
         free.bind((_HOST, 0))
         port = int(free.getsockname()[1])
@@ -302,7 +302,7 @@ def _make_viewer_address(port: int) -> str:
 
 
 def find_viewer_executable() -> Path:
-    """Path of the viewer in the installed Rerun package."""
+    """Find the viewer in the installed Rerun package."""
     found = find_spec("rerun_cli")
     assert found is not None
     assert found.origin is not None
@@ -319,7 +319,7 @@ def wait_for_client_of_viewer(
     *,
     waits_for_recording: bool = False,
 ) -> "ViewerClient":
-    """Wait until the viewer has loaded its recording, or waits for one."""
+    """Wait until the viewer has loaded its recording, or waits for one, and return its client."""
     from rerun.experimental import ViewerClient
 
     deadline = time.monotonic() + LIMITS.viewer_start_s
@@ -329,7 +329,7 @@ def wait_for_client_of_viewer(
             client = ViewerClient.connect(_make_viewer_address(port))
             state = client.get_state()
         except (ConnectionError, RuntimeError):
-            continue  # it does not listen yet
+            continue  # not listening yet
         if waits_for_recording or (state.recordings and not state.loading):
             return client
     process.terminate()

@@ -1,4 +1,4 @@
-"""Server of the Rerun viewer for browsers, which shows a recording while it is sent."""
+"""Serve the Rerun viewer to browsers, which show a recording while it is sent."""
 
 import ctypes
 import signal
@@ -19,9 +19,9 @@ from recordings.rrd.recording_limits import LIMITS
 from recordings.rrd.viewer import find_viewer_executable
 
 _HOST: Final = "127.0.0.1"
-#: What the server keeps for browsers that come late; older rows go first.
+#: Memory of rows that the server keeps for later browsers; the oldest are dropped first.
 _MEMORY: Final = "256MB"
-#: Linux: the signal that a process gets when its parent ends, also by a kill.
+#: Option of Linux's prctl for the signal that a process gets when its parent ends or is killed.
 _PR_SET_PDEATHSIG: Final = 1
 
 
@@ -55,7 +55,7 @@ def serve_viewer_to_browsers() -> Generator[ViewerServer]:
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        start_new_session=True,  # ctrl-C is for the follower, which ends the server last
+        start_new_session=True,  # ctrl-C reaches only the follower, which ends the server last
         preexec_fn=_terminate_with_parent_process if sys.platform == "linux" else None,
     )
     try:

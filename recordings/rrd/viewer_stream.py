@@ -1,7 +1,7 @@
-"""Importer of the Rerun viewer: a log's drawn columns as a stream on standard output.
+"""Stream a log's drawn columns to standard output, for the importer of the Rerun viewer.
 
-The viewer starts an importer for a file that is opened in it and reads a recording from its
-standard output. Nothing is kept: frames are only drawn.
+The viewer starts an importer for a file that is opened in it, and reads a recording from its
+standard output. Frames are only drawn and not stored.
 """
 
 import os
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _TEXT: Final = "log"
-#: Timelines that Rerun fills by itself.
+#: Timelines that Rerun fills itself.
 _OF_RERUN: Final = ("log_time", "log_tick")
 
 
@@ -74,8 +74,8 @@ def stream_topics_to_stdout(
     """Write the numeric columns of a log to standard output, with a tab per topic.
 
     Args:
-        frame_by_topic: frames by topic, with unix_ns and fields; fields without numbers are left
-            out.
+        frame_by_topic: frames by topic, with `unix_ns` and fields; fields without numbers are
+            omitted.
         description: description of the log, in Markdown.
         recording_name: name of the log.
         request: request of the viewer.
@@ -132,7 +132,7 @@ def _decimate_fields_of_topic(
 def make_panels_of_message_parts(
     entity_path: str, fields: Sequence[str], displayed_fields: pl.DataFrame
 ) -> list[Panel]:
-    """Panels for the fields of each message part: `linear_acceleration.x`, `.y`, `.z` together."""
+    """Make a panel for the fields of each message part, such as `linear_acceleration.x` to `.z`."""
     parts: dict[str, list[str]] = {}
     for field in fields:
         cut = max(field.rfind("."), field.rfind("["))
@@ -155,13 +155,13 @@ def make_panels_of_message_parts(
 
 
 def _send_scene_to_stdout(scene: Scene, request: ViewerRequest, t0_unix_ns: int) -> None:
-    # whatever Rerun would log stays out of the viewer's own log
+    # keeps Rerun's log messages out of the viewer's log
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
     recording = rr.RecordingStream(request.application, recording_id=request.recording)
     recording.stdout()
-    # what is put under an entity joins a scene of somebody else
+    # data under a parent entity belong to another scene, whose layout is kept
     recording.send_blueprint(scene.layout, make_active=not request.under, make_default=True)
     if not request.under:
         recording.send_recording_name(scene.name)
@@ -177,7 +177,7 @@ def _send_scene_to_stdout(scene: Scene, request: ViewerRequest, t0_unix_ns: int)
 
 
 def make_requested_timelines(request: ViewerRequest) -> "dict[str, pa.Scalar]":
-    """Additional timelines of every row, except those that rows have anyway."""
+    """Make the additional timelines of every row, except those that rows have anyway."""
     import pyarrow as pa
 
     types = {

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from rerun import RecordingStream, TimeColumn
     from rerun.blueprint import Blueprint
 
-#: The entity that they lie below.
+#: Entity below which these frames are.
 ROWS: Final = "rows"
-#: Frames of a row per load, manoeuvre, cycle or finding.
+#: Frames with a row per load, manoeuvre, cycle or finding.
 TIMED: Final = ("loads", "segments", "cycles", "findings")
 APPLICATION: Final = "payscope"
 SUFFIX: Final = ".rrd"
@@ -63,9 +63,9 @@ class LiveView:
 def write_recording(
     run: Run, path: str | Path, *, force: bool = False, viewer: str | LiveView | None = None
 ) -> Path:
-    """Write every frame of `run` and its provenance, with a blueprint that lays it out.
+    """Write every frame of `run`, its provenance, and a blueprint of its layout.
 
-    The file gets its name only after everything in it was read back and found equal.
+    The file gets its final name only after everything in it was read back and found equal.
 
     Args:
         run: run to write. Floats outside `raw` must not be NaN (missing is null).
@@ -86,7 +86,7 @@ def write_recording(
 
 @dataclass(frozen=True)
 class Scene:
-    """What a viewer shows of a recording.
+    """Drawn content of a recording, as a viewer shows it.
 
     Attributes:
         name: name in the viewer's list.
@@ -105,7 +105,7 @@ class Scene:
 
 
 def make_scene_of_run(run: Run, parent_entity: str = "") -> Scene:
-    """Scene of a run by the table of views, below an entity."""
+    """Make the scene of a run by the table of views, below a parent entity if given."""
     shown = make_display_frames(run)
     name = make_recording_name(run.provenance)
     begin = (find_time_span_of_grid_ns(run) or (0, 0))[0]
@@ -130,11 +130,11 @@ def write_recording_with_scene(
     force: bool = False,
     live_viewer: str | LiveView | None = None,
 ) -> Path:
-    """Write the whole recording of a run like `write_recording`, with a scene of its own.
+    """Write the recording of a run as `write_recording` does, but with a given scene.
 
     Args:
         run: run to store.
-        make_scene: makes the scene; called once the output is known to be writable.
+        make_scene: function that makes the scene, called once the output is known to be writable.
         path: the `.rrd` file to write.
         force: whether to replace an existing file.
         live_viewer: viewer that shows the recording while it is written, or its address.
@@ -153,7 +153,7 @@ def write_recording_with_scene(
 
 
 def require_writable_recording(path: Path, *, force: bool) -> None:
-    """Raise an error before the work begins if a recording cannot be written.
+    """Raise an error, before any work, if a recording cannot be written.
 
     Raises:
         OutputError: as `write_recording`.
@@ -172,7 +172,7 @@ def _send_run_through_pipe(
     path: Path,
     live_viewer: LiveView | None,
 ) -> None:
-    # what Rerun would log of a viewer that went away is said in our own line
+    # a closed viewer is reported by our own line instead of Rerun's log
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
@@ -198,12 +198,12 @@ def _send_run_through_pipe(
     send_events_of_scene(recording, scene, run.provenance.t0_unix_ns)
     wait_until_recording_is_written(
         recording, piped_file, path
-    )  # what describes the frames first, or a cut file is past help
+    )  # the description comes first, else a truncated file could not be recovered
     waiting = 0
     for index, batch in iter_batches_of_run_with_index(run, scene.frames):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
-        if waiting > LIMITS.waiting_bytes:  # or the queue of chunks grows to the whole run
+        if waiting > LIMITS.waiting_bytes:  # else the queue of chunks grows to the whole run
             wait_until_recording_is_written(recording, piped_file, path)
             waiting = 0
     wait_until_recording_is_written(recording, piped_file, path)
@@ -213,7 +213,7 @@ def _send_run_through_pipe(
 def send_texts_and_pictures(
     recording: "RecordingStream", scene: Scene, parent_entity: str = ""
 ) -> None:
-    """Send the static parts of a scene below an entity: texts and pictures."""
+    """Send the texts and pictures of a scene, which are independent of time."""
     import rerun as rr
 
     for name, text in scene.texts.items():
@@ -230,7 +230,7 @@ def send_events_of_scene(
     parent_entity: str = "",
     extra_times: "Mapping[str, pa.Scalar] | None" = None,
 ) -> None:
-    """Send the events of a scene below an entity, on both timelines and additional ones."""
+    """Send the events of a scene, on both timelines and on additional ones."""
     import numpy as np
     import rerun as rr
 
@@ -256,7 +256,7 @@ def send_events_of_scene(
 def make_constant_timeline(
     timeline_name: str, constant_time: "pa.Scalar", row_count: int
 ) -> "TimeColumn":
-    """Timeline with one time for all rows."""
+    """Make a timeline with the same time for all rows."""
     import numpy as np
     import pyarrow as pa
     import rerun as rr
@@ -272,7 +272,7 @@ def make_constant_timeline(
 def wait_until_recording_is_written(
     recording: "RecordingStream", piped_file: PipedFile, path: Path
 ) -> None:
-    """Wait until everything sent is in the file, as long as the file grows."""
+    """Wait until everything sent is in the file; raise an error if the file stops growing."""
     size = -1
     while True:
         piped_file.raise_write_error()
@@ -292,7 +292,7 @@ def wait_until_recording_is_written(
 def iter_batches_of_run_with_index(
     run: Run, display_frames: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
-    """Record batches with their index: drawn frames first, in order of time, then all others."""
+    """Yield record batches with their index: first drawn frames, then all stored frames."""
     for name, frame in display_frames.items():
         for batch in iter_record_batches_to_draw(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
@@ -304,7 +304,7 @@ def iter_batches_of_run_with_index(
 
 
 def refuse_recording_unlike_run(run: Run, partial_path: Path, path: Path) -> None:
-    """Read every frame back, and compare it with the run."""
+    """Read every frame back, and raise an error if it differs from the run."""
     try:
         with open_recording(partial_path, stored_names=True) as held:
             if held.provenance != run.provenance:
@@ -327,11 +327,11 @@ def refuse_recording_unlike_run(run: Run, partial_path: Path, path: Path) -> Non
 def iter_batches_of_frames(
     frames: Mapping[str, pl.DataFrame], t0_unix_ns: int
 ) -> "Iterator[pa.RecordBatch]":
-    """Record batch of each frame with rows; rows of the whole run are at its start.
+    """Yield a record batch of each frame in `TIMED`; rows about the whole run are at its start.
 
     Args:
         frames: frames of a run.
-        t0_unix_ns: Unix time of their time 0.
+        t0_unix_ns: Unix time of `t_ns` 0.
     """
     import pyarrow as pa
 
@@ -351,7 +351,7 @@ def iter_batches_of_frames(
             if not pa.types.is_primitive(values.type):
                 values = values.cast(pa.string())
             stored = make_component_name(column.name)
-            # one value a row, and none where it is missing
+            # one value per row, and none if it is missing
             cells = [[] if value is None else [value] for value in values.to_pylist()]
             arrays[stored] = pa.array(cells, pa.list_(values.type))
             metadata = {

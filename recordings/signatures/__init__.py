@@ -1,1 +1,1 @@
-"""Signatures, keys and the canonical bytes that are signed."""
+"""Signatures, keys and keyrings, and the canonical bytes that are signed."""

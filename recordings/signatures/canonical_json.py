@@ -1,4 +1,4 @@
-"""Canonical JSON (RFC 8785), with exactly one byte sequence per value, and its safe parsing.
+"""Encode canonical JSON (RFC 8785), which has exactly one byte sequence per value, and parse it.
 
 Parsed data may be untrusted: size, depth, numbers and names are limited before and during parsing.
 """
@@ -10,16 +10,16 @@ from typing import Any, Final
 from estimators.errors import EvidenceError
 from recordings.signatures.signature_limits import LIMITS
 
-#: Whole numbers beyond it are not exact in the doubles that canonical JSON is of.
+#: Largest integer that is exact in a double, which is how canonical JSON defines numbers.
 _LARGEST_EXACT: Final = 2**53 - 1
 _OPEN, _CLOSE, _QUOTE, _ESCAPE = b"[{", b"]}", ord('"'), ord("\\")
 
 
 def encode_canonical_json(value: Any) -> bytes:
-    """Canonical bytes of a JSON value.
+    """Encode a JSON value as canonical bytes.
 
     Raises:
-        EvidenceError: it holds what JSON cannot: NaN, infinity, a whole number beyond 2^53.
+        EvidenceError: the value has NaN, infinity or an integer beyond 2^53, which JSON lacks.
     """
     import rfc8785
 
@@ -40,8 +40,8 @@ def parse_canonical_json(json_bytes: bytes, source: str) -> Any:
         source: name of the data, for the error.
 
     Raises:
-        EvidenceError: too long, too deep, a number too long or too large, a name that comes twice,
-            no JSON, or not in canonical form.
+        EvidenceError: the bytes are too many, nested too deeply, have a number that is too long or
+            too large or a repeated name, are not JSON, or not in canonical form.
     """
     if len(json_bytes) > LIMITS.document_bytes:
         raise EvidenceError(
@@ -67,7 +67,7 @@ def parse_canonical_json(json_bytes: bytes, source: str) -> Any:
 
 
 def _refuse_deep_nesting(json_bytes: bytes, source: str) -> None:
-    """Refuse data nested too deeply, by counting brackets outside of texts."""
+    """Raise an error for data nested too deeply, by counting brackets outside texts."""
     depth, quoted, escaped = 0, False, False
     for byte in json_bytes:
         if quoted:
@@ -95,7 +95,7 @@ def _parse_integer_or_float_if_beyond_exact_range(text: str) -> int | float:
             f"it contains a number of {len(text)} digits; {LIMITS.number_characters} are allowed"
         )
     value = int(text)
-    # a double such as 1e20 has all its digits in canonical form
+    # in canonical form, a double such as 1e20 is written with all its digits
     return value if abs(value) <= _LARGEST_EXACT else float(value)
 
 
@@ -116,7 +116,7 @@ def _refuse_json_constant(text: str) -> float:
 
 
 def _make_object_of_unique_names(name_value_pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """JSON object; an error if it repeats a name."""
+    """Make a JSON object from its pairs; raise an error for a repeated name."""
     found = dict(name_value_pairs)
     if len(found) != len(name_value_pairs):
         raise ValueError("a name appears twice in one object")

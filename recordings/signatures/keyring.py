@@ -30,7 +30,7 @@ from recordings.signatures.signing import (
     read_signing_key_or_none,
 )
 
-#: The environment variable that names another keyring.
+#: Environment variable that names another keyring.
 KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"
 _HEAD: Final = "# Keys that payscope knows, and their owners; changed by `payscope keys`.\n"
 
@@ -61,11 +61,11 @@ class KnownKey(BaseModel):
 
     @property
     def public_key(self) -> PublicKey:
-        """Public key itself."""
+        """The public key."""
         return PublicKey.from_base64_text(self.key)
 
     def explain_distrust(self, signature_day: dt.date, proven_day: dt.date | None) -> str:
-        """Why a signature of that day does not count; "" if it does.
+        """Say why a signature of a day does not count; "" if it does.
 
         Args:
             signature_day: date of signing according to the evidence.
@@ -98,20 +98,20 @@ class Keyring:
     keys: tuple[KnownKey, ...] = ()
 
     def find_key_by_id_or_prefix(self, key_id: str) -> KnownKey | None:
-        """Key with that id, or the only one whose id begins so; None otherwise."""
+        """Find the key with this id, or the only one whose id begins with it; None otherwise."""
         found = [each for each in self.keys if each.public_key.key_id.startswith(key_id)]
         return found[0] if key_id and len(found) == 1 else None
 
 
 def find_keyring_path() -> Path:
-    """Path of the user's keyring."""
+    """Find the path of the user's keyring."""
     named = os.environ.get(KEYRING_VARIABLE)
     if named:
         return Path(named)
     base = os.environ.get("XDG_CONFIG_HOME")
     try:
         return (Path(base) if base else Path.home() / ".config") / "payscope" / "keys.toml"
-    except RuntimeError:  # a user without a home
+    except RuntimeError:  # a user without a home folder
         return Path("payscope-keys.toml")
 
 
@@ -122,7 +122,7 @@ def load_keyring(path: Path | None = None) -> Keyring:
         path: path of the file; None for the user's.
 
     Raises:
-        EvidenceError: it cannot be read, is not a keyring, or holds a weak or repeated key.
+        EvidenceError: the file cannot be read, is not a keyring, or has a weak or repeated key.
     """
     path = path or find_keyring_path()
     try:
@@ -151,10 +151,11 @@ def load_keyring(path: Path | None = None) -> Keyring:
 
 
 def read_valid_signing_key_or_none(path: Path | None) -> SigningKey | None:
-    """Read a key as `read_signing_key_or_none`, unless the user's keyring lets it sign nothing.
+    """Read a key as `read_signing_key_or_none` does, if the user's keyring does not forbid it.
 
     Raises:
-        EvidenceError: as that; the keyring has revoked the key, or it is not valid today.
+        EvidenceError: as from that function; also if the keyring has the key as revoked, or not
+            valid today.
     """
     key = read_signing_key_or_none(path)
     known = None if key is None else load_keyring().find_key_by_id_or_prefix(key.public_key.key_id)
@@ -168,10 +169,10 @@ def read_valid_signing_key_or_none(path: Path | None) -> SigningKey | None:
 
 
 def save_keyring(keyring_path: Path, keys: Sequence[KnownKey]) -> Keyring:
-    """Write a keyring, whole or not at all, writable only by its owner.
+    """Write a keyring atomically, writable only by its owner.
 
     Raises:
-        EvidenceError: it cannot be written.
+        EvidenceError: the keyring cannot be written.
     """
     import tomlkit
 
@@ -181,7 +182,7 @@ def save_keyring(keyring_path: Path, keys: Sequence[KnownKey]) -> Keyring:
         table.update(each.model_dump(exclude_defaults=True))
         tables.append(table)
     text = _HEAD + ("\n" + tomlkit.dumps({"keys": tables}) if keys else "")
-    kept = keyring_path.resolve()  # of a link, what it points at: others may read that
+    kept = keyring_path.resolve()  # the target of a link, which others may read too
     partial = kept.with_name(f".{kept.name}.{os.getpid()}")
     try:
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -201,7 +202,7 @@ def add_key_to_keyring(keyring: Keyring, known_key: KnownKey) -> Keyring:
     """Add a key, and write the keyring.
 
     Raises:
-        EvidenceError: the key is there already, or the file cannot be written.
+        EvidenceError: the keyring has the key already, or the file cannot be written.
     """
     same = keyring.find_key_by_id_or_prefix(known_key.public_key.key_id)
     if same is not None:
@@ -216,8 +217,8 @@ def revoke_key_in_keyring(keyring: Keyring, key_id: str, day: dt.date, reason: s
     """Mark a key as revoked, and write the keyring.
 
     Raises:
-        EvidenceError: no such key, it was revoked on that day or before, the reason is too long, or
-            the file cannot be written.
+        EvidenceError: there is no such key, it was revoked on that day or before, the reason is too
+            long, or the file cannot be written.
     """
     known = keyring.find_key_by_id_or_prefix(key_id)
     if known is None:
@@ -240,14 +241,14 @@ def revoke_key_in_keyring(keyring: Keyring, key_id: str, day: dt.date, reason: s
 
 
 def validate_known_key(row: object, name: str) -> KnownKey:
-    """Key of a row of a keyring.
+    """Validate an entry of a keyring.
 
     Args:
         row: fields of the key.
-        name: file and key, for the error.
+        name: name of file and key, for error messages.
 
     Raises:
-        EvidenceError: a field is missing, wrong or too long.
+        EvidenceError: a field is missing, invalid or too long.
     """
     try:
         return KnownKey.model_validate(row)

@@ -12,19 +12,19 @@ class SignatureLimits:
     """
 
     # canonical_json
-    #: Bytes of a document; that of a thousand runs has about one million.
+    #: Most bytes of a document; that of a thousand runs has about one million.
     document_bytes: int = 16 << 20
-    #: Depth of nested objects and lists.
+    #: Greatest depth of nested objects and lists.
     document_depth: int = 32
-    #: Characters of a number: 17 digits, sign, point and exponent, and some.
+    #: Most characters of a number: 17 digits, sign, point and exponent, and some more.
     number_characters: int = 32
 
     # keyring
-    #: Bytes of a keyring; a key takes some two hundred.
+    #: Most bytes of a keyring; a key takes some two hundred.
     keyring_bytes: int = 1 << 20
 
     # signing
-    #: Bytes of a key file; one has some hundred.
+    #: Most bytes of a key file, which has some hundred.
     key_bytes: int = 16 << 10
 
 

@@ -1,4 +1,4 @@
-"""Signer of evidence as far as it can be verified; names in the evidence are not trusted."""
+"""Signer of evidence, as far as it can be verified; names in the evidence are not trusted."""
 
 from dataclasses import dataclass
 from shlex import quote
@@ -7,13 +7,13 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class SignedBy:
-    """Result of checking whose signature evidence has.
+    """Result of checking who signed evidence.
 
     Attributes:
         how: "unsigned"; "unknown": by a key that is not in the keyring; "given": by the key given
             by the user; "known": by a key in the keyring; "broken": the signature does not verify.
         claimed: name of the signer according to the evidence.
-        owner: owner of the key according to the keyring; "" if it is not in it.
+        owner: owner of the key according to the keyring; "" if the key is not in it.
         key_id: SHA-256 of the public key.
         public_key: public key in base64.
     """

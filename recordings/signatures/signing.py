@@ -1,7 +1,7 @@
-"""Signatures: an in-toto statement about the files of a bundle in a DSSE envelope, by Ed25519.
+"""Sign the files of a bundle by Ed25519: an in-toto statement about them in a DSSE envelope.
 
-No signature counts by a key for which anyone can sign: one of small order accepts signatures that
-nobody made, and the private half of a published one is known to all.
+Signatures by a weak key do not count: a key of small order accepts forged signatures, and the
+private half of a published key is known to everyone.
 Source: DSSE v1.0 (secure-systems-lab/dsse, protocol.md), in-toto Attestation Framework v1
 (spec/v1/statement.md and envelope.md), RFC 8032 for Ed25519 (5.1.3 for weak keys, 7.1 for published
 ones; order-8 points as in the list of libsodium), RFC 5958 and 8410 for its keys.
@@ -29,22 +29,22 @@ if TYPE_CHECKING:
 
 PAYLOAD_TYPE: Final = "application/vnd.in-toto+json"
 STATEMENT_TYPE: Final = "https://in-toto.io/Statement/v1"
-#: A name, and no page: the top-level domain leads nowhere (RFC 2606).
+#: A mere name and not an address: the top-level domain is reserved (RFC 2606).
 PREDICATE_TYPE: Final = "https://payscope.invalid/calibration-evidence/v1"
-#: The environment variable that may hold the private key, in PEM.
+#: Environment variable that may contain the private key, in PEM.
 KEY_VARIABLE: Final = "PAYSCOPE_SIGNING_KEY"
 _MAKE: Final = "openssl genpkey -algorithm ed25519 -out key.pem"
 _PUBLISH: Final = "openssl pkey -in key.pem -pubout -out key.pub.pem"
 #: The prime of Curve25519.
 _P: Final = 2**255 - 19
 _D: Final = -121665 * pow(121666, -1, _P) % _P
-#: y of a point of order 8; that of its negative is P less this.
+#: y of a point of order 8; the other y of order 8 is P minus this.
 _ORDER_8: Final = int.from_bytes(
     bytes.fromhex("26e8958fc2b227b045c3f489f2ef98f0d5dfac05d3c63339b13802886d53fc05"), "little"
 )
 #: y of every point of small order: of order 4, 1, 2 and 8.
 _SMALL_ORDER: Final = frozenset({0, 1, _P - 1, _ORDER_8, _P - _ORDER_8})
-#: Private keys printed in RFC 8032, and those that a careless program makes: one byte repeated.
+#: Private keys printed in RFC 8032, and keys of one repeated byte, as careless programs make them.
 _PUBLISHED_SEEDS: Final = (
     "9d61b19deffd5a60ba844af492ec2cc44449c5697b326919703bac031cae7f60",
     "4ccd089b28ff96da9db6c346ec114e0f5b8a319f35aba624da8cf6ed4fb8a6fb",
@@ -61,14 +61,14 @@ class PublicKey:
     """Ed25519 public key.
 
     Attributes:
-        raw: its 32 bytes.
+        raw: the key's 32 bytes.
     """
 
     raw: bytes
 
     @property
     def key_id(self) -> str:
-        """The SHA-256 of the raw key, in hexadecimal digits."""
+        """SHA-256 of the raw key, in hex."""
         return hashlib.sha256(self.raw).hexdigest()
 
     @property
@@ -78,10 +78,10 @@ class PublicKey:
 
     @classmethod
     def from_base64_text(cls, text: str) -> "PublicKey":
-        """Parse a key in base64, as `text` returns it.
+        """Parse a key in base64, as `base64_text` returns it.
 
         Raises:
-            EvidenceError: it is not base64 of 32 bytes, or the key is weak.
+            EvidenceError: the text is not base64 of 32 bytes, or the key is weak.
         """
         raw = _decode_base64_or_refuse(text, "a public key")
         if len(raw) != 32:
@@ -92,7 +92,7 @@ class PublicKey:
         """Return the key if its signatures can be relied on.
 
         Raises:
-            EvidenceError: it is of small order, no point of the curve, or its private half known.
+            EvidenceError: the key is weak (`describe_key_weakness`).
         """
         fault = describe_key_weakness(self.raw)
         if fault:
@@ -113,7 +113,7 @@ class PublicKey:
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """Private key; `repr` does not show it."""
+    """Private key, which `repr` does not show."""
 
     private: "Ed25519PrivateKey"
 
@@ -126,13 +126,13 @@ class SigningKey:
         """Return the key unless it is a published one.
 
         Raises:
-            EvidenceError: it is published.
+            EvidenceError: the private key is published.
         """
         _refuse_weak_key_of_source(self.public_key, source)
         return self
 
     def sign_message(self, message: bytes) -> bytes:
-        """Signature of a message, 64 bytes."""
+        """Sign a message; the signature has 64 bytes."""
         return self.private.sign(message)
 
 
@@ -159,10 +159,11 @@ def generate_key_pair_pem() -> KeyPairPem:
 
 
 def read_signing_key_or_none(path: Path | None) -> SigningKey | None:
-    """Private key from the file, or else from the environment variable; None without either.
+    """Read a private key from a file, or else from the environment variable; None without either.
 
     Raises:
-        EvidenceError: it cannot be read, or is not a private Ed25519 key in PEM without a password.
+        EvidenceError: the key cannot be read, or is not a private Ed25519 key in PEM without a
+            password.
     """
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -184,10 +185,10 @@ def read_signing_key_or_none(path: Path | None) -> SigningKey | None:
 
 
 def read_public_key_file(path: Path) -> PublicKey:
-    """Public key from a file.
+    """Read a public key from a file.
 
     Raises:
-        EvidenceError: it cannot be read, is not a public Ed25519 key in PEM, or is weak.
+        EvidenceError: the key cannot be read, is not a public Ed25519 key in PEM, or is weak.
     """
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -206,13 +207,13 @@ def read_public_key_file(path: Path) -> PublicKey:
 
 
 def encode_payload_for_signature(payload_type: str, payload: bytes) -> bytes:
-    """Bytes to be signed: DSSE's pre-authentication encoding (protocol.md)."""
+    """Encode the bytes to be signed by DSSE's pre-authentication encoding (protocol.md)."""
     kind = payload_type.encode()
     return b"DSSEv1 %d %b %d %b" % (len(kind), kind, len(payload), payload)
 
 
 def encode_in_toto_statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
-    """In-toto statement on files: their SHA-256 by name, and a predicate."""
+    """Encode an in-toto statement about files: their SHA-256 by name, and a predicate."""
     return encode_canonical_json(
         {
             "_type": STATEMENT_TYPE,
@@ -226,7 +227,7 @@ def encode_in_toto_statement(digests: Mapping[str, str], predicate: Mapping[str,
 
 
 def encode_signed_envelope(payload: bytes, signing_key: SigningKey) -> bytes:
-    """Signed DSSE envelope with a statement."""
+    """Sign a statement, and encode it in a DSSE envelope."""
     signature = signing_key.sign_message(encode_payload_for_signature(PAYLOAD_TYPE, payload))
     return encode_canonical_json(
         {
@@ -249,8 +250,8 @@ class EnvelopeContent:
     Attributes:
         payload: bytes of the statement.
         statement: parsed statement.
-        signature: 64 bytes.
-        key_id: key id in the envelope; a hint that no check relies on.
+        signature: Ed25519 signature, 64 bytes.
+        key_id: key id in the envelope, a hint on which no check relies.
     """
 
     payload: bytes
@@ -266,10 +267,10 @@ class EnvelopeContent:
 
 
 def parse_untrusted_envelope(envelope_bytes: bytes, source: str) -> EnvelopeContent:
-    """Read an envelope of a stranger; trust its contents only after `is_signed_by` holds.
+    """Parse an untrusted envelope, whose content is to be trusted only if `is_signed_by` is True.
 
     Raises:
-        EvidenceError: it is not an envelope as written by `encode_signed_envelope`.
+        EvidenceError: the bytes are not an envelope as `encode_signed_envelope` writes it.
     """
     held = parse_canonical_json(envelope_bytes, source)
     try:
@@ -297,7 +298,7 @@ def _decode_base64_or_refuse(text: str, source: str) -> bytes:
         raise EvidenceError(
             f"{source} is not base64; copy it again from the original file"
         ) from None
-    # several texts decode alike; one counts
+    # several texts decode to the same bytes, of which only one is accepted
     if base64.b64encode(data).decode() != text:
         raise EvidenceError(
             f"{source} is not canonical base64; copy it again from the original file"
@@ -330,7 +331,7 @@ def _convert_library_key(library_key: "Ed25519PublicKey") -> PublicKey:
 
 
 def describe_key_weakness(raw_key: bytes) -> str:
-    """Why signatures by this key cannot be relied on; "" if nothing is known against it.
+    """Say why signatures by a key cannot be relied on; "" if no weakness is known.
 
     Args:
         raw_key: 32 bytes of a public key.

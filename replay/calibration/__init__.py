@@ -1,1 +1,1 @@
-"""The commands `calibrate` and `verify`, and evidence put to use."""
+"""The commands `calibrate` and `verify`, and the use of evidence in other commands."""

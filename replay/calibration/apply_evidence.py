@@ -1,4 +1,4 @@
-"""Apply a calibration's evidence: which masses it calibrates, and which it must not."""
+"""Calibrate masses by a calibration's evidence, and refuse logs to which it does not apply."""
 
 import datetime as dt
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -49,7 +49,8 @@ class CalibrationRequest:
         folder: folder of the evidence.
         key_file: public key of the required signer.
         signed: whether a signature by a given or kept key is required.
-        ask: asks on a terminal whether to trust and keep an unknown key; None without a terminal.
+        ask: function that asks on a terminal whether to trust and keep an unknown key; None
+            without a terminal.
     """
 
     folder: Path
@@ -94,18 +95,18 @@ class MachineCalibration:
         )
 
     def copy_machine_with_calibrated_settings(self, machine: Machine) -> Machine:
-        """The machine with the calibration's empty mass and priors."""
+        """The machine with the empty mass, priors and settings of the calibration."""
         document = self.document
         machine = copy_machine_with_campaign_empty_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
         weighing = copy_machine_with_learnt_priors(machine, terms)
         if self.calibration.responses:
             weighing = copy_machine_estimating_learnt_mean_errors(weighing)
-        # as evidence keeps it, its keys in another order: a replay of that gives the same frames
+        # through the form in evidence, whose keys are in another order: the same frames result
         return Machine.model_validate_json(encode_canonical_json(weighing.model_dump(mode="json")))
 
     def list_differing_settings_as_text(self, weighing_machine: Machine) -> str:
-        """Settings that differ from the calibration's; "" if none.
+        """Name the settings that differ from the calibration's, as a predicate; "" if none does.
 
         Serial number, channels, settings and priors are compared, since they define the mass; the
         name is compared if there is no serial number.
@@ -138,14 +139,14 @@ class MachineCalibration:
     def require_calibrated_machine(self, weighing_machine: Machine, source: object) -> Machine:
         """Return the machine with its serial number if it is the calibrated one.
 
-        Logs that name another machine are rejected from then on.
+        With the serial number set, logs that name another machine are rejected.
 
         Args:
-            weighing_machine: machine from `weighing_machine`, or from a recording.
+            weighing_machine: from `copy_machine_with_calibrated_settings`, or from a recording.
             source: file that the machine comes from, for the error message.
 
         Raises:
-            EvidenceError: another machine, or other settings.
+            EvidenceError: it is another machine, or its settings differ.
         """
         other = self.list_differing_settings_as_text(weighing_machine)
         if other:
@@ -157,14 +158,14 @@ class MachineCalibration:
         return weighing_machine.model_copy(update={"machine": body})
 
     def refuse_after_expiry(self, start_ns: int | None, subject: object) -> None:
-        """Raise an error for a log after the evidence expired; an undated log counts as today's.
+        """Raise an error for a log recorded after the expiry; an undated log counts as today's.
 
         Args:
-            start_ns: Unix time of the log's begin, if known.
+            start_ns: Unix time of the log's start in ns; None if unknown.
             subject: the log, for the error message.
 
         Raises:
-            EvidenceError: the evidence expired before the log.
+            EvidenceError: the evidence had expired when the log was recorded.
         """
         zone = self.document.machine.machine.time_zone
         if start_ns is not None and start_ns >= FIRST_DATE_NS:
@@ -179,13 +180,13 @@ class MachineCalibration:
             )
 
     def refuse_logs_of_other_machine(self, logs: Sequence[Log]) -> str:
-        """Raise an error for logs of another machine, or after the evidence expired.
+        """Raise an error for logs of another machine, or recorded after the evidence expired.
 
         Returns:
             The machine's serial number in the logs' metadata; "" if they have none.
 
         Raises:
-            EvidenceError: the evidence expired.
+            EvidenceError: the evidence had expired when the last log was recorded.
             LogError: a log is of another machine.
         """
         logged = find_machine_id_common_to_logs(logs, self.machine_id)
@@ -199,11 +200,11 @@ class MachineCalibration:
     def calibrate_masses_of_loads_frame(
         self, frames: Mapping[str, pl.DataFrame], differing_settings: str = ""
     ) -> pl.DataFrame:
-        """The frame `loads` with calibrated masses, or without any if the log contradicts it.
+        """The frame `loads` with calibrated masses; without them if the log forbids it.
 
         Args:
-            frames: `FRAMES` of a replay by `weighing_machine`.
-            differing_settings: differences of that machine from the calibration.
+            frames: `FRAMES` of a replay with `copy_machine_with_calibrated_settings`.
+            differing_settings: `list_differing_settings_as_text` of that machine.
         """
         body = self.copy_machine_with_calibrated_settings(self.document.machine).machine
         log = collect_later_log_facts(
@@ -215,8 +216,8 @@ class MachineCalibration:
         """The run with calibrated masses and a note about the evidence.
 
         Args:
-            run: a replay by `weighing_machine`.
-            differing_settings: differences of that machine from the calibration.
+            run: a replay with `copy_machine_with_calibrated_settings`.
+            differing_settings: `list_differing_settings_as_text` of that machine.
         """
         loads = self.calibrate_masses_of_loads_frame(run.frames, differing_settings)
         said = self.describe_calibration_in_sentence(run.provenance.logged_machine_id)
@@ -226,11 +227,11 @@ class MachineCalibration:
 
 
 def load_and_verify_calibration(request: CalibrationRequest) -> MachineCalibration:
-    """Read evidence and verify it like `payscope verify`.
+    """Read evidence and verify it as `payscope verify` does.
 
     Raises:
         EvidenceError: the folder has no evidence or no calibration, verification fails, a required
-            signature is missing or by an unknown key, or the calibrated mass is not in `loads`.
+            signature is missing or by an unknown key, or its method gives no masses in `loads`.
     """
     folder = request.folder
     key = None if request.key_file is None else read_public_key_file(request.key_file)
@@ -267,7 +268,7 @@ def load_and_verify_calibration(request: CalibrationRequest) -> MachineCalibrati
 def accept_signature_of_known_key(
     request: CalibrationRequest, signature: SignedBy, keyring: Keyring
 ) -> SignedBy:
-    """Return the signature if its key is known; a key trusted on first use is kept.
+    """Return the signature if its key is known or the user trusts it now, which is then kept.
 
     Raises:
         EvidenceError: unsigned, or signed by an unknown key that the user rejects.
@@ -299,14 +300,14 @@ def calibrate_loads_of_recording(
     """The frame `loads` of a recording with its masses calibrated.
 
     Args:
-        frames: `FRAMES`, as far as the recording has them.
+        frames: the frames of `FRAMES` that the recording has.
         provenance: provenance of the recording.
         request: the evidence to apply.
         recording: path of the recording.
 
     Raises:
-        EvidenceError: as `load_and_verify_calibration`, or if the recording has other settings or
-            priors than the calibration, or is later than its expiry.
+        EvidenceError: as from `load_and_verify_calibration`; also if settings or priors of the
+            recording differ from the calibration's, or its log is from after the expiry.
     """
     by = load_and_verify_calibration(request)
     other = by.list_differing_settings_as_text(read_machine_from_provenance(provenance))
@@ -320,7 +321,7 @@ def calibrate_loads_of_recording(
 
 
 def read_machine_from_provenance(provenance: Provenance) -> Machine:
-    """The machine settings of a recording."""
+    """The machine, with its settings, that a recording was made with."""
     content = {**provenance.machine, "settings": provenance.settings.model_dump()}
     return Machine.model_validate(content)
 

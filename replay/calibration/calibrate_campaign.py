@@ -1,4 +1,4 @@
-"""The command `calibrate`: from a campaign file to a bundle of evidence."""
+"""The command `calibrate`: make a bundle of evidence from a campaign file."""
 
 import hashlib
 from collections.abc import Callable, Mapping
@@ -73,9 +73,9 @@ class CalibrationOutcome:
         folder: folder of the bundle.
         document: the evidence.
         readings: frame `readings`.
-        points: frame with a row per run.
+        points: points of the calibration, a row per run.
         remarks: remarks for the user, one per line.
-        refusals: why each log that cannot weigh cannot, by log.
+        refusals: why a log cannot weigh, by log; logs that can are absent.
     """
 
     folder: Path
@@ -95,7 +95,7 @@ class CalibrationOutcome:
         """Whether a line was fitted, meets its limits (if any), and no drift check failed."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
-        # a check without a result is not a good one either
+        # a check without a result has not passed
         steady = said.drift is None or said.drift.drifted is False
         return said.calibration is not None and limits and steady
 
@@ -120,8 +120,8 @@ class EvidenceParts:
         kind: "calibration" or "check".
         campaign: reference masses and runs.
         machine: machine with its settings.
-        learnt: learnt priors.
-        replayed: readings and logs.
+        learnt: priors learnt from the logs; None if there are none.
+        replayed: readings of the runs, and a record of each log.
         options: options of the fit.
         fitted: line, points and limits.
         drift: drift found by a check.
@@ -163,10 +163,10 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
         on_log: called with each log's name when its replay begins.
 
     Raises:
-        PayscopeError: the input is wrong; nothing has been written then.
+        PayscopeError: the input is invalid; nothing has been written.
     """
     campaign, machine = load_campaign_and_machine(campaign_file)
-    # as evidence keeps it, its keys in another order: a replay of that gives the same frames
+    # through the form in evidence, whose keys are in another order: the same frames result
     machine = Machine.model_validate_json(encode_canonical_json(machine.model_dump(mode="json")))
     key = read_valid_signing_key_or_none(key_file)
     xml_key = None if dcc is None else require_dcc_inputs(campaign_file, campaign, dcc, force=force)
@@ -191,7 +191,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
 
         learnt = None
         if campaign.does_learn_priors and len(campaign.log_names) >= USE_LIMITS.min_logs:
-            # under the machine's own priors: what they say of the nuisances together
+            # with the machine's own priors, to learn priors from all logs together
             first = replay_campaign_logs(campaign, machine, find_path_of_log, None, on_log)
             refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)
             refuse_campaign.refuse_unaccounted_logs_of_list(campaign_file, campaign, first, stretch)
@@ -246,7 +246,7 @@ def read_previous_evidence(
 
     Raises:
         EvidenceError: it is of another machine, verification fails, or it is signed by a key that
-            is neither this one nor in the user's keyring.
+            is neither `key` nor in the user's keyring.
     """
     checked = check_bundle(previous, None, None, load_keyring())
     wrong = checked.evidence_faults
@@ -288,10 +288,10 @@ def write_verified_evidence(
     Args:
         evidence: parts of the evidence.
         staging_folder: temporary folder, which already contains the recordings.
-        final_folder: final folder.
+        final_folder: folder that it becomes once it is verified.
         key: signing key; None leaves it unsigned.
         earlier_bundle: the machine's previous evidence.
-        previous: folder of that evidence.
+        previous: folder of that previous evidence.
         list_range: part of the recorder's notary list, if the campaign names one.
 
     Raises:
@@ -338,7 +338,7 @@ def _make_evidence_document(
         made=format_current_utc_time(),
         notice=NOTICE,
         campaign=campaign,
-        # a check does not prolong what it checks
+        # a check does not extend the validity of the calibration
         expires=last.expires if last and evidence.kind == "check" else campaign.last_valid_day,
         machine=machine,
         learnt=learnt,
@@ -365,7 +365,7 @@ def _make_evidence_document(
 
 
 def make_previous_estimator(previous_evidence: EvidenceDocument | None) -> Estimator | None:
-    """Estimator of the previous evidence, with its digest by this version."""
+    """Estimator of the previous evidence, its digest computed by this version; None without it."""
     if previous_evidence is None:
         return None
     return make_estimator_with_digest(
@@ -379,7 +379,7 @@ def _make_signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> 
 
 
 def _make_link_to_previous_evidence(previous_bundle: CheckedBundle | None) -> Chain:
-    """Place of new evidence in the machine's chain."""
+    """Counter of new evidence in the machine's chain, and its link to the previous evidence."""
     if previous_bundle is None or previous_bundle.document is None:
         return Chain(counter=1, previous=None)
     last = previous_bundle.document

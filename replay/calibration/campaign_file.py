@@ -1,4 +1,4 @@
-"""Campaign files: validated from TOML, with every error in one line."""
+"""Read and validate campaign files (TOML); every error is one line."""
 
 import hashlib
 import re
@@ -21,9 +21,9 @@ from replay.machines.toml_file import (
     validate_toml_content,
 )
 
-#: What is read of a certificate and is not to be stated beside it.
+#: Keys that are read from a certificate, and must not be given beside it.
 _READ: Final = ("value_kg", "u_kg", "certificate", "certificate_sha256", "certificate_issuer")
-#: What a draft has for whatever no log can say; no name such as TODOROV.
+#: Placeholder of a draft for what no log contains; does not match a name such as TODOROV.
 _TODO: Final = re.compile(r"TODO\b")
 
 
@@ -91,12 +91,12 @@ def load_campaign_and_machine(path: Path) -> CampaignAndMachine:
 def copy_machine_with_serial_number(
     machine: Machine, serial_number: str, source_file: object
 ) -> Machine:
-    """The machine with the given serial number.
+    """Copy the machine with the given serial number.
 
     Args:
         machine: machine as read from its file.
-        serial_number: serial number.
-        source_file: file that gives it, for the error message.
+        serial_number: serial number of the machine.
+        source_file: file that gives the serial number, for the error message.
 
     Raises:
         CampaignError: the machine file is that of another machine.
@@ -120,7 +120,7 @@ class DraftEntry(NamedTuple):
 
 
 def iter_unfilled_draft_entries(content: Any, path_prefix: str = "") -> Iterator[DraftEntry]:
-    """Places and texts in a draft that still begin with TODO."""
+    """Yield the entries of a draft whose text still begins with TODO, with their paths."""
     if isinstance(content, dict):
         for name, value in content.items():
             yield from iter_unfilled_draft_entries(
@@ -136,7 +136,7 @@ def iter_unfilled_draft_entries(content: Any, path_prefix: str = "") -> Iterator
 def copy_machine_with_campaign_empty_mass(
     campaign: CalibrationCampaign, machine: Machine
 ) -> Machine:
-    """The machine with the empty mass of the campaign file, if that gives one."""
+    """Copy the machine with the empty mass of the campaign file, if it gives one."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}
     known = {name: value for name, value in given.items() if value is not None}
@@ -147,7 +147,7 @@ def copy_machine_with_campaign_empty_mass(
 def fill_in_masses_of_certificates(
     campaign_path: Path, campaign_content: dict[str, Any]
 ) -> dict[str, Any]:
-    """Complete a campaign file's content with masses from its certificates.
+    """Fill in the masses that a campaign file takes from digital certificates.
 
     `masses = "cert.xml#item"` (or a list) takes all data of a mass from the certificate; a block
     `[[masses]]` with `dcc = "cert.xml#item"` may add id, last day and shared part.
@@ -187,7 +187,7 @@ def fill_in_masses_of_certificates(
 def _read_trusted_certificate_key_ids(
     campaign_path: Path, campaign_content: dict[str, Any]
 ) -> list[str]:
-    """Ids of the keys that the campaign file trusts for certificates."""
+    """Read the ids of the keys that the campaign file trusts for certificates."""
     from recordings.dcc.dcc_signature import read_key_id_from_pem_file
 
     named = campaign_content.get("dcc_keys", [])
@@ -202,7 +202,7 @@ def _read_trusted_certificate_key_ids(
 def _read_masses_of_certificate(
     campaign_path: Path, masses_table: dict[str, Any], trusted_key_ids: list[str]
 ) -> list[dict[str, Any]]:
-    """Masses of one [[masses]] table that names a digital certificate."""
+    """Read the masses of one [[masses]] table that names a digital certificate."""
     from recordings.dcc.dcc_document import parse_untrusted_dcc
     from recordings.dcc.dcc_masses import read_certified_masses
     from recordings.dcc.dcc_signature import check_dcc_signature

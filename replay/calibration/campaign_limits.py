@@ -12,32 +12,32 @@ class CampaignRunLimits:
     """
 
     # apply_evidence
-    #: Settings that differ and are named.
+    #: Differing settings that an error names, at most.
     max_settings: int = 2
 
     # calibrate_campaign
-    #: Difference in kg by which a replay elsewhere may be off: other processors have other last
+    #: Difference in kg that a replay on another computer may have: processors differ in the last
     #: bits.
     replay_tolerance_kg: float = 1e-6
-    #: Faults of a campaign that an error names.
+    #: Faults of a campaign that an error names, at most.
     max_faults: int = 3
 
     # campaign_runs
-    #: Characters of a loss that evidence keeps,
+    #: Characters that evidence keeps of the text of a loss.
     loss_characters: int = 2000
-    #: and of a machine's number.
+    #: Characters that evidence keeps of a machine's serial number.
     machine_id_characters: int = 64
 
     # compare_logs
-    #: Files that are searched for logs,
+    #: Files and folders that are searched for logs, at most.
     searched_files: int = 100_000
-    #: depth of folders,
+    #: Depth of nested folders that are searched for logs.
     searched_depth: int = 8
-    #: and logs that a fault names.
+    #: Readings, terms or runs that differ and get a finding each; further ones are counted.
     max_logs: int = 10
-    #: Difference of a nuisance elsewhere, over its prior.
+    #: Difference of a nuisance in a replay on another computer, in prior standard deviations.
     term_tolerance_1: float = 1e-6
-    #: Relative difference of numbers that differ by rounding alone.
+    #: Largest relative difference of numbers that differ only by rounding.
     last_bits_1: float = 1e-9
     #: Characters of a value that a fault quotes.
     quoted_characters: int = 120

@@ -1,4 +1,4 @@
-"""Replays of a campaign's runs, and the parts of them that evidence keeps."""
+"""Replay the logs of a campaign, and keep their readings and records for the evidence."""
 
 import datetime as dt
 import platform
@@ -45,7 +45,7 @@ from replay.logs import open_log
 from replay.machines.machine_file import find_time_axis_of_machine
 from replay.pipeline import run
 
-#: What ends the name of a distribution in a requirement.
+#: Character that ends the name of a distribution in a requirement.
 _NAME: Final = re.compile(r"[^A-Za-z0-9._-]")
 
 
@@ -58,8 +58,8 @@ class CampaignReplay:
         logs: record of each log for the evidence.
         budgets: frame `budget` of each log.
         terms: nuisance estimates of each log that can weigh.
-        responses: responses of the runs to errors of learnt means.
-        refusals: why each log that cannot weigh cannot, and what mends it, by log.
+        responses: change of each run's mass with the errors of the learnt means.
+        refusals: why a log cannot weigh and the remedy, by log; logs that can are absent.
     """
 
     readings: pl.DataFrame
@@ -142,7 +142,7 @@ def replay_campaign_logs(
 
 
 def describe_why_log_cannot_weigh(replayed_run: Run) -> str:
-    """Say why a log cannot weigh, and what mends it: causes that invalidate, and failed checks."""
+    """Say why a log cannot weigh (invalidating causes, failed checks), and how to remedy it."""
     reasons: list[str] = []
     for row in replayed_run.frames["findings"].filter(severity="withhold").to_dicts():
         mends = f". Set {row['setting']} = {row['value']}" if row["setting"] else ""
@@ -159,7 +159,7 @@ def describe_why_log_cannot_weigh(replayed_run: Run) -> str:
 def copy_machine_with_single_load_if_stated(
     machine: Machine, runs: Sequence[CampaignRun]
 ) -> Machine:
-    """Copy of the machine with `single_load` if the runs state one load for the whole log."""
+    """Copy the machine with `single_load` if the runs state one load for the whole log."""
     whole = all(each.from_s is None and each.to_s is None for each in runs)
     is_empty_stated = machine.settings.loads.empty_from_s is not None
     if not whole or is_empty_stated or len({each.load_id for each in runs}) != 1:
@@ -180,7 +180,7 @@ def collect_software_versions() -> Software:
 
 
 def _list_installed_requirement_versions() -> dict[str, str]:
-    """Versions of all installed direct and indirect requirements of payscope."""
+    """Versions of payscope and all its installed direct and indirect requirements, by name."""
     found: dict[str, str] = {}
     waiting = ["payscope"]
     while waiting:
@@ -196,7 +196,7 @@ def _list_installed_requirement_versions() -> dict[str, str]:
 
 
 def format_current_utc_time() -> str:
-    """Format the current time for evidence."""
+    """Current time in UTC as evidence states it: `2026-01-31T12:00:00Z`."""
     return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
@@ -208,7 +208,7 @@ def generate_random_evidence_id() -> str:
 def make_evidence_log_record(
     name: str, replayed_run: Run, topics: pl.DataFrame, recording: str
 ) -> EvidenceLog:
-    """The record of a replay that evidence keeps."""
+    """Make the record of a replayed log that evidence keeps."""
     about = replayed_run.provenance
     said = make_answer(replayed_run)
     excitation = replayed_run.frames["excitation"]
@@ -241,7 +241,7 @@ def make_evidence_log_record(
 
 
 class _ValueRange(NamedTuple):
-    """Smallest and largest value."""
+    """Smallest and largest value of a column."""
 
     low: float
     high: float

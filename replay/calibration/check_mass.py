@@ -73,7 +73,7 @@ def write_evidence_of_mass_check(
         on_log: called with the log's name when its replay begins.
 
     Raises:
-        PayscopeError: the input is wrong; nothing has been written then.
+        PayscopeError: the input is invalid; nothing has been written.
     """
     key = read_valid_signing_key_or_none(key_file)
     before = read_previous_evidence(previous, None, key)
@@ -105,7 +105,7 @@ def write_evidence_of_mass_check(
 def _make_campaign_of_single_run(
     calibration: EvidenceDocument, log: Path, mass_on_board: KnownMassOnBoard
 ) -> CalibrationCampaign:
-    """Make a campaign with a single run."""
+    """Make a campaign whose only run is the log with the known mass on board."""
     if mass_on_board.value_kg < 0.0:
         raise CampaignError(f"--check {mass_on_board.value_kg:g}: give a mass of at least 0 kg")
     mass = ReferenceMass.model_validate(
@@ -138,7 +138,7 @@ def _make_campaign_of_single_run(
 def _choose_date_of_check(
     calibration: EvidenceDocument, log: Path, given_day: str | None
 ) -> dt.date:
-    """Given day, else the log's date in the machine's time zone."""
+    """The given day, or else the day of the log in the machine's time zone."""
     if given_day is not None:
         try:
             return dt.date.fromisoformat(given_day)

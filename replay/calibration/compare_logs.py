@@ -25,9 +25,9 @@ from replay.calibration.campaign_limits import LIMITS
 if TYPE_CHECKING:
     from replay.calibration.campaign_runs import CampaignReplay
 
-#: Numbers of a reading, and the texts that must be equal.
+#: Numbers of a reading that are compared; its texts must be equal.
 _NUMBERS: Final = ("start_s", "end_s", "mass_kg", "std_kg", "common_u_kg")
-#: What evidence keeps of a log besides its readings and its verdict.
+#: Facts that evidence keeps of a log besides readings and verdict, and the finding if they differ.
 _OF_THE_LOG: Final = {
     "files": "the files differ",
     "topics": "topics, counts of messages or their stamps differ",
@@ -38,7 +38,7 @@ _OF_THE_LOG: Final = {
     "notes": "other notes",
     "machine_id": "its metadata name another machine",
 }
-#: Those that a version puts into words of its own.
+#: Facts whose wording differs between versions.
 _IN_WORDS: Final = ("losses", "notes")
 _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 
@@ -85,7 +85,7 @@ def replay_logs_and_record_differences(
     compare_readings_with_evidence(checked_bundle, document, stored_readings, replayed.readings)
     for kept, anew in zip(document.logs, replayed.logs, strict=True):
         _compare_replayed_log(checked_bundle, document, kept, anew)
-    # a check has those of the calibration that it checks
+    # a check repeats the responses and parts of the calibration that it checks
     if document.kind == "calibration":
         _compare_run_responses(checked_bundle, document, replayed)
         _compare_stated_parts_of_fit(checked_bundle, document, replayed)
@@ -97,7 +97,7 @@ def _compare_replayed_log(
     evidence_log: EvidenceLog,
     replayed_log: EvidenceLog,
 ) -> None:
-    """Compare everything that evidence records about a log."""
+    """Compare the verdict and all other facts of a log, except its readings."""
     item = f"{EVIDENCE}: logs: {evidence_log.log}"
     failed_checks = tuple(map(replace_former_check_names, evidence_log.failed_checks))
     if (evidence_log.can_weigh, failed_checks) != (
@@ -126,7 +126,7 @@ def _compare_replayed_log(
         )
     for name, what in _OF_THE_LOG.items():
         if name == "machine_id" and name not in evidence_log.model_fields_set:
-            continue  # earlier formats do not have it
+            continue  # absent in earlier formats
         there, here = getattr(evidence_log, name), getattr(replayed_log, name)
         if are_values_equal_but_for_rounding(there, here):
             continue
@@ -138,7 +138,7 @@ def _compare_replayed_log(
 
 
 def _describe_verdict(can_weigh: bool, failed_checks: Sequence[str]) -> str:
-    """Whether a log can weigh, with the checks that failed."""
+    """Say whether a log can weigh, and which checks failed."""
     failed = f" with {', '.join(failed_checks)} failed" if failed_checks else ""
     return f"{'can weigh' if can_weigh else 'cannot weigh'}{failed}"
 
@@ -166,7 +166,7 @@ def _format_compared_value(value: object) -> str:
 def _compare_run_responses(
     checked_bundle: CheckedBundle, document: EvidenceDocument, replay: "CampaignReplay"
 ) -> None:
-    """Compare what errors of learnt means move each run by, on which later intervals depend."""
+    """Compare how far errors of the learnt means move each run: later intervals depend on it."""
     if document.learnt is None or not document.states_run_responses:
         return
     stored, replayed = (
@@ -197,7 +197,7 @@ def _compare_run_responses(
 def _compare_stated_parts_of_fit(
     checked_bundle: CheckedBundle, document: EvidenceDocument, replay: "CampaignReplay"
 ) -> None:
-    """Compare the budget's parts that come from the machine file by way of the replays."""
+    """Compare the parts of the fit's budget that the replays take from the machine file."""
     options = make_calibration_options(
         document.campaign,
         list_stated_uncertainties_of_force_scale(document.campaign, replay.budgets),
@@ -247,7 +247,7 @@ def _compare_learnt_terms(
 
 
 def is_learnt_term_reproduced(evidence_term: TermOfLog, replayed_term: TermOfLog | None) -> bool:
-    """Whether a replayed term equals that of the evidence within tolerance."""
+    """Whether a replayed term equals the term in the evidence within tolerance."""
     if replayed_term is None:
         return False
     tolerance = LIMITS.term_tolerance_1 * evidence_term.prior_std
@@ -264,7 +264,7 @@ def compare_readings_with_evidence(
     stored_readings: pl.DataFrame,
     replayed_readings: pl.DataFrame,
 ) -> None:
-    """Compare reading by reading, within the declared tolerance."""
+    """Compare the replayed readings with the stored ones, within the tolerance in the evidence."""
     if stored_readings.height != replayed_readings.height:
         what = (
             f"has {stored_readings.height} readings, but the replay gives "
@@ -308,7 +308,7 @@ def _is_reading_within_tolerance(
 def find_log_path(
     checked_bundle: CheckedBundle, log: EvidenceLog, paths_by_name: dict[str, list[Path]]
 ) -> Path | None:
-    """Path of a log whose files match by name and digest, all in one folder; None if absent."""
+    """Find a log whose files match by name and digest, all in one folder; None if not found."""
     item = f"logs: {log.log}"
     places: list[Path] | None = None
     for file in log.files:
@@ -335,7 +335,7 @@ def find_log_path(
 
 
 def _find_files_below_folder_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
-    """Regular files with these names in a folder tree; links are not followed."""
+    """Find the regular files with these names in a folder tree; links are not followed."""
     found: dict[str, list[Path]] = {}
     for number, entry in enumerate(_iter_entries_of_folder_tree(folder, 0)):
         if number >= LIMITS.searched_files:

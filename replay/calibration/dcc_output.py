@@ -1,4 +1,4 @@
-"""`calibrate --dcc`: the digital calibration certificate beside the evidence."""
+"""`calibrate --dcc`: write a digital calibration certificate in addition to the evidence."""
 
 import hashlib
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ class DccOutput:
 
     Attributes:
         file: certificate file to write.
-        key_file: private ECDSA or RSA key in PEM; None leaves it unsigned.
-        certificate_file: certificate of that key in PEM, if it has one.
+        key_file: private ECDSA or RSA key in PEM; None leaves the certificate unsigned.
+        certificate_file: X.509 certificate of that key in PEM; None if it has none.
     """
 
     file: Path
@@ -33,10 +33,10 @@ class DccOutput:
 def require_dcc_inputs(
     source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
 ) -> "DccKey | None":
-    """Raise an error before the work begins if no certificate can be made.
+    """Raise an error, before any log is replayed, if no certificate can be made.
 
     Returns:
-        The signing key, if one is given.
+        The signing key; None if none is given.
 
     Raises:
         EvidenceError: the campaign lacks data for a certificate, or the key is invalid.
@@ -62,13 +62,13 @@ def write_and_verify_dcc(
     *,
     force: bool,
 ) -> str:
-    """Write the certificate of a bundle, and verify it.
+    """Write the digital calibration certificate of a bundle, and verify it.
 
     Returns:
-        A remark for the user.
+        A remark for the user: which key signed the certificate, or that it is unsigned.
 
     Raises:
-        EvidenceError: there is no line to certify, or the certificate fails verification.
+        EvidenceError: there is no calibration line, or the certificate fails verification.
     """
     from recordings.dcc.dcc_document import parse_untrusted_dcc, serialise_dcc_to_xml
     from recordings.dcc.dcc_signature import check_dcc_signature, sign_dcc

@@ -26,12 +26,12 @@ from replay.calibration.campaign_runs import CampaignReplay
 def refuse_outputs_among_campaign_files(
     campaign_path: Path, campaign: CalibrationCampaign, outputs: Iterable[Path | None]
 ) -> None:
-    """Raise an error if an output would replace a file that the campaign is made of.
+    """Raise an error if an output would replace an input of the campaign.
 
     Args:
         campaign_path: campaign file.
-        campaign: what it says.
-        outputs: files and folders to write; None for those that are not.
+        campaign: contents of that file.
+        outputs: files and folders to write; None for each that was not requested.
 
     Raises:
         OutputError: an output is the campaign file, its machine file, its notary list or a log.
@@ -46,7 +46,7 @@ def refuse_outputs_among_campaign_files(
 
 
 def refuse_impossible_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
-    """Raise an error before the work begins if a time stamp cannot be requested.
+    """Raise an error, before any log is replayed, if a time stamp cannot be requested.
 
     Raises:
         EvidenceError: there is no signature to stamp, or rfc3161-client is not installed.
@@ -86,10 +86,10 @@ def refuse_run_days_unlike_logs(
 def refuse_repeated_runs(
     campaign_path: Path, campaign: CalibrationCampaign, replayed_logs: CampaignReplay
 ) -> None:
-    """Raise an error if two runs are of one drive.
+    """Raise an error if two runs use the same data.
 
     Raises:
-        CampaignError: a drive counts twice.
+        CampaignError: the same data would count twice.
     """
     fault = next(
         iter_repeated_run_sentences(campaign, replayed_logs.logs, replayed_logs.readings), None
@@ -136,7 +136,7 @@ def load_range_of_notary_list(campaign_path: Path, campaign: CalibrationCampaign
         data = path.read_bytes()
     except OSError as error:
         raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
-    # a notary may be writing it: what is behind the last whole line is none of the stretch
+    # a notary may be writing it: bytes after the last complete line are not in the range
     kept = check_untrusted_notary_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
     last = kept.log_entries[-1].counter if kept.log_entries else 0
     faults = [

@@ -1,4 +1,4 @@
-"""The command `verify`: verify a bundle by itself, then against its files and logs."""
+"""The command `verify`: verify a bundle by itself, then against its recordings and logs."""
 
 import datetime as dt
 from collections.abc import Iterator, Mapping
@@ -42,7 +42,7 @@ from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key_file
 from replay.calibration.compare_logs import replay_logs_and_record_differences
 
-#: What the viewer draws of a recording is made of its frames when it is written.
+#: Statement that no check verifies the pictures that a recording has besides its frames.
 _DRAWN = (
     "What a viewer shows of a recording: its frames are compared, but not the curves and texts "
     "drawn from them. `payscope view` of your own replay draws them again."
@@ -55,7 +55,7 @@ class Verification:
 
     Attributes:
         folder: folder of the bundle.
-        findings: errors, each with the file or item it is in.
+        findings: errors, each with its file or item.
         notes: remarks that are not errors.
         done: checks that were made, as sentences.
         unseen: statements that no check can verify.
@@ -78,7 +78,7 @@ class Verification:
 
     @property
     def verdict(self) -> str:
-        """The outcome in a sentence."""
+        """The outcome of the verification, as a sentence."""
         return format_bundle_verdict(self.folder, self.findings, f"verified; {self.signed_by}")
 
     def to_dict(self) -> dict[str, Any]:
@@ -163,7 +163,7 @@ def verify_bundle(
         )
     done += files.done
     if document is not None:
-        # of evidence that is wrong elsewhere the points need not be what a line can be fitted to
+        # with other findings, the points need not be such that a line can be fitted to them
         bundle.notes += [] if bundle.findings else describe_runs_with_swapped_loads(document)
         add_expiry_finding(bundle, document, verification_day)
     return Verification(
@@ -184,7 +184,7 @@ def verify_bundle(
 
 
 def iter_statements_nobody_can_verify(document: EvidenceDocument) -> Iterator[str]:
-    """Claims that `verify` cannot check, whatever files it has."""
+    """Yield the claims of the evidence that `verify` cannot check, whatever files it has."""
     yield (
         "Whether what the campaign file states about people, place, conditions, sensors and "
         "parts is true, and which software and platform made this: there is only the maker's "
@@ -197,7 +197,7 @@ def iter_statements_nobody_can_verify(document: EvidenceDocument) -> Iterator[st
 def add_expiry_finding(
     checked_bundle: CheckedBundle, document: EvidenceDocument, verification_day: dt.date | None
 ) -> None:
-    """Check that the evidence is valid on the day, by default today in the machine's time zone."""
+    """Add a finding if the evidence has expired by a day; None is today in the machine's zone."""
     zone = document.machine.machine.time_zone
     day = verification_day or dt.datetime.now(zone).date()
     if document.expires < day:
@@ -209,7 +209,7 @@ def add_expiry_finding(
 
 
 def list_checks_done(checked_bundle: CheckedBundle, is_chain_checked: bool) -> list[str]:
-    """Checks of the folder itself that were made, in words."""
+    """List in words the checks that the bundle alone allowed, without recordings or logs."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked_bundle.document is not None:
         done.append("the schema of evidence.json")
@@ -263,7 +263,7 @@ def compare_bundle_files_with_evidence(
     try:
         sums = parse_sha256sums(checked_bundle.sums)
     except EvidenceError:
-        return FilesCheck()  # which is a finding already
+        return FilesCheck()  # the invalid file is a finding already
     done: list[str] = []
     unseen: list[str] = []
     runs = [log for log in document.logs if log.recording in sums]
@@ -329,7 +329,7 @@ def _compare_recording_of_calibration(
     document: EvidenceDocument,
     recording_digests: RecordingDigests | str,
 ) -> None:
-    """Check that the bundle's recording contains the frames of the evidence."""
+    """Check that the recording of the calibration contains the frames of the evidence."""
     if isinstance(recording_digests, str):
         checked_bundle.add_finding(BundleOutcome.TAMPERED, RECORDING, recording_digests)
         return
@@ -361,7 +361,7 @@ def _compare_pdf_or_explain_why_not(
     folder: Path,
     expected_digests: Mapping[str, str],
 ) -> str:
-    """Compare the PDF; returns why that was not possible, or ""."""
+    """Compare the text of the PDF with the evidence; return why it could not be done, else ""."""
     if document.other_payscope_version:
         return f"its page was made by {document.other_payscope_version}"
     if checked_bundle.readings is None or checked_bundle.points is None:

@@ -1,4 +1,4 @@
-"""The command `verify` for several bundles: each one, and the chain of each machine."""
+"""The command `verify` for several bundles: verify each bundle, and each machine's chain."""
 
 import datetime as dt
 from collections.abc import Mapping, Sequence
@@ -22,9 +22,9 @@ class VerifiedChain:
     """Result of verifying several bundles.
 
     Attributes:
-        bundles: results of the bundles, in the given order.
+        bundles: result of each bundle, in the given order.
         findings: errors in the chains.
-        notes: signer of each number.
+        notes: a sentence on the signer of each bundle in a chain, in order of counters.
     """
 
     bundles: tuple[Verification, ...]
@@ -33,14 +33,14 @@ class VerifiedChain:
 
     @property
     def outcome(self) -> BundleOutcome | None:
-        """Exit status for all bundles; None if nothing is wrong."""
+        """Worst outcome of all bundles, which is the exit status; None if nothing is wrong."""
         return find_most_severe_outcome(
             [*self.findings, *(each for made in self.bundles for each in made.findings)]
         )
 
     @property
     def chain_verdict(self) -> str:
-        """The outcome in a sentence."""
+        """The outcome for all bundles, as a sentence."""
         these = format_count(len(self.bundles), "bundle")
         if self.outcome is None:
             return f"{these}: each verified, with one chain for each machine"
@@ -74,7 +74,7 @@ def verify_bundles_and_chains(
 ) -> VerifiedChain:
     """Verify several bundles, and that each machine's bundles form one chain.
 
-    Evidence that was superseded may have expired.
+    Only the latest evidence of each machine must not have expired.
 
     Args:
         folders: the bundles, in any order.

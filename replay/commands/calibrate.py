@@ -1,4 +1,4 @@
-"""`payscope calibrate`: a machine calibrated from its own logs, with evidence."""
+"""`payscope calibrate`: calibrate a machine by its own logs, and write evidence."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -138,7 +138,7 @@ def _print_calibration_evidence(
         "run_id", "log", "reason", maintain_order=True
     )
     for (run_id, log, reason), rows in alike:
-        # a log that can weigh may have one load that cannot
+        # a log that can weigh may have a load that cannot
         whole = reason.startswith(CANNOT_WEIGH) and log in refusals
         why = f"{CANNOT_WEIGH}: {refusals[log]}" if whole else reason
         one = rows.height == 1

@@ -55,7 +55,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-#: The commands by what they are for, as `payscope --help` groups them.
+#: Commands by purpose, as `payscope --help` groups them.
 _PANELS: Final = {
     "Weigh": (init, run, follow, explain, sweep),
     "Look": (info, query, convert, show, plot, view, compare),
@@ -117,7 +117,7 @@ def main() -> None:
         _discard_buffered_stdout()
         status = 0
     except SystemExit as leaving:
-        # typer and rich leave with 1 when whoever read our output has closed it (`| head`)
+        # typer and rich exit with 1 if the reader of our output has closed it (`| head`)
         if not isinstance(leaving.__context__, BrokenPipeError):
             raise
         _discard_buffered_stdout()
@@ -128,7 +128,7 @@ def main() -> None:
         )
     except OSError as error:
         _discard_buffered_stdout()
-        # a file that was being closed when the signal came may have been closed twice
+        # a file that was being closed when the signal arrived may have been closed twice
         status = (
             128 + received[0]
             if received
@@ -139,7 +139,7 @@ def main() -> None:
     sys.exit(status or 0)
 
 
-#: How to get an option that is missing.
+#: How to provide an option that is missing.
 _MISSING: Final = {
     "--machine": "`payscope init LOG -o machine.toml` drafts a machine file",
     "--over": "give a setting and its values, --over settings.gate.threshold_nat=0.5,0.7",
@@ -147,20 +147,20 @@ _MISSING: Final = {
 
 
 def format_usage_error(error: typer.TyperException) -> str:
-    """Message for a wrong command line; it says how to obtain a missing argument."""
+    """Format the message for a wrong command line; it says how to obtain a missing argument."""
     said = error.format_message() or "see payscope --help"
     if said.startswith("Missing "):
         path = getattr(getattr(error, "ctx", None), "command_path", "payscope")
         help_of = f"`{path} --help` lists what it takes"
         remedy = next((text for option, text in _MISSING.items() if option in said), help_of)
         return f"{said.rstrip('.')}; {remedy}"
-    # what the library for options says by Python's names
+    # phrases of the libraries that name Python's errors
     said = said.removeprefix("Invalid value: ").replace("Value error, ", "")
     return said.replace(": Input should", ": input should")
 
 
 def reopen_closed_standard_streams() -> None:
-    """Reopen standard streams that were closed (`>&-`), or the next file gets their number."""
+    """Reopen closed standard streams (`>&-`), so that no file gets their descriptors."""
     for name, flag, mode in (
         ("stdin", os.O_RDONLY, "r"),
         ("stdout", os.O_WRONLY, "w"),
@@ -215,9 +215,9 @@ def _discard_buffered_stdout() -> None:
 
 
 def remove_unreadable_compile_cache_and_make_message(error: Exception) -> str:
-    """Remove compiled code that cannot be read; returns a message, and raises other errors again.
+    """Remove a compile cache that cannot be read, and return a message; re-raise other errors.
 
-    Two processes may have written it at once, or the disk was full.
+    Two processes may have written it at the same time, or the disk was full.
     """
     if not any("numba" in Path(frame.filename).parts for frame in extract_tb(error.__traceback__)):
         raise error
@@ -228,6 +228,6 @@ def remove_unreadable_compile_cache_and_make_message(error: Exception) -> str:
 
 
 def _print_error_and_get_exit_status(error_text: str) -> int:
-    """Print an error in one line on stderr; returns the exit status."""
+    """Print an error in one line on stderr, and return the exit status."""
     typer.echo(f"payscope: {' '.join(error_text.split())}", err=True)
     return 2

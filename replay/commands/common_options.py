@@ -36,7 +36,7 @@ FormatOption = Annotated[
 OutputFile = Annotated[
     Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
 ]
-#: Evidence that calibrates the masses of loads, and what is asked of it.
+#: Option for evidence that calibrates the masses of loads.
 Calibration = Annotated[
     Path | None,
     typer.Option("--calibration", metavar="DIR", help="Evidence that calibrates the masses."),
@@ -53,7 +53,7 @@ RequireSigned = Annotated[
     ),
 ]
 
-#: Viscous friction whose day is asked for.
+#: Option for the viscous friction for which to predict the day on which it is reached.
 FrictionLimit = Annotated[
     float | None,
     typer.Option(
@@ -68,7 +68,7 @@ FrictionLimit = Annotated[
 def make_calibration_request(
     evidence_folder: Path | None, key_file: Path | None, *, is_signature_required: bool
 ) -> "CalibrationRequest | None":
-    """Calibration request from these options; None without a calibration.
+    """Make a calibration request from the options; None without a calibration.
 
     Raises:
         BadParameter: an option needs --calibration.
@@ -84,7 +84,7 @@ def make_calibration_request(
     )
 
 
-#: What a person says of a table where there is no machine file yet.
+#: Option for properties of a table, for which there is no machine file yet.
 LogKeys = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="log.KEY=VALUE", help="A key of \\[log], for a table."),
@@ -99,10 +99,10 @@ _UNITS = ("s", "ms", "us", "ns")
 def make_time_axis_from_options(
     time_column: str | None, time_unit: str | None, table_keys: list[str] | None = None
 ) -> "TimeAxis | None":
-    """Time column and format of a table from these options; None to detect them.
+    """Make the time axis of a table from the options; None to detect it.
 
     Raises:
-        BadParameter: unknown unit or key.
+        BadParameter: a unit or key is unknown.
     """
     if time_column is None and time_unit is None and not table_keys:
         return None
@@ -130,7 +130,7 @@ def make_time_axis_from_options(
 
 
 def make_key_owner_prompt_or_none() -> "Callable[[SignedBy], str] | None":
-    """Function that asks the user about an unknown key; None without a terminal."""
+    """Return the function that asks the user about an unknown key; None without a terminal."""
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
     return prompt_for_key_owner if at_terminal else None
 

@@ -1,4 +1,4 @@
-"""`payscope compare`: two recordings of one log, side by side."""
+"""`payscope compare`: compare two recordings of one log."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -76,7 +76,7 @@ def command(
 def _print_recording_differences(
     comparison: "Comparison", recording_a: Path, recording_b: Path, relative_tolerance: float
 ) -> None:
-    """Print the differences, those of the answer first; equal items are not printed."""
+    """Print the differences, first those of the answer; equal items are not printed."""
     from estimators.errors import format_count
     from replay.commands.print_tables import make_stdout_console, print_line, print_table_uncut
 

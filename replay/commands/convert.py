@@ -1,4 +1,4 @@
-"""`payscope convert`: a log as Parquet by topic."""
+"""`payscope convert`: convert a log to Parquet by topic."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

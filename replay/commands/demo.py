@@ -1,4 +1,4 @@
-"""`payscope demo`: the paper's campaign, simulated, calibrated, verified, through everything."""
+"""`payscope demo`: simulate the paper's campaign, calibrate, verify, and review a shift."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -37,7 +37,7 @@ def command(
 
 
 def _render_demo_results(demo_results: "DemoResults") -> "RenderableType":
-    """Tables and notes of the demo for the terminal."""
+    """Render tables and notes of the demo for the terminal."""
     import polars as pl
     from rich.console import Group
 

@@ -1,4 +1,4 @@
-"""`payscope excite`: design an excitation, and print how well each waveform does."""
+"""`payscope excite`: design an excitation, and print the predicted errors of each waveform."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _parse_percent_or_fraction(text: str) -> float:
 
 
 def _render_excitation_design(excitation_design: ExcitationDesign) -> RenderableType:
-    """Table and notes of a design for the terminal."""
+    """Render table and notes of a design for the terminal."""
     from rich.console import Group
 
     from replay.commands.print_tables import make_plain_table

@@ -1,4 +1,4 @@
-"""`payscope explain`: why an estimate is bad, and what would correct it."""
+"""`payscope explain`: say why an estimate is bad, and which settings would correct it."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -80,7 +80,7 @@ def command(
 
 
 class ExplainOutputs(NamedTuple):
-    """Files that an explanation is written to."""
+    """Picture and machine file that an explanation is written to; None for each not requested."""
 
     picture: Path | None
     machine_file: Path | None
@@ -213,7 +213,7 @@ def _print_corrected_machine(console: "Console", corrected_machine: "CorrectedMa
 
 
 def _format_mass_of_heaviest_load(answer: "Answer") -> str:
-    """Mass of the heaviest or only load as text; empty if it is withheld."""
+    """Format the mass of the heaviest or only load; empty if it is withheld."""
     from recordings.report.number_text import format_plus_minus
 
     if not answer.verdict.can_weigh:

@@ -1,4 +1,4 @@
-"""`payscope fleet`: many recordings replayed on an engine, and queried as one table."""
+"""`payscope fleet`: replay many recordings on an engine, and query the results as one table."""
 
 import datetime as dt
 from functools import partial

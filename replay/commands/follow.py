@@ -1,4 +1,4 @@
-"""`payscope follow`: a log while it is recorded."""
+"""`payscope follow`: follow a log while it is being recorded."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -181,7 +181,7 @@ def _record_and_compare_causal_replay(
     following: "FollowedLogState",
     followed_digests: "FollowedDigests",
 ) -> None:
-    """Record the causal replay of the followed log; by ctrl-C what was followed stays."""
+    """Record the causal replay of the followed log; on ctrl-C, the followed recording is kept."""
     from estimators.errors import LogError, PayscopeError
     from recordings.follow.growing_file import is_unfinished_recording
     from replay.follow.agreement import iter_agreement_lines, record_and_compare_followed_log
@@ -191,7 +191,7 @@ def _record_and_compare_causal_replay(
         how = _KEEPS_FOLLOWED_DATA if output.exists() else "is not written"
         why = (
             f"{following.loss_reason}; " if following.is_interrupted else ""
-        )  # else it is said above
+        )  # else it was reported above
         raise LogError(f"{why}{output} {how}")
     try:
         agreements = record_and_compare_followed_log(

@@ -1,4 +1,4 @@
-"""Output of `follow`: lines of reports, and a panel with state, gate, estimates and loads."""
+"""Print lines of reports of `follow`, and show a panel with state, gate, estimates and loads."""
 
 import json
 import sys
@@ -38,7 +38,7 @@ _GATE_COLOURS: Final = {"accepted": "green", "warming_up": "dim", "gap": "red"}
 
 
 class FollowPanel:
-    """Panel on stderr, shown only on a terminal."""
+    """Panel of a followed log on stderr, shown only on a terminal."""
 
     def __init__(self) -> None:
         self._live: Live | None = None
@@ -46,7 +46,7 @@ class FollowPanel:
             self._live = Live(
                 console=Console(stderr=True),
                 refresh_per_second=LIMITS.drawn_hz,
-                # lines of data go above the panel, but into a pipe where stdout is one
+                # lines of data are printed above the panel, unless stdout is a pipe
                 redirect_stdout=sys.stdout.isatty(),
             )
         self._masses: deque[OnlineReport] = deque(maxlen=LIMITS.followed_manoeuvres)
@@ -68,12 +68,12 @@ class FollowPanel:
             self._live.stop()
 
     def show_waiting_for_replay(self) -> None:
-        """Show that the replay of the whole log is awaited, if there is a panel."""
+        """Show that the command waits for the replay of the whole log, if there is a panel."""
         if self._live is not None:
             self._live.console.print("replays the whole log; ctrl-C leaves that out")
 
     def show_replay_result(self, report: ReplayReport) -> None:
-        """Show the result of a replay from now on; one without a result only before the first."""
+        """Show the result of a replay from now on; a failure only if there is no result yet."""
         if not report.fault or self._replay is None or self._replay.fault:
             self._replay = report
 
@@ -123,7 +123,7 @@ class FollowPanel:
 
 
 class ReportPrinter:
-    """Prints the reports of rows and replays as they come, each once it is on disk."""
+    """Printer of the reports of rows and replays, each once it is on disk."""
 
     def __init__(
         self,
@@ -133,12 +133,12 @@ class ReportPrinter:
         *,
         as_json: bool,
     ) -> None:
-        """Print nothing yet.
+        """Initialise; nothing is printed yet.
 
         Args:
-            outputs: files that have a report before it is printed.
+            outputs: files to which a report is written before it is printed.
             panel: the panel.
-            replays: replays in the background, asked for at the end of each manoeuvre and spin.
+            replays: background replays, requested at the end of each manoeuvre and spin.
             as_json: whether to print lines of JSON.
         """
         self._outputs, self._panel, self._replays = outputs, panel, replays
@@ -147,7 +147,7 @@ class ReportPrinter:
         self._replay: ReplayReport | None = None
 
     def print_row_reports(self, following: FollowedLogState, rows: list[FollowedRow]) -> None:
-        """Write and print the reports of new rows, and of a replay that is done."""
+        """Write and print the reports of new rows, and of a replay that has finished."""
         made = self._outputs.write_rows_and_return_new_reports(following, rows)
         for report in (report for row in rows for report in row.reports):
             self._newest = report
@@ -164,7 +164,7 @@ class ReportPrinter:
     def wait_for_last_replay_and_print_it(
         self, following: FollowedLogState, is_wait_cancelled: Callable[[], bool]
     ) -> None:
-        """Wait for the replay of the whole log and print it, unless it is left out."""
+        """Wait for the replay of the whole log and print its result, unless cancelled."""
         self.print_replay_result(
             self._replays.wait_for_replay_of_whole_log(
                 self._panel.show_waiting_for_replay,
@@ -235,7 +235,7 @@ def _make_manoeuvre_table(reports: list[OnlineReport]) -> Table:
 
 
 def _format_replayed_loads(replay_report: ReplayReport) -> list[Text]:
-    """The last load states of a replay."""
+    """Format the result and the last load states of a replay."""
     style = "bold green" if replay_report.validity == "valid" else "yellow"
     return [
         Text(f"joint fit, u of all effects: {describe_replay_result(replay_report)}", style=style),

@@ -1,4 +1,4 @@
-"""Print or write frames as CSV, JSON, Parquet or Arrow; commands render tables themselves."""
+"""Print or write frames as tables, CSV, JSON, Parquet or Arrow."""
 
 import shutil
 import sys
@@ -16,17 +16,17 @@ from recordings.report.atomic_output import stage_output_file
 from replay.commands.print_tables import format_value_as_json
 from replay.commands.screen_limits import LIMITS
 
-#: What `-o` may end in.
+#: Suffixes that `-o` may have.
 _WRITTEN: Final = ("csv", "json", "parquet", "arrow")
-#: Bytes that no screen shows.
+#: Binary formats, which are not printed on a terminal.
 _BINARY: Final = ("parquet", "arrow")
 
 
 def choose_output_format(requested_format: str | None, output_path: Path | None) -> str:
-    """Requested format, else that of the output's suffix, else a table.
+    """Choose the requested format, else that of the output's suffix, else a table.
 
     Raises:
-        OutputError: unknown suffix, or a binary format for a terminal.
+        OutputError: the suffix is unknown, or a binary format would be printed on a terminal.
     """
     if requested_format is None and output_path is not None:
         requested_format = output_path.suffix.removeprefix(".")
@@ -58,8 +58,8 @@ def print_or_write_frame(
         output_format: table, csv, json, parquet or arrow.
         output: file to write; None for stdout.
         force: whether to replace an existing file.
-        render: renders the frame as a table.
-        json_records: values for JSON instead of the rows.
+        render: function that renders the frame as a table.
+        json_records: values to write as JSON instead of the rows; None for the rows.
 
     Raises:
         OutputError: the output cannot be written.
@@ -77,7 +77,7 @@ def print_or_write_frame(
                     + "\n"
                 )
             case "csv":
-                # polars says of a closed pipe only that some writing failed
+                # for a closed pipe, polars reports only that writing failed
                 return frame.write_csv()
             case _:
                 return render()
@@ -90,7 +90,7 @@ def print_or_write_frame(
         return
     with stage_output_file(output, force=force) as partial:
         if output_format in _BINARY:
-            # by way of memory: polars says of a full disk only that some computing failed
+            # through memory: for a full disk, polars reports only that computing failed
             written = BytesIO()
             if output_format == "arrow":
                 frame.write_ipc(written, compat_level=pl.CompatLevel.oldest())
@@ -102,16 +102,16 @@ def print_or_write_frame(
 
 
 def format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:
-    """Times as ISO 8601 text to the nanosecond; Python's own formatting stops at microseconds."""
+    """Format times as ISO 8601 to the nanosecond, where Python's formatting has microseconds."""
     return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 
 
 def print_frame_as_table(frame: pl.DataFrame, row_choice: str = "") -> None:
-    """Print the ends of a frame as a table that fits the terminal, and how to get the others.
+    """Print first and last rows of a frame as a table that fits the terminal.
 
     Args:
         frame: the rows.
-        row_choice: options that choose rows, for the note on those that are not shown.
+        row_choice: options that select rows, for the note on how to get the other rows.
     """
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     typer.echo(format_frame_as_table(frame, LIMITS.frame_rows, width), nl=False)
@@ -121,14 +121,13 @@ def print_frame_as_table(frame: pl.DataFrame, row_choice: str = "") -> None:
 
 
 def format_frame_as_table(frame: pl.DataFrame, max_rows: int, max_width: int | None = None) -> str:
-    """A frame as text, its cells whole: broken ones cannot be read.
+    """Format a frame as text, without truncating or wrapping its cells.
 
     Args:
         frame: the rows.
         max_rows: most rows to print.
-        max_width: columns of a screen; a wider frame stands there in parts, one below the other,
-            each behind the columns that say what its rows are. None for lines as long as they must
-            be.
+        max_width: characters of a line of the screen; a wider frame is printed in parts, one below
+            the other, each with the columns that identify the rows. None for lines of any length.
     """
     if max_width is None:
         return _render_frame_with_polars(frame, max_rows)
@@ -136,7 +135,7 @@ def format_frame_as_table(frame: pl.DataFrame, max_rows: int, max_width: int | N
         name: _measure_longest_line(_render_frame_with_polars(frame.select(name), max_rows))
         for name in frame.columns
     }
-    # local time and seconds say where a row is, or what stands first
+    # local time and seconds identify a row, or else the first column
     names = frame.columns[: 2 if frame.columns[1:2] == ["t_s"] else 1]
     parts: list[list[str]] = [names]
     for name in frame.columns[len(names) :]:

@@ -1,7 +1,7 @@
 """The executable `rerun-importer-payscope`, which the Rerun viewer starts for a file it opens.
 
-The viewer starts every executable on the path of this prefix with the file and its own ids, reads a
-recording from standard output, and takes the exit status 66 for "not mine".
+The viewer starts every executable on the path with this prefix, with the file and its own ids; it
+reads a recording from standard output, and interprets the exit status 66 as "not mine".
 """
 
 import argparse
@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from recordings.rrd.viewer_stream import ViewerRequest
 
-#: The viewer's own number.
+#: Exit status for a file that this importer does not import, as the viewer defines it.
 NOT_MINE: Final = 66
-#: Times have 64 bits.
+#: Bound of times, which have 64 bits with a sign.
 _LARGEST: Final = 1 << 63
 
 
 def main() -> None:
-    """Import one file, and leave with the status that the viewer understands."""
-    asked, _ = _make_viewer_argument_parser().parse_known_args()  # newer viewers may ask for more
-    # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
+    """Import one file, and exit with a status that the viewer understands."""
+    asked, _ = _make_viewer_argument_parser().parse_known_args()  # newer viewers may give more
+    # the viewer starts every importer for every file: nothing slow before the answer "not mine"
     from replay.recording.importer_files import should_import_file
 
     if not should_import_file(asked.path):
@@ -63,7 +63,7 @@ def parse_viewer_request(arguments: argparse.Namespace) -> "ViewerRequest":
 
 
 def _make_viewer_argument_parser() -> argparse.ArgumentParser:
-    # with abbreviations, an option of an older viewer (--time) would be one of several
+    # with abbreviations, an option of an older viewer (--time) would be ambiguous
     parser = argparse.ArgumentParser(
         allow_abbrev=False,
         prog="rerun-importer-payscope",

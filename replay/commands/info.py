@@ -1,4 +1,4 @@
-"""`payscope info`: what is in a log."""
+"""`payscope info`: describe the contents of a log."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
@@ -64,7 +64,7 @@ def command(
             with open_log(path, time=axis) as log, _show_reading_progress(is_log_checked=check):
                 shown = describe_log_by_index(log, is_log_checked=check, are_fields_profiled=fields)
         except LogError as error:
-            # the other logs are still worth describing
+            # describe the other logs nevertheless
             faults.append(error)
             continue
         is_whole = is_whole and shown.is_read_without_loss is not False
@@ -84,7 +84,7 @@ def command(
 
 
 def _show_reading_progress(*, is_log_checked: bool) -> AbstractContextManager[object]:
-    """Show progress while the whole log is read; reading an index alone takes no time."""
+    """Context that shows progress if the whole log is read; reading an index takes no time."""
     if not is_log_checked:
         return nullcontext()
     from replay.commands.progress_bar import StageProgress
@@ -93,7 +93,7 @@ def _show_reading_progress(*, is_log_checked: bool) -> AbstractContextManager[ob
 
 
 def print_log_info(log_info: "LogInfo", time_zone: tzinfo, console: "Console") -> None:
-    """Print a log's description, its start in local time of `time_zone`."""
+    """Print a log's description, with its start in local time of `time_zone`."""
     from replay.commands.print_tables import print_line, print_rows_as_table, print_table_uncut
 
     for line in _iter_log_head_lines(log_info, time_zone):
@@ -122,7 +122,7 @@ def _iter_log_head_lines(log_info: "LogInfo", time_zone: tzinfo) -> Iterator[str
 
 
 class _MarkedLine(NamedTuple):
-    """Line with the markup of its mark."""
+    """A line, and the markup of the mark before it."""
 
     mark: str
     text: str
@@ -188,7 +188,7 @@ def _make_topic_table(log_info: "LogInfo") -> "Table":
 
 
 _FIELD_TITLES = ("field", "unit", "Hz", "min", "median", "max", "course")
-#: The field, its unit and its course.
+#: Left-aligned columns: field, unit and sparkline.
 _LEFT = (0, 1, 6)
 
 
@@ -214,7 +214,7 @@ def _make_field_rows(log_info: "LogInfo") -> list[tuple[str, ...]]:
 def _iter_log_problems(log_info: "LogInfo") -> Iterator[str]:
     told = {loss.topic for loss in log_info.losses}
     for loss in log_info.losses:
-        # whose topic it is needs no saying but of a part of a log
+        # the file of a topic's loss is stated only for a part of a log
         is_of_log = bool(loss.topic) and loss.source == log_info.path.name
         yield f"{loss.topic}: {loss.what}" if is_of_log else str(loss)
     for row in log_info.topics.iter_rows(named=True):

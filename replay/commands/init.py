@@ -1,4 +1,4 @@
-"""`payscope init`: a first machine file, or a first campaign file."""
+"""`payscope init`: draft a first machine file or campaign file."""
 
 from pathlib import Path
 from typing import Annotated

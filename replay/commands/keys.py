@@ -1,4 +1,4 @@
-"""`payscope keys`: public keys whose owners the user knows."""
+"""`payscope keys`: manage public keys whose owners the user knows."""
 
 import datetime as dt
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`payscope migrate`: files of an earlier version, with the names that keys have now."""
+"""`payscope migrate`: rewrite files of an earlier version with the present names of keys."""
 
 from pathlib import Path
 from typing import Annotated

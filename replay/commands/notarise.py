@@ -1,4 +1,4 @@
-"""`payscope notarise`: the finished logs of a recorder, listed so that none can be left out."""
+"""`payscope notarise`: list the finished logs of a recorder, so that none can be omitted."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

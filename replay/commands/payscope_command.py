@@ -1,7 +1,7 @@
-"""What all commands share: help that names values, and no output among the inputs.
+"""Common behaviour of all commands: help that names values, and outputs that replace no input.
 
-Typer prints the Python type of every value (`<list[Path]>`), and `<bool>` where an option takes
-none. No command begins that would write over what it is given.
+Typer would print the Python type of every value (`<list[Path]>`), and `<bool>` for an option that
+has none. A command that would overwrite one of its inputs is refused before it begins.
 """
 
 import inspect
@@ -14,17 +14,17 @@ from typing import Any, Final, get_args
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-#: What a value of a type is called.
+#: Name of a value in the help, by its type.
 _VALUE_NAMES: Final = {Path: "PATH", str: "TEXT", int: "N", float: "X", datetime: "TIME"}
-#: Parameters that name what a command writes; every other one may name what it reads.
+#: Parameters with outputs of a command; every other one may be an input.
 _OUTPUTS: Final = frozenset({"output", "figure", "reports", "timestamp_request", "dcc"})
 
 
 class PayscopeCommand(TyperCommand):
-    """A command whose help names values, not types, and whose outputs are none of its inputs."""
+    """A command whose help names values, not types, and whose outputs must not be its inputs."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command, unless an output is an input, or a number is infinite."""
+        """Run the command; raise an error if an output is an input, or a number is not finite."""
         parameters: list[Any] = self.params
         for parameter in parameters:
             value = ctx.params.get(parameter.name)
@@ -35,17 +35,17 @@ class PayscopeCommand(TyperCommand):
         return super().invoke(ctx)
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """The parameters, with names for their values."""
+        """Parameters, with names for their values."""
         return [name_value_of_parameter(each) for each in super().get_params(ctx)]
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Usage without the braces around what is required, and with three dots at most."""
+        """Usage without braces around required parameters, and with at most three dots."""
         pieces = [piece.translate(_BRACES) for piece in super().collect_usage_pieces(ctx)]
         return [each.removesuffix("...") if "..." in each[:-3] else each for each in pieces]
 
 
 class PayscopeCommandGroup(TyperGroup):
-    """A group of commands whose own options are named likewise."""
+    """A group of commands whose own options have named values likewise."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The parameters, with names for their values."""
@@ -56,12 +56,12 @@ _BRACES: Final = str.maketrans("", "", "{}")
 
 
 def name_value_of_parameter(parameter: Any) -> Any:
-    """Name the value of a parameter in its help, unless its declaration does; nothing of a flag."""
+    """Name the value of a parameter in its help, unless its declaration does, or it is a flag."""
     if isinstance(parameter, TyperArgument):
         if parameter.metavar is None:
             is_many = parameter.nargs != 1
             parameter.metavar = (parameter.name.removesuffix("s" * is_many)).upper()
-        # the name says what it is
+        # the name is sufficient
         parameter.display_type_rich = _show_nothing  # type: ignore[method-assign]
     elif parameter.metavar is None:
         kind = parameter.type_descriptor
@@ -75,10 +75,10 @@ def name_value_of_parameter(parameter: Any) -> Any:
 
 
 def refuse_outputs_among_inputs(parameters: Mapping[str, Any]) -> None:
-    """Raise an error if an output of a command would replace a path among its other parameters.
+    """Raise an error if an output of a command would replace a path in its other parameters.
 
     Raises:
-        OutputError: it would, under whatever name or link, and even with `--force`.
+        OutputError: an output is such a path, under any name or link, and even with `--force`.
     """
     outputs = [
         path
@@ -110,7 +110,7 @@ def _iter_existing_paths(value: Any) -> Iterator[Path]:
 def _is_existing_path(path: Path) -> bool:
     try:
         return path.exists()
-    except OSError:  # a text that is no path, such as a long statement of SQL
+    except OSError:  # a text that is not a path, such as a long SQL statement
         return False
 
 
@@ -119,7 +119,7 @@ def _show_nothing(ctx: Any) -> None:
 
 
 def write_help_as_users_read_it(commands: typer.Typer) -> None:
-    """Join the lines of each paragraph, which the terminal wraps, and name the values."""
+    """Join the lines of each paragraph of the help, which the terminal wraps, and name values."""
     commands.info.cls = PayscopeCommandGroup
     for each in commands.registered_commands:
         paragraphs = (inspect.getdoc(each.callback) or "").split("\n\n")

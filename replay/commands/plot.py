@@ -1,4 +1,4 @@
-"""`payscope plot`: pictures of a recording."""
+"""`payscope plot`: draw pictures of a recording."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -8,7 +8,7 @@ import typer
 
 
 class FigureName(StrEnum):
-    """The figures, one a question (`recordings.plots.run_plots.FIGURES`)."""
+    """Name of a figure of `recordings.plots.run_plots.FIGURES`; each answers a question."""
 
     page = "page"
     force_acceleration = "force-acceleration"

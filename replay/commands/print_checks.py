@@ -1,4 +1,4 @@
-"""Checks on the screen, as `run` and `explain` print them: number, limit, meaning and remedy."""
+"""Print checks, as `run` and `explain` do, with number, limit, meaning and remedy."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def make_table_of_checks(checks: Sequence["Check"]) -> "Table":
-    """Table with one row per check: number, limit and consequence."""
+    """Make a table with a row per check: number, limit, consequence and meaning."""
     from recordings.report.number_text import format_check_outcome
 
     table = make_plain_table("check", "value", "limit")
@@ -28,7 +28,7 @@ def make_table_of_checks(checks: Sequence["Check"]) -> "Table":
 
 
 def print_remedies_with_checks(console: "Console", failed_checks: Sequence["Check"]) -> None:
-    """Print each remedy once, with the failed checks that it is for and that have a number."""
+    """Print each remedy once, with the names of its failed checks that have a value."""
     names: dict[str, list[str]] = {}
     for check in failed_checks:
         if check.remedy and check.value is not None:

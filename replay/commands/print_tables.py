@@ -1,4 +1,4 @@
-"""Printing of commands: tables for people, JSON for machines (null for non-finite numbers)."""
+"""Print tables for people and JSON for programs (with null for non-finite numbers)."""
 
 import json
 import math
@@ -17,22 +17,22 @@ from replay.commands.screen_limits import LIMITS
 
 
 def make_stdout_console() -> Console:
-    """Console of stdout: as wide as the terminal, or wide enough without one."""
+    """Make a console on stdout, as wide as the terminal, or `LIMITS.piped_width` without one."""
     screen = Console(highlight=False)
     return screen if screen.is_terminal else Console(highlight=False, width=LIMITS.piped_width)
 
 
 def make_plain_table(*column_titles: str) -> Table:
-    """A table without lines, its first column to the left and the others to the right."""
+    """Make a table without lines, whose first column is left-aligned and others right-aligned."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, title in enumerate(column_titles):
-        # what a row is about stays whole on a narrow screen
+        # the first column, which identifies a row, is not wrapped on a narrow screen
         table.add_column(title, justify="right" if i else "left", no_wrap=not i)
     return table
 
 
 def print_line(console: Console, line: str, prefix_markup: str = "") -> None:
-    """Print one line behind a mark in markup: broken between words on a screen, whole in a pipe."""
+    """Print a line after a mark in markup; it is wrapped on a screen, and not in a pipe."""
     text = Text.from_markup(prefix_markup) + Text(join_to_one_line(line))
     console.print(text, soft_wrap=not console.is_terminal)
 
@@ -40,7 +40,7 @@ def print_line(console: Console, line: str, prefix_markup: str = "") -> None:
 def print_table_uncut(
     console: Console, table: Table, min_width: int = LIMITS.narrowest_width
 ) -> None:
-    """Print a table; rows wrap on a screen of less than `min_width` columns, nothing is cut."""
+    """Print a table without cutting cells; rows wrap if the screen has less than `min_width`."""
     roomy = console.options.update(max_width=min_width)
     width = console.width
     console.width = max(width, Measurement.get(console, roomy, table).maximum)
@@ -55,12 +55,12 @@ def print_rows_as_table(
 ) -> None:
     """Print a table of any number of rows without rich, which takes a millisecond per row.
 
-    Nothing is cut: a cell that is much longer than the others runs over its column.
+    Cells are not cut: one that is much longer than the others extends beyond its column.
 
     Args:
         column_titles: titles of the columns.
-        rows: their cells, one line each.
-        left_aligned_columns: columns that begin at the left; the others end at the right.
+        rows: cells of the rows, in the order of the columns.
+        left_aligned_columns: indices of left-aligned columns; the others are right-aligned.
     """
     lines = [tuple(column_titles), *map(tuple, rows)]
     widths = [
@@ -82,21 +82,21 @@ def print_json(value: Any) -> None:
 
 
 def format_value_as_json(value: Any) -> str:
-    """A value as JSON text; NaN and infinities become null.
+    """Format a value as JSON; NaN and infinities become null.
 
-    Bytes of a file name that are not UTF-8 are written as JSON's escapes of half surrogates.
+    Bytes of a file name that are not UTF-8 become JSON's escapes of unpaired surrogates.
     """
     text = json.dumps(_convert_to_json_values(value), indent=2, ensure_ascii=False, allow_nan=False)
     return text.encode(errors="backslashreplace").decode()
 
 
 def format_mass_kg_or_dash(mass_kg: float | None) -> str:
-    """A mass to a tenth of a kilogram, or a dash."""
+    """Format a mass to a tenth of a kilogram; a dash for None."""
     return "–" if mass_kg is None else f"{mass_kg:,.1f}"
 
 
 def format_setting_value(setting_value: Any) -> str:
-    """A setting as a machine file writes it, on one line; a dash for none."""
+    """Format a setting in one line as in a machine file; a dash for None."""
     if setting_value is None:
         return "–"
     return (

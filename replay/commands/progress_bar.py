@@ -1,6 +1,6 @@
-"""Progress on stderr: bars on a terminal, and seconds per stage on request.
+"""Show progress on stderr: bars on a terminal, and seconds per stage on request.
 
-A bar of stages is for one run; that of a fleet counts recordings, and estimates the time left.
+The bar of one run shows its stages; that of a fleet counts recordings, and estimates the time left.
 """
 
 import math
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     from replay.fleet.recording_task import TaskOutcome
 
 
-#: Compiling is worth a line when it has taken this long.
+#: Seconds of compilation after which a line reports it.
 LONG_S: Final = 2.0
 COMPILING: Final = (
     "payscope: compiling numerical code for this version, once; up to a minute "
     "(payscope warm-up does it ahead)"
 )
-#: Of an interval of 95 %.
+#: Coverage factor of an interval of 95 %.
 _K: Final = 2.0
 
 
 class StageProgress:
-    """Shows the current stage and measures the seconds of each."""
+    """Bar that shows the current stage, and measures the seconds of each."""
 
     def __init__(self, total: int, *, timing: bool = False, warns: bool = True) -> None:
         self._timing, self._warns = timing, warns
@@ -87,7 +87,7 @@ class StageProgress:
                 console.print(f"{stage:<9} {seconds:8.3f} s")
             total = sum(seconds for _, seconds in took)
             reading = sum(seconds for stage, seconds in took if stage in ("decode", "read"))
-            # which waits for libraries, too
+            # opening includes importing libraries
             opening = sum(seconds for stage, seconds in took if stage == "open")
             console.print(
                 f"{'total':<9} {total:8.3f} s; "
@@ -97,12 +97,12 @@ class StageProgress:
 
 @contextmanager
 def warn_of_slow_compilation(print_warning: Callable[[], None]) -> Generator[None]:
-    """Print a warning once after numba has compiled for `LONG_S`; cached code does not count."""
-    # numba is slow to import: whoever shows stages has loaded it already
+    """Context that warns once if numba compiles for more than `LONG_S`, without cached code."""
+    # numba is slow to import, but commands with stages need it anyway
     from numba.core import event
 
     class CompilationTimer(event.Listener):
-        """Adds up the seconds of compilation; nested compilations count once."""
+        """Listener that sums the seconds of compilation; nested compilations count once."""
 
         def __init__(self) -> None:
             self._nested = 0
@@ -137,7 +137,7 @@ def warn_of_slow_compilation(print_warning: Callable[[], None]) -> Generator[Non
 
 
 class FleetProgress:
-    """Progress bar, shown only on a terminal."""
+    """Progress bar of a fleet, shown only on a terminal."""
 
     def __init__(self) -> None:
         self._bar = Progress(
@@ -154,12 +154,12 @@ class FleetProgress:
         self._slots = 1
 
     def begin_progress_bar(self, fleet_logs: "Sequence[FleetLog]") -> None:
-        """Start the bar with the known logs."""
+        """Start the bar with the logs to replay."""
         self._left = RemainingTimeEstimator([log.size_bytes for log in fleet_logs])
         self._bar.update(self._task, total=len(fleet_logs))
 
     def note_engine_slots(self, engine: "TaskEngine") -> None:
-        """Take the number of parallel slots from the opened engine."""
+        """Read the number of parallel slots from the opened engine."""
         self._slots = engine.count_parallel_slots()
 
     def count_finished_log(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
@@ -185,7 +185,7 @@ class FleetProgress:
 
 
 class RemainingTimeEstimator:
-    """Estimate of the time left, from the seconds per size of finished recordings."""
+    """Estimator of the time left, by the seconds per size of finished recordings."""
 
     def __init__(self, sizes_bytes: list[int]) -> None:
         self._left = sum(map(_count_progress_units, sizes_bytes))
@@ -193,7 +193,7 @@ class RemainingTimeEstimator:
         self._done: list[tuple[float, float]] = []
 
     def add_finished_recording(self, size_bytes: int, replay_s: float | None) -> None:
-        """Add a finished recording and its seconds on the node; None if it already existed."""
+        """Add a finished recording with its seconds on the node, None if its result existed."""
         weight = _count_progress_units(size_bytes)
         self._left -= weight
         self._squares -= weight**2
@@ -201,9 +201,9 @@ class RemainingTimeEstimator:
             self._done.append((weight, replay_s))
 
     def estimate_time_left_interval_s(self, parallel_slots: int) -> tuple[float, float] | None:
-        """Interval of the time left in s for `parallel_slots` in parallel; None if not yet known.
+        """Estimate the time left as an interval in s; None with too few finished recordings.
 
-        Seconds are a rate times a weight, with a scatter that grows with the weight.
+        The duration of a recording is a rate times its weight, with a scatter proportional to it.
         """
         if len(self._done) < LIMITS.forecast_min_recordings:
             return None
@@ -211,19 +211,19 @@ class RemainingTimeEstimator:
         rate = sum(s for _, s in self._done) / weight
         apart = sum((s / w - rate) ** 2 for w, s in self._done) / (len(self._done) - 1)
         expected = rate * self._left
-        # of the rate, and of each that is left
+        # uncertainty of the rate, and scatter of each recording left
         u = math.sqrt(apart * (self._left**2 / len(self._done) + max(self._squares, 0.0)))
         low, high = max(expected - _K * u, 0.0), expected + _K * u
         return low / parallel_slots, high / parallel_slots
 
 
 def _count_progress_units(size_bytes: int) -> float:
-    """Weight of a recording in the progress: its size plus a constant."""
+    """Weight of a recording in the progress: its size in bytes plus a constant."""
     return float(size_bytes + LIMITS.base_bytes)
 
 
 def format_time_left(interval_s: tuple[float, float] | None) -> str:
-    """Format the interval in a suitable unit."""
+    """Format an interval of the time left in a suitable unit; empty for None."""
     if interval_s is None:
         return ""
     low, high = interval_s

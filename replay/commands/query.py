@@ -128,7 +128,7 @@ def _print_available_tables(named_tables: "NamedTables", *, as_json: bool) -> No
         if name not in named_tables.words.values() or name in named_tables.words:
             try:
                 columns[name] = list(table().collect_schema())
-            except PayscopeError as error:  # what cannot be decoded is none of the other tables
+            except PayscopeError as error:  # other tables may be readable
                 typer.echo(f"payscope: {error}", err=True)
     if as_json:
         print_json(columns)

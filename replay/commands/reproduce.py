@@ -1,4 +1,4 @@
-"""`payscope reproduce`: the paper's tables, figures and claims over many simulated trials."""
+"""`payscope reproduce`: reproduce the paper's tables, figures and claims by simulated trials."""
 
 from enum import StrEnum
 from pathlib import Path

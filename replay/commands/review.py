@@ -1,4 +1,4 @@
-"""`payscope review`: the logs of a shift in, its tonnes and their worth out."""
+"""`payscope review`: review the logs of a shift, with its tonnes and their reliability."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from replay.review.write_review import ShiftReview
 
 
-#: Ways of naming a cycle: its number, its id, or the local time.
+#: Name for how a cycle is given: by its number, its id, or the local time.
 _WHEN: Final = "WHEN"
 _VERDICT: Final = "Verdict"
-#: Parameters that a week is made with.
+#: Parameters that apply with --week.
 _WEEK_OPTIONS: Final = ("logs", "output", "week", "friction_limit", "as_json")
 
 
@@ -236,7 +236,8 @@ def print_week_of_reviews(
     Args:
         review_folders: folders of the reviews.
         page_path: HTML page to write, if any.
-        friction_limit: viscous friction in N·s/m whose day is predicted, if any.
+        friction_limit: viscous friction in N·s/m for which to predict the day on which it is
+            reached; None for no prediction.
         as_json: whether to print JSON.
     """
     from recordings.report.shift_text import K
@@ -292,7 +293,7 @@ def print_week_of_reviews(
 def print_shift_review(console: "Console", review: "ShiftReview") -> None:
     """Print a review's sums, its problems and the path of its page.
 
-    If there are no tonnes, the command prints the reason on stderr.
+    If there are no tonnes, the caller prints the reason on stderr.
     """
     from recordings.report.number_text import REMARKED
     from recordings.review.review_page import NOT_CALIBRATED, PAGE

@@ -1,4 +1,4 @@
-"""`payscope run`: the main job; a dozen lines of answer, more with -v, every check with -vv."""
+"""`payscope run`: replay and weigh; a dozen lines of answer, more with -v, all checks with -vv."""
 
 import sys
 from contextlib import suppress
@@ -158,7 +158,7 @@ def replay_on_machine_file_changes(
     def print_error(error: PayscopeError) -> None:
         typer.echo(f"payscope: {join_to_one_line(str(error))}", err=True)
 
-    # interrupted is how it ends
+    # watching ends by an interrupt
     with suppress(KeyboardInterrupt):
         watch_machine_file(
             machine_file, recording_path, overrides, replay_logs, print_changed_answer, print_error
@@ -166,7 +166,7 @@ def replay_on_machine_file_changes(
 
 
 def _make_empty_span_overrides(empty_span: str | None) -> list[str]:
-    """Overrides for an empty span given as `FROM:TO`."""
+    """Make overrides for an empty span given as `FROM:TO`; none for None."""
     if empty_span is None:
         return []
     begin, colon, end = empty_span.partition(":")
@@ -188,7 +188,8 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbosity: in
 
     Args:
         answer: answer of a run.
-        goal_u_kg: standard uncertainty in kg; prints how many more starts would reach it.
+        goal_u_kg: standard uncertainty in kg, for which to print how many more starts would reach
+            it; None prints nothing.
         verbosity: 1 adds budget, methods and omitted lines; 2 adds every check.
     """
     screen = print_tables.make_stdout_console()
@@ -240,7 +241,7 @@ def _print_masses_with_uncertainty(console: "Console", answer: "Answer", verbosi
 
 
 def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbosity: int) -> "Iterator[str]":
-    """Further lines about the answer, the most important first."""
+    """Yield further lines about the answer, the most important first."""
     from recordings.report.answer_text import (
         describe_manoeuvres_needed_for_goal,
         describe_shift_total,
@@ -271,7 +272,7 @@ def _iter_finding_lines(answer: "Answer", verbosity: int) -> "Iterator[str]":
     )
 
     found = make_findings_of_rows(answer.findings)
-    # the likeliest cause of a mass that is withheld comes before what it leaves
+    # the likeliest cause of a withheld mass comes before its consequences
     first = [] if answer.verdict.can_weigh else found[:1]
     shown = (
         found
@@ -287,7 +288,7 @@ def _iter_finding_lines(answer: "Answer", verbosity: int) -> "Iterator[str]":
 def iter_lines_up_to_limit(
     lines: "Sequence[str]", max_lines: int, singular: str, plural: str
 ) -> "Iterator[str]":
-    """The first `max_lines` lines, and a line that counts the others."""
+    """Yield the first `max_lines` lines, and a line that counts the others."""
     yield from lines[:max_lines]
     yield from _iter_omitted_count_line(len(lines) - max_lines, singular, plural)
 
@@ -299,7 +300,7 @@ def _iter_omitted_count_line(omitted_count: int, singular: str, plural: str) -> 
 
 
 def iter_yaw_inertia_lines(answer: "Answer") -> "Iterator[str]":
-    """Line with the yaw inertia of the joint fit, or else of the first method that has one."""
+    """Yield a line per row with the yaw inertia of the first method that has one."""
     from recordings.report.number_text import format_plus_minus
 
     for row in answer.rows:

@@ -12,58 +12,58 @@ class ScreenLimits:
     """
 
     # compare
-    #: Width in characters of a table of differences: on a narrower screen it runs over, since a
-    #: name that is cut is no name.
+    #: Width in characters of a table of differences, even on a narrower screen, since a name must
+    #: not be cut.
     compared_width: int = 120
-    #: Rows of a table that a person reads at a glance; --json gives all.
+    #: Most rows of a table, to be read at a glance; --json prints all.
     compared_rows: int = 12
-    #: Columns of a stage that are shown: what differs in one column mostly differs in its
-    #: neighbours.
+    #: Most columns of a stage that are shown: a difference in one column is mostly in related ones
+    #: too.
     compared_columns: int = 4
 
     # explain
-    #: Stages of a replay, for a bar: a recording is explained without the pipeline, which is slow
-    #: to load.
+    #: Number of stages of a replay, for the bar, stated here since the pipeline is slow to import
+    #: and not needed to explain a recording.
     replay_stages: int = 14
 
     # fleet
-    #: Rows of a fleet that are printed unless more are asked for.
+    #: Rows of a fleet that are printed unless another number is requested.
     fleet_rows: int = 20
 
     # progress_bar
-    #: Bytes that take as long as whatever a recording takes besides its size.
+    #: Bytes that take as long to replay as the part of a recording that is independent of its size.
     base_bytes: int = 2_000_000
-    #: Recordings that are done before anything is said of the rest.
+    #: Fewest finished recordings before the time left is estimated.
     forecast_min_recordings: int = 5
 
     # follow_panel
-    #: Manoeuvres that are shown.
+    #: Number of last manoeuvres that are shown.
     followed_manoeuvres: int = 5
-    #: Times a second that the panel is drawn: what changes faster cannot be read.
+    #: Rate in Hz at which the panel is drawn: faster changes cannot be read.
     drawn_hz: float = 4.0
 
     # frame_output
-    #: Rows of a table on a screen, which shows its ends.
+    #: Rows of a table on a screen; of a longer one, the first and last rows are shown.
     frame_rows: int = 40
-    #: Characters of a line of a table.
+    #: Most characters of a line of a table.
     text_table_characters: int = 10_000
 
     # print_tables
-    #: Width in characters of a table that is piped: whoever pipes it has no screen to keep to.
+    #: Width in characters of a table in a pipe, which is not bound to a screen.
     piped_width: int = 160
-    #: Characters that a column of many rows is widened to at most.
+    #: Most characters to which a column of many rows is widened.
     column_characters: int = 60
-    #: Width in characters below which a table has no room left for its numbers.
+    #: Width in characters below which a table has no room for its numbers.
     narrowest_width: int = 80
 
     # run
     #: Findings, losses and notes that are printed without -v; the others are counted.
     answer_lines: int = 3
-    #: Rows of the table of loads: those of a campaign, not those of a shift.
+    #: Most rows of the table of loads: enough for a campaign, but not for a shift.
     answer_loads: int = 24
 
     # sweep
-    #: Width in characters of a table in a file: whoever reads it can scroll.
+    #: Width in characters of a table in a file, whose reader can scroll.
     file_width: int = 400
 
 

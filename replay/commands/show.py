@@ -1,4 +1,4 @@
-"""`payscope show`: any intermediate of a recording, without a screen."""
+"""`payscope show`: print any frame of a recording, without the viewer."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -85,7 +85,7 @@ def _print_list_of_frames(recording: Path, *, as_json: bool) -> None:
     table = make_plain_table("frame")
     table.add_column("columns", overflow="fold")
     for name, columns in held.items():
-        # effort[left] is no markup
+        # effort[left] must not be taken as markup
         table.add_row(escape(name), escape(" ".join(columns)))
     screen = make_stdout_console()
     print_table_uncut(screen, table)

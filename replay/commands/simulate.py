@@ -1,4 +1,4 @@
-"""`payscope simulate`: logs with known truth."""
+"""`payscope simulate`: simulate logs with known truth."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`payscope sweep`: Tables 3 and 4 on any log."""
+"""`payscope sweep`: replay logs with several settings, as in the paper's Tables 3 and 4."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from replay.calibration.apply_evidence import CalibrationRequest
     from replay.runs.sweep_settings import SweepRow
 
-#: The same on an axis.
+#: The same titles as labels of an axis.
 _DRAWN: Final = {
     "error_kg": "mass less the\nreference (kg)",
     "rmse_kg": "r.m.s. error of\nthe runs (kg)",
@@ -116,7 +116,7 @@ def run_and_print_sweep(
     output_paths: tuple[Path | None, Path | None],
     force: bool,
 ) -> bool:
-    """Run the sweep; print, write and draw its rows.
+    """Run the sweep, and print, write and draw its rows.
 
     Returns:
         Whether any combination can weigh.
@@ -175,7 +175,7 @@ def run_and_print_sweep(
 
 
 def _make_figure_row(sweep_row: SweepRow) -> SweptRow:
-    """Row for the sweep's figure."""
+    """Make a row for the sweep's figure."""
     from recordings.plots.sweep_figure import SweptRow
 
     names = find_shortest_distinct_names(sweep_row.over)
@@ -194,8 +194,8 @@ def _make_figure_row(sweep_row: SweepRow) -> SweptRow:
 
 
 def _make_json_row(sweep_row: SweepRow) -> dict[str, Any]:
-    """Row in the format of `run --json`, with the varied settings and the errors."""
-    # logs that are replayed many times are not hashed
+    """Make a row in the format of `run --json`, with the varied settings and the errors."""
+    # without items that need hashes: logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
     told = {
         name: value for name, value in sweep_row.answer.to_dict().items() if name not in left_out
@@ -204,12 +204,12 @@ def _make_json_row(sweep_row: SweepRow) -> dict[str, Any]:
 
 
 def _make_frame_of_results(sweep_rows: Sequence[SweepRow]) -> pl.DataFrame:
-    """Frame with a row per combination and a column per method and quantity."""
+    """Make a frame with a row per combination and a column per method and quantity."""
     names = find_shortest_distinct_names(sweep_rows[0].over)
     flat = [
         {
             **{
-                # a column holds no lists and tables: they stay as written
+                # lists and tables cannot be cells: they are kept as text
                 names[key]: row.over[key] if isinstance(value, list | dict) else value
                 for key, value in _parse_swept_setting_values(row).items()
             },
@@ -229,12 +229,12 @@ def _make_frame_of_results(sweep_rows: Sequence[SweepRow]) -> pl.DataFrame:
     ]
     import polars as pl
 
-    # methods may differ from row to row, and be withheld in the first
+    # methods may differ between rows, and may be withheld in the first
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
 def make_calibrated_mass_fields(sweep_row: SweepRow) -> dict[str, float | str | None]:
-    """Fields of the calibrated mass, None for several loads; empty without a calibration."""
+    """Make the fields of the calibrated mass, None for several loads; none without calibration."""
     loads = sweep_row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
         return {}
@@ -243,7 +243,7 @@ def make_calibrated_mass_fields(sweep_row: SweepRow) -> dict[str, float | str | 
 
 
 def render_sweep_tables(sweep_rows: Sequence[SweepRow]) -> RenderableType:
-    """Table of masses and verdicts, and a table of errors if the truth is known."""
+    """Render a table of masses and verdicts, and tables of errors if the truth is known."""
     from rich.console import Group
 
     from replay.commands.print_tables import format_mass_kg_or_dash
@@ -273,7 +273,7 @@ def make_table_of_combinations_by_method(
     extra_titles: Sequence[str] = (),
     extra_cells: Callable[[SweepRow], Sequence[str]] = lambda _: (),
 ) -> Table:
-    """Table with a row per combination and a cell per method, plus further columns."""
+    """Make a table with a row per combination, a cell per method, and further columns."""
     from replay.commands.print_tables import make_plain_table
 
     methods = list(
@@ -285,7 +285,7 @@ def make_table_of_combinations_by_method(
         *find_shortest_distinct_names(sweep_rows[0].over).values(), *methods, *extra_titles
     )
     if extra_titles:
-        # the last is words
+        # the last column has text
         table.columns[-1].justify = "left"
     for row in sweep_rows:
         table.add_row(
@@ -295,7 +295,7 @@ def make_table_of_combinations_by_method(
 
 
 def make_calibrated_mass_table(sweep_rows: Sequence[SweepRow]) -> Table:
-    """Table with the calibrated mass of each combination, or why there is none."""
+    """Make a table with the calibrated mass of each combination, or why there is none."""
     from replay.commands.print_tables import format_mass_kg_or_dash, make_plain_table
 
     table = make_plain_table(
@@ -342,7 +342,7 @@ def _list_failed_check_names(sweep_row: SweepRow) -> list[str]:
 
 
 def _read_quantity_by_method(sweep_row: SweepRow, quantity: str) -> Mapping[str, float | None]:
-    """A quantity of the answer by method; empty for a log without masses."""
+    """Read a quantity of the answer by method; empty for a log without masses."""
     return sweep_row.answer.rows[0].quantities[quantity] if sweep_row.answer.rows else {}
 
 
@@ -353,7 +353,7 @@ def _parse_swept_setting_values(sweep_row: SweepRow) -> dict[str, Any]:
 
 
 def find_shortest_distinct_names(dotted_keys: Iterable[str]) -> dict[str, str]:
-    """Shortest distinct name of each dotted key: its last part, or the whole key."""
+    """Find the shortest distinct name of each dotted key: its last part, or the whole key."""
     last = {key: key.rpartition(".")[2] for key in dotted_keys}
     shared = Counter(last.values())
     return {key: name if shared[name] == 1 else key for key, name in last.items()}

@@ -1,4 +1,4 @@
-"""`payscope verify`: evidence of a calibration, checked by whoever trusts nobody."""
+"""`payscope verify`: check evidence of a calibration without trusting its maker."""
 
 import datetime as dt
 from functools import partial

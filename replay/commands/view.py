@@ -1,4 +1,4 @@
-"""`payscope view`: the Rerun viewer, and its pictures without a screen."""
+"""`payscope view`: open a recording in the Rerun viewer, or take pictures of it."""
 
 from pathlib import Path
 from typing import Annotated

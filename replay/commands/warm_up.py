@@ -1,4 +1,4 @@
-"""`payscope warm-up`: compile the numerical code before the first log."""
+"""`payscope warm-up`: compile the numerical code before the first replay."""
 
 from typing import Annotated
 

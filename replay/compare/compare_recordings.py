@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class RecordedRun:
-    """A recording that is compared; columns are read on demand."""
+    """A recording to compare; columns are read on demand."""
 
     def __init__(
         self, recording: OpenRecording, request: "CalibrationRequest | None" = None
@@ -33,7 +33,7 @@ class RecordedRun:
             request: evidence that calibrates its loads, if any.
 
         Raises:
-            EvidenceError: the evidence does not apply.
+            EvidenceError: the evidence does not apply to the recording.
         """
         self._held = recording
         self.path = recording.path
@@ -61,7 +61,7 @@ class RecordedRun:
         return self._held.read_frame(stage, columns)
 
     def read_run_with_displayed_columns(self) -> Run:
-        """The columns that views draw."""
+        """Read the columns that views draw, as a run."""
         wanted = {
             stage: list_columns_needed_for_drawing(stage, names)
             for stage, names in self.stages.items()
@@ -100,14 +100,14 @@ def compare_recordings(
     Args:
         path_a: baseline recording.
         path_b: recording to compare with it.
-        overlay: recording of both to write.
+        overlay: output for a recording of both.
         relative_tolerance: relative tolerance of numbers.
-        other_logs: whether they may be of different logs; then only settings, masses and verdict
-            are compared.
+        other_logs: whether the recordings may be of different logs; then only settings, masses and
+            verdict are compared.
         calibration: evidence that calibrates the masses of both.
 
     Raises:
-        RecordingError: one of them cannot be read, or their rows do not correspond.
+        RecordingError: a recording cannot be read, or their rows do not correspond.
         OutputError: the recording of both cannot be written.
     """
     if overlay.path is not None:
@@ -151,7 +151,7 @@ def compare_recordings(
 
 
 def do_runs_replay_same_log(run_a: RecordedRun, run_b: RecordedRun) -> bool:
-    """Whether both replay the same bytes, or one is a replay of the other recording."""
+    """Whether both runs replay the same bytes, or one replays the other's recording."""
     return (
         do_runs_read_same_bytes(run_a.provenance, run_b.provenance)
         or has_run_replayed_recording(run_a.path, run_b.provenance)
@@ -161,7 +161,7 @@ def do_runs_replay_same_log(run_a: RecordedRun, run_b: RecordedRun) -> bool:
 
 def has_run_replayed_recording(recording: Path, provenance: Provenance) -> bool:
     """Whether a run's input is this recording."""
-    # a shift takes a second to read: most others are told by their size
+    # reading a shift takes a second: most other recordings differ in size
     if [each.size_bytes for each in provenance.inputs] != [recording.stat().st_size]:
         return False
     return file_sha256(recording) == provenance.inputs[0].sha256

@@ -1,5 +1,5 @@
-"""Conversion of logs: Parquet by topic, in bounded memory, resumed after an interruption.
+"""Convert logs to Parquet by topic, in bounded memory, and resume after an interruption.
 
-`convert_log` goes through a log span by span, `unfinished_folder` keeps what is done, and
-`PartWriter` writes one file.
+`convert_log` converts a log span by span, `unfinished_folder` records the completed spans, and
+`PartWriter` writes a single file.
 """

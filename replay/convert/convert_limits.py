@@ -12,16 +12,16 @@ class ConvertLimits:
     """
 
     # convert_log
-    #: Messages of a part at most, which are converted again after a cut,
+    #: Most messages of a part, which are converted again after an interruption.
     span_messages: int = 2_000_000
-    #: and bytes of the log's files.
+    #: Most bytes of the log's files in a part.
     span_bytes: int = 512 << 20
 
     # unfinished_folder
-    #: Rows of a row group: a reader of some rows unpacks whole groups; smaller ones are larger on
-    #: the disk,
+    #: Rows of a row group: reading a few rows decompresses whole groups, but smaller groups take
+    #: more space.
     group_rows: int = 1 << 17
-    #: and bytes of one, for rows that are large by themselves, such as images.
+    #: Bytes at which a row group ends, for large rows such as images.
     group_bytes: int = 32 << 20
 
 

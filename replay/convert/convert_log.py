@@ -1,4 +1,4 @@
-"""The command `convert`: a log as Parquet by topic, which payscope reads as a log again."""
+"""The command `convert`: write a log as Parquet by topic, which payscope reads as a log again."""
 
 import json
 import re
@@ -48,9 +48,9 @@ class Conversion:
 
     Attributes:
         folder: output folder.
-        topics: topics with their parts.
+        topics: converted topics with their parts.
         losses: data that could not be read.
-        spans: number of time spans.
+        spans: number of time spans that the log was divided into.
         resumed_spans: number of spans from an earlier, interrupted conversion.
     """
 
@@ -113,11 +113,11 @@ def convert_log(
         topics: topics to convert; None converts all decodable ones.
         force: whether to replace an existing converted log.
         on_span: called when a span begins: "convert 2 of 7".
-        span_messages: messages per span.
+        span_messages: most messages per span.
 
     Raises:
-        LogError: no such topic.
-        OutputError: the folder cannot be written, or is there already.
+        LogError: a topic does not exist.
+        OutputError: the folder cannot be written, or exists already.
     """
     refuse_input_as_output(target, [log.path])
     require_writable_folder(target, force=force, marker=DESCRIPTION)
@@ -148,7 +148,7 @@ _Parts = Mapping[str, ConvertedPart]
 
 
 class ConvertedSpans(NamedTuple):
-    """Parts of each span, and how many were there already."""
+    """Parts of each span, and number of spans from an earlier conversion."""
 
     parts_by_span: list[_Parts]
     resumed_span_count: int
@@ -215,7 +215,7 @@ class RunningConversion:
         return ConvertedSpans([self._convert_time_span(working_folder.path, 0, None, None)], 0)
 
     def _choose_span_boundaries_ns(self, span_messages: int) -> tuple[int, ...]:
-        """Log times that divide the log into spans of equal time."""
+        """Choose the log times in ns that divide the log into spans of equal duration."""
         rows = self._summaries.values()
         starts = [row["start_ns"] for row in rows if row["start_ns"] is not None]
         if not starts:
@@ -230,7 +230,7 @@ class RunningConversion:
     def _convert_time_span(
         self, working_folder: Path, span_number: int, first_ns: int | None, last_ns: int | None
     ) -> dict[str, ConvertedPart]:
-        """Write the rows of a span: a part for each topic with rows."""
+        """Write the rows of a span, as a part for each topic with rows."""
         with ExitStack() as open_files:
             writers: dict[str, PartWriter] = {}
             names = {topic: [f.name for f in fields] for topic, fields in self._fields.items()}
@@ -249,7 +249,7 @@ class RunningConversion:
         return f"{self._folders[topic]}/part-{span_number:05}.parquet"
 
     def _do_rows_match_index(self, finished_spans: Sequence[_Parts]) -> bool:
-        """Whether the rows written match the messages that the index lists."""
+        """Whether each topic has as many written rows as messages in the index."""
         rows = dict.fromkeys(self._fields, 0)
         for parts in finished_spans:
             for topic, part in parts.items():
@@ -259,7 +259,7 @@ class RunningConversion:
     def describe_converted_log(
         self, working_folder: UnfinishedFolder, finished_spans: Sequence[_Parts]
     ) -> ConvertedDescription:
-        """Description of the folder; a topic without rows gets a part with its columns."""
+        """Describe the folder; a topic without rows gets an empty part with its columns."""
         topics: list[ConvertedTopic] = []
         for topic, summary in self._summaries.items():
             if topic not in self._fields:
@@ -291,7 +291,7 @@ class RunningConversion:
         )
 
     def _make_topic_schema(self, topic: str) -> "pa.Schema":
-        """Schema of a topic with metadata for readers of a single file."""
+        """Make the schema of a topic, with metadata for readers of a single file."""
         log, summary = self._log, self._summaries[topic]
         leaves = log.leaf_fields(topic, [field.name for field in self._fields[topic]])
         schema = pl.Schema(
@@ -327,13 +327,13 @@ def _list_fields_to_convert(log: Log, topic: str) -> tuple[ConvertedField, ...]:
 
 
 def make_unique_folder_names(topics: Sequence[str]) -> dict[str, str]:
-    """Unique folder name of each topic, in letters, digits and underscores."""
+    """Make a unique folder name for each topic, of letters, digits and underscores."""
     found: dict[str, str] = {}
     taken: set[str] = set()
     for topic in topics:
         word = re.sub(r"\W+", "_", topic, flags=re.ASCII).strip("_") or "topic"
         name, number = word, 1
-        # a file system may take capitals for small letters
+        # a file system may not distinguish upper and lower case
         while name.lower() in taken:
             number += 1
             name = f"{word}_{number}"

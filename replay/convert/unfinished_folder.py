@@ -1,8 +1,7 @@
-"""State of an unfinished conversion: its plan, and the completed time spans.
+"""Keep the state of an unfinished conversion: its plan, and the completed time spans.
 
-It is kept next to the output, under another name. A span is complete when its record exists, which
-is written after its parts, one Parquet file per topic; all other files belong to an interrupted
-span.
+It is in a folder beside the output. A span is complete when its record exists, which is written
+after its parts, one Parquet file per topic; all other files belong to an interrupted span.
 """
 
 import fcntl
@@ -31,14 +30,14 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 class PartWriter:
-    """Writes a part under a temporary name; `close` renames it."""
+    """Writer of a part under a temporary name, which `close_and_describe_part` renames."""
 
     def __init__(self, folder: Path, file: str, schema: pa.Schema) -> None:
         """Create the file.
 
         Args:
             folder: folder of the conversion.
-            file: path below the folder, as in the description.
+            file: path relative to the folder, as in the description.
             schema: schema of the topic.
         """
         self._path, self._file, self._schema = folder / file, file, schema
@@ -54,7 +53,7 @@ class PartWriter:
         self._last: int | None = None
 
     def append_rows(self, new_rows: pl.DataFrame) -> None:
-        """Append rows."""
+        """Append rows, which are buffered up to the size of a row group."""
         self._waiting.append(new_rows)
         self._waiting_rows += new_rows.height
         self._waiting_bytes += int(new_rows.estimated_size())
@@ -133,10 +132,10 @@ class UnfinishedFolder:
         self.path = path
 
     def resume_or_restart_conversion(self, conversion_plan: ConversionPlan) -> list[FinishedSpan]:
-        """Resume a conversion with the same plan; other content is removed.
+        """Resume a conversion if it has the same plan; else remove its content.
 
         Returns:
-            Completed spans, from the first.
+            The completed spans, from the first on.
         """
         if load_json_model_or_none(self.path / _PLAN, ConversionPlan) != conversion_plan:
             self.remove_all_content()
@@ -154,7 +153,7 @@ class UnfinishedFolder:
     def record_finished_span(
         self, span_number: int, parts_by_topic: dict[str, ConvertedPart]
     ) -> FinishedSpan:
-        """Record that a span is complete."""
+        """Record that a span is complete, with its parts."""
         span = FinishedSpan(parts=parts_by_topic)
         write_file_atomically(
             self.path / _make_span_file_name(span_number), span.model_dump_json(indent=1)
@@ -162,7 +161,7 @@ class UnfinishedFolder:
         return span
 
     def remove_all_content(self) -> None:
-        """Remove everything in it."""
+        """Remove everything in the folder except its lock."""
         for each in self.path.iterdir():
             if each.is_dir():
                 shutil.rmtree(each)
@@ -173,7 +172,7 @@ class UnfinishedFolder:
         """Remove everything except the parts of a finished conversion.
 
         Args:
-            kept_files: files below the folder.
+            kept_files: files to keep, by their paths relative to the folder.
         """
         for each in sorted(self.path.rglob("*"), reverse=True):
             if each.is_file() and each.relative_to(self.path).as_posix() not in kept_files:
@@ -201,7 +200,7 @@ def open_unfinished_folder(target: Path) -> Generator[UnfinishedFolder]:
 
 
 def write_file_atomically(path: Path, text: str) -> None:
-    """Write a small file atomically, safe against a power cut."""
+    """Write a small file atomically and durably, even if power fails."""
     partial = path.with_suffix(".partial")
     with partial.open("w", encoding="utf-8") as file:
         file.write(text)
@@ -215,7 +214,7 @@ def _make_span_file_name(span_number: int) -> str:
 
 
 def load_json_model_or_none(path: Path, model: type[_Model]) -> _Model | None:
-    """Read a file of this model; None if it is missing or of another version."""
+    """Read a JSON file as a model; None if it is missing or does not fit the model."""
     try:
         return model.model_validate_json(path.read_bytes())
     except (FileNotFoundError, ValidationError):
@@ -225,7 +224,7 @@ def load_json_model_or_none(path: Path, model: type[_Model]) -> _Model | None:
 def make_arrow_schema_with_units(
     schema: pl.Schema, units: dict[str, str], metadata: dict[str, str]
 ) -> pa.Schema:
-    """Schema of a topic's files, with units of fields and metadata."""
+    """Make the Arrow schema of a topic's files, with units of fields and metadata."""
     plain = pl.DataFrame(schema=schema).to_arrow(compat_level=pl.CompatLevel.oldest()).schema
     fields = [
         field.with_metadata({"unit": units[field.name]}) if units.get(field.name) else field

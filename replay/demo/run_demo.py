@@ -101,9 +101,9 @@ loads = [{loads}]
 day = {day}
 """
 _MACHINE = Path("cat262c.toml")
-#: What `on_stage` is told, in order.
+#: Names with which `on_stage` is called, in order.
 STEPS: Final = ("simulate", "calibrate", "verify", *STAGES, "record", "review")
-#: Ten minutes of work with the machine that was calibrated, with loads inside the range of that.
+#: Ten minutes of work with the calibrated machine, with loads in the calibrated range.
 _SHIFT: Final = SimulatedShift(
     duration_h=0.15,
     logs=2,
@@ -117,7 +117,7 @@ _SHIFT: Final = SimulatedShift(
     fuel_kg_h=0.0,
     idle_share=0.0,
 )
-#: Payload that the demo's shift is to load, kg.
+#: Target payload of a load in the demo's shift, in kg.
 _TARGET_KG: Final = 200.0
 
 
@@ -149,7 +149,7 @@ class DemoResults:
 def run_demo(
     folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]
 ) -> DemoResults:
-    """Simulate, calibrate, verify the evidence, replay in one time line, record, draw.
+    """Simulate a campaign, calibrate, verify the evidence, replay it on one time line, and record.
 
     Then a shift of the same machine is simulated and reviewed under that evidence.
 
@@ -234,7 +234,7 @@ def run_demo(
 def add_evidence_calibration_line(
     replayed_run: Run, calibration_outcome: CalibrationOutcome, empty_kg: float
 ) -> Run:
-    """The run with the evidence's line before those of the methods."""
+    """Add the evidence's calibration line to a run, before the lines of the methods."""
     document = calibration_outcome.document
     points = () if document.calibration is None else document.calibration.points
     first = make_calibration_frame(
@@ -251,7 +251,7 @@ def add_evidence_calibration_line(
 def replay_simulated_campaign(
     logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
-    """Replay simulated logs on one time line; each method is calibrated against the true masses."""
+    """Replay simulated logs on one time line, and calibrate each method by the true masses."""
     with ExitStack() as stack:
         opened = [
             stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
@@ -266,7 +266,7 @@ def replay_simulated_campaign(
 
 
 def format_demo_campaign_file(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
-    """Text of the campaign file for simulated logs with ascending masses.
+    """Format the campaign file for simulated logs with ascending masses.
 
     Args:
         scenario: simulated scenario, with loads ascending from 0.

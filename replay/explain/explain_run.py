@@ -1,4 +1,4 @@
-"""The command `explain`: why an estimate is bad, and a corrected machine file."""
+"""The command `explain`: say why an estimate is bad, and write a corrected machine file."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -68,11 +68,10 @@ def explain_run_and_correct_machine(
         on_stage: called with each stage of the replays when it begins.
 
     Returns:
-        The explanation, and the effect of the corrected machine file; None if no proposal helps, or
-        if it was not requested.
+        The explanation, and the corrected machine file with its effect; None if not requested.
 
     Raises:
-        PayscopeError: the input is wrong; nothing has been written then.
+        PayscopeError: the input is invalid; nothing has been written.
     """
     _refuse_contradictory_request(explain_request)
     whole = load_run_to_explain(explain_request, on_stage)
@@ -134,7 +133,7 @@ def _refuse_time_outside_run(explain_request: ExplainRequest, run: Run) -> None:
 
 
 def load_run_to_explain(explain_request: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
-    """The frames to explain, from the recording or from a replay."""
+    """The frames to explain, read from the recording or replayed from the log."""
     if explain_request.machine_file is None:
         with open_recording(explain_request.path) as held:
             return read_frames_for_explanation(
@@ -149,7 +148,7 @@ def load_run_to_explain(explain_request: ExplainRequest, on_stage: Callable[[str
                 return read_frames_for_explanation(
                     held, is_picture_drawn=explain_request.picture is not None
                 )
-    # a recording is explained without what replays a log
+    # to explain a recording, nothing that replays a log is imported
     from replay.pipeline import run
 
     with open_log(explain_request.path, time=find_time_axis_of_machine(machine)) as log:
@@ -162,7 +161,7 @@ def load_run_to_explain(explain_request: ExplainRequest, on_stage: Callable[[str
 
 
 def _does_machine_differ_from_recorded(recording: OpenRecording, machine: Machine) -> bool:
-    """Whether the machine file differs from that of the recording."""
+    """Whether the machine file differs from the machine that the recording was made with."""
     about = recording.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
     return bool(list_changed_settings_and_keys(recorded, machine))
@@ -184,7 +183,7 @@ def read_frames_for_explanation(recording: OpenRecording, *, is_picture_drawn: b
         elif is_picture_drawn and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]
     frames = {name: recording.read_frame(name, columns) for name, columns in wanted.items()}
-    # what a recovered recording has lost must not pass for what its log does not show
+    # rows that a recovered recording has lost must not pass for rows that the log never had
     lost = [each for each in recording.manifest.frames if each.name in frames]
     lost = [each for each in lost if frames[each.name].height != each.rows]
     if lost:

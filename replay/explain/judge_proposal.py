@@ -1,7 +1,7 @@
 """Judge a proposed setting by comparing replays with and without it.
 
-A value fitted to the whole log would be confirmed by the same log. So it is fitted again to the
-first half, and tested on the second half.
+The log that a value is fitted to would always confirm it. So it is fitted again to the first half
+of the log, and tested on the second.
 """
 
 import math
@@ -20,7 +20,7 @@ from recordings.report.finding_text import read_findings_of_run
 from replay.explain.proposal_edits import Proposal, make_proposal_for_each_key_of_finding
 from replay.explain.proposal_limits import LIMITS
 
-#: First and last log time of a stretch; None: the log's own.
+#: First and last log time in ns of a part of a log; None for the start or end of the log.
 Stretch = tuple[int | None, int | None]
 Replay = Callable[[Sequence[Proposal], Stretch], Run]
 
@@ -68,7 +68,7 @@ class ProposalTrial:
         return ""
 
     def _explain_empty_mass_contradiction(self, answer_before: Answer, answer_after: Answer) -> str:
-        """Objection by the empty mass or by gravity at rest; empty if there is none."""
+        """Why the empty mass or gravity at rest speaks against the proposal; empty if neither."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
         one, other = (
             _find_lightest_load_mass_and_u_kg(answer_before),
@@ -110,10 +110,10 @@ def explain_failure_on_held_out_half(
         finding: finding of the whole log with the proposal.
         run_without_proposal: replay of the whole log.
         span_ns: first and last log time.
-        replay: replays a range of log times with additional proposals.
+        replay: function that replays a range of log times with additional proposals.
 
     Returns:
-        Empty where it holds.
+        The reason; "" if the proposal holds.
     """
     middle_ns = find_time_halving_starts_ns(run_without_proposal, *span_ns)
     if middle_ns is None:
@@ -148,7 +148,7 @@ def find_finding_of_same_cause_and_keys(finding: Finding, run: Run) -> Finding |
 
 
 def find_time_halving_starts_ns(run: Run, start_ns: int, end_ns: int) -> int | None:
-    """Log time half-way between the two middle starts, in ns.
+    """Log time in ns that separates the earlier half of the starts from the later half.
 
     The middle of the log if it has no starts; None if it has too few of them.
     """
@@ -156,7 +156,7 @@ def find_time_halving_starts_ns(run: Run, start_ns: int, end_ns: int) -> int | N
     if t_ns.is_empty() or 0 < starts.height < LIMITS.min_starts:
         return None
     middle = 0.5
-    if starts.height:  # nothing may have been weighed, as of a force of the wrong sign
+    if starts.height:  # none may have been weighed, for example with a force of the wrong sign
         at = starts.height // 2
         edge = (int(starts["end_t_ns"][at - 1]) + int(starts["start_t_ns"][at])) // 2
         middle = (edge - int(t_ns[0])) / max(int(t_ns[-1] - t_ns[0]), 1)
@@ -164,7 +164,7 @@ def find_time_halving_starts_ns(run: Run, start_ns: int, end_ns: int) -> int | N
 
 
 def list_failed_checks_with_consequence(answer: Answer) -> set[str]:
-    """Failed checks of the mass that have a consequence."""
+    """Failed checks of the mass that withhold it or widen its interval."""
     costs = ("withhold", "widen")
     return {
         each.check
@@ -187,7 +187,7 @@ def _find_lightest_load_mass_and_u_kg(answer: Answer) -> _LoadMass | None:
 
 
 def does_accelerometer_read_gravity(run: Run) -> bool:
-    """Whether the z axis reads gravity at rest, so that the accelerometer's scale is right."""
+    """Whether the z axis reads gravity at rest, which confirms the accelerometer's scale."""
     frame = run.frames["excitation"]
     if "specific_force_z_m_s2" not in frame.columns:
         return False
@@ -223,7 +223,7 @@ def did_mass_change_as_claimed(
 
 
 def _find_smallest_u_of_loads_kg(answer: Answer) -> float:
-    """Smallest standard uncertainty of the loads; infinite without a mass."""
+    """Smallest standard uncertainty of the loads' masses in kg; infinite without a mass."""
     return min(
         (load["u_kg"] for load in answer.loads if load["u_kg"] is not None), default=math.inf
     )

@@ -19,10 +19,10 @@ class Proposal:
     Attributes:
         key: dotted key.
         value: value as TOML.
-        cause: cause of the finding.
+        cause: cause of the finding that proposes it.
         comment: reason, in one line.
-        change_kg: change of the mass; None if unknown or given with another key.
-        change_u_kg: standard uncertainty of the change.
+        change_kg: change of the mass in kg; None if unknown, or stated with another key.
+        change_u_kg: standard uncertainty of that change in kg; None likewise.
     """
 
     key: str
@@ -85,7 +85,8 @@ def insert_proposals_into_machine_file(
         machine_path: path of the file, for error messages.
 
     Raises:
-        MachineError: invalid TOML, a key leads through a value, or an old name needs a decision.
+        MachineError: the text is not TOML, a parent of a key is a value instead of a table, or an
+            old name cannot be replaced without a decision of the user.
     """
     import tomlkit
     from tomlkit.container import OutOfOrderTableProxy
@@ -106,7 +107,7 @@ def insert_proposals_into_machine_file(
                         f"{machine_path}: '{section}' of {change.key} is not a table"
                     )
             new = tomlkit.item(change.value)
-            # within braces, TOML has no comments
+            # TOML allows no comment in an inline table
             if not isinstance(place, InlineTable):
                 new.comment(_format_change_comment(place, name, change.comment))
             place[name] = new
@@ -118,13 +119,13 @@ def insert_proposals_into_machine_file(
 
 
 def _format_change_comment(table: Any, key_name: str, reason: str) -> str:
-    """Comment of a changed key: the user's comment, the reason, and the old value."""
+    """Format the comment of a changed key: the user's comment, the reason, and the old value."""
     import tomlkit
     from tomlkit.items import Table
 
     if key_name not in table:
         return f"payscope: {reason}"
-    # a boolean would come out of a table as it is, without its comment
+    # indexing a table gives a boolean as a plain bool, without its comment
     was: Any = (
         table.value.item(key_name) if isinstance(table, Table) else tomlkit.item(table[key_name])
     )

@@ -12,23 +12,23 @@ class ProposalLimits:
     """
 
     # judge_proposal
-    #: Ratio by which the uncertainty may grow for a cause that hardly moves the mass.
+    #: Largest ratio of the uncertainties after and before, for a cause that hardly moves the mass.
     max_u_growth: float = 1.05
-    #: Standard uncertainties within which a mass has moved as claimed, and beyond which a claim is
-    #: not 0.
+    #: Number of standard uncertainties within which a change of mass agrees with the claim, and
+    #: beyond which a claimed change is significant.
     coverage_factor: float = 2.0
-    #: Strength of a cause, over that before, below which a proposal leaves only a remainder.
+    #: Ratio of a cause's strength after and before, below which the proposal has removed it.
     remaining_strength: float = 0.5
     #: Relative distance of z's reading at rest from gravity within which the accelerometer's scale
     #: is right.
     gravity_tolerance_1: float = 0.01
-    #: Fraction by which a machine may weigh less than it does empty, besides its uncertainty.
+    #: Fraction by which the lightest load may be below the empty mass, besides its uncertainty.
     lighter_than_empty_1: float = 0.01
-    #: Fewest starts of a log with two halves to try a proposal on.
+    #: Fewest starts of a log that is halved to test a proposal.
     min_starts: int = 4
 
     # try_proposals
-    #: Causes that are tried at most: with more there is no log to mend.
+    #: Most causes that are tried: a log with more cannot be corrected by settings.
     max_proposals: int = 8
 
 

@@ -1,11 +1,11 @@
 """Correct a machine file from findings, trying each proposal by replays.
 
 A proposal is accepted if with it the log can still weigh, fails no other check, no longer shows the
-cause (or less than half of it, or less of it with the mass changed as claimed), if that also holds
-on a half of the log that it was not fitted to, and if the empty machine's mass does not contradict
-it. The next proposal is taken from the findings that remain, since findings that one cause explains
-disappear with it, and are not corrected while that cause remains. If the mass remains withheld,
-nothing is written.
+cause (or less than half of it, or less of it with the mass changed as claimed), if all this also
+holds on a half of the log that it was not fitted to, and if the empty mass does not contradict it.
+The next proposal is taken from the findings that remain: a finding that another cause explains
+disappears with that cause, and is not corrected while the cause remains. If the mass remains
+withheld, nothing is written.
 """
 
 import tempfile
@@ -41,7 +41,7 @@ from replay.machines.machine_file import (
 )
 from replay.pipeline import run
 
-#: Causes that say of the answer how poor it is.
+#: Causes that describe how poor the answer is, and not why.
 _POOR: Final = ("too_little_excitation", "collinear", "coloured_residuals", "heteroscedastic")
 
 
@@ -63,8 +63,8 @@ class RejectedProposal:
     """A proposal that was rejected or not tried.
 
     Attributes:
-        proposal: the proposal of its first key.
-        why: reason, in words.
+        proposal: the proposal; for a finding with several keys, that of the first.
+        why: reason for the rejection, in words.
     """
 
     proposal: Proposal
@@ -99,7 +99,7 @@ class ProposalReplays:
     Attributes:
         log: the log.
         text: text of the machine file.
-        load: reads a machine from a text, with proposed keys.
+        load: function that reads a machine from the text of its file and the proposed keys.
         on_stage: called with each stage of a replay when it begins.
     """
 
@@ -115,7 +115,7 @@ class ProposalReplays:
         """Replay the log, or a part of it, with proposals in its machine file.
 
         Raises:
-            DataError: the log cannot be replayed so.
+            DataError: the log cannot be replayed with them.
             MachineError: the proposals give an invalid machine file.
         """
         machine = self.load(
@@ -161,7 +161,7 @@ def write_corrected_machine_file(
     output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> CorrectedMachine:
-    """Write a machine file with the proposals that help.
+    """Write a copy of the machine file with the proposals that help.
 
     Args:
         log_path: log, or recording of it.
@@ -270,7 +270,7 @@ def _read_text_of_machine_file(machine_path: Path) -> str:
 
 
 def _find_next_finding_to_try(progress: ProposalProgress) -> Finding | None:
-    """Most likely untried cause with a proposal that no remaining cause explains."""
+    """First untried finding with a proposal whose cause no remaining cause explains, or None."""
     return next(
         (
             each
@@ -293,11 +293,11 @@ def list_untried_findings(progress: ProposalProgress) -> list[Finding]:
 
 
 def find_causes_explained_by_others(progress: ProposalProgress) -> dict[str, str]:
-    """Causes that a remaining cause may explain, with that cause.
+    """Causes that another remaining cause may explain, and that cause, by name.
 
     Causes that invalidate the mass are left out, since trying them loses nothing.
     """
-    # the table brings all that looks for causes
+    # imported here, since the table of causes imports all detectors
     from analysis.findings import CAUSES
 
     shown = read_findings_of_run(progress.run)
@@ -310,7 +310,7 @@ def find_causes_explained_by_others(progress: ProposalProgress) -> dict[str, str
         for cause in CAUSES
         if cause.key in stays
         for behind in cause.explains
-        # what only says that the answer is poor, or stands behind it, is no reason not to try
+        # causes that only describe a poor answer, or result from it, do not exclude a proposal
         if behind not in grave
         and cause.key not in _POOR
         and ranks[cause.key] < ranks.get(behind, 0)
@@ -331,7 +331,7 @@ def _make_cause_and_channel_key(finding: Finding) -> _FindingKey:
 def try_proposal_of_finding(
     progress: ProposalProgress, finding: Finding, replays: ProposalReplays
 ) -> None:
-    """Replay with a proposal, and accept or reject it."""
+    """Replay with the proposal of a finding, and accept or reject it."""
     progress.tried.add(_make_cause_and_channel_key(finding))
     changes = list(make_proposal_for_each_key_of_finding(finding))
     try:

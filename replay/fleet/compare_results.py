@@ -21,19 +21,19 @@ from replay.fleet.ray_engine import TaskEngine
 from replay.fleet.run_fleet import FleetRun, OnDone, replay_logs_of_fleet
 
 WHAT_IF: Final = "what-if"
-#: Hexadecimal digits of a digest that tell settings apart.
+#: Hexadecimal digits of a digest that distinguish settings.
 _DIGITS: Final = 12
 
 
 @dataclass(frozen=True, slots=True)
 class DayRange:
-    """Range of days, both ends included; None leaves an end open."""
+    """Range of days, including both; None leaves an end open."""
 
     first: dt.date | None = None
     last: dt.date | None = None
 
     def select_results_in_range(self, results: pl.DataFrame) -> pl.DataFrame:
-        """Results within the range."""
+        """Select the results in the range; undated ones only if both ends are open."""
         if self.first is None and self.last is None:
             return results
         day = pl.col("day")
@@ -95,7 +95,7 @@ class PlanWithOtherSettings:
 
 @cache
 def _make_setups_with_fitting_evidence(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
-    """Setups of a machine, read once; evidence made with other settings is skipped."""
+    """Make the setups of a machine, read once; evidence made with other settings is skipped."""
     return make_setups_of_machine(machine, files, is_unfit_evidence_skipped=True)
 
 
@@ -139,7 +139,7 @@ def replay_fleet_with_settings(
         New results, summary of the run, and number of logs that no longer exist.
 
     Raises:
-        FleetError: none of the logs exists any more.
+        FleetError: none of the logs exists any longer.
     """
     rows = day_range.select_results_in_range(results.selected_results).select("source", "machine")
     machines: dict[str, str] = dict(rows.iter_rows())

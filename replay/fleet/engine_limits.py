@@ -12,34 +12,35 @@ class EngineLimits:
     """
 
     # object_store
-    #: Objects that are fetched at once,
+    #: Objects that are fetched in parallel.
     objects_at_once: int = 16
-    #: and the bytes of a part of one.
+    #: Bytes of a chunk of an object that is downloaded.
     chunk_bytes: int = 8 * 2**20
 
     # ray_engine
-    #: Times that Ray starts a task of a lost worker or node again.
+    #: Number of times that Ray restarts a task of a lost worker or node.
     max_retries: int = 3
-    #: Tasks of a worker before another takes its place: Rerun keeps two threads and some 130 MB of
-    #: address space of each recording that a process has written (rerun-io/rerun#2116).
+    #: Tasks after which a worker is replaced: Rerun keeps two threads and some 130 MB of address
+    #: space for each recording that a process has written (rerun-io/rerun#2116).
     tasks_per_worker: int = 200
-    #: Tasks that are handed to Ray for each slot beyond those that run: enough that no slot waits.
+    #: Tasks per slot that are submitted to Ray in addition to the running ones, so that no slot
+    #: waits.
     tasks_ahead: int = 2
-    #: Bytes of Ray's own storage: results go through the fleet's.
+    #: Bytes of Ray's object store, small since results are written to the fleet's storage.
     ray_storage_bytes: int = 100 * 2**20
-    #: Longest wait for a result, in s, before the next look,
+    #: Longest wait for a result, in s, between checks.
     wait_s: float = 1.0
-    #: and for the answer of a cluster.
+    #: Longest wait, in s, for a cluster to answer.
     answer_s: float = 10.0
 
     # recording_task
-    #: Time in s between two looks at the memory and the clock.
+    #: Time in s between checks of memory and time.
     look_s: float = 0.05
-    #: Time in s to come back from a library before the process is ended.
+    #: Time in s for a library to return before the process is ended.
     grace_s: float = 20.0
 
     # write_fleet_page
-    #: Hexadecimal digits of a key that the page shows, enough to name a recording.
+    #: Hexadecimal digits of a key on the page, enough to identify a recording.
     shown_key_digits: int = 12
 
 

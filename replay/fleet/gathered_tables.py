@@ -1,4 +1,4 @@
-"""A fleet's results as tables: gathered by machine, since thousands of small files are slow.
+"""Read a fleet's results as tables, gathered by machine, since thousands of small files are slow.
 
 Gathered tables are derived: `gathered/machine=M/DIGEST/TABLE.parquet` holds the rows of all results
 of a machine, in the order of their logs, and DIGEST is the digest of their keys. If it is missing
@@ -37,7 +37,7 @@ from replay.frames.select_statement import (
 )
 
 _GATHERED: Final = "gathered"
-#: Hexadecimal digits of a digest that tell sets of results apart.
+#: Hexadecimal digits of a digest that distinguish sets of results.
 _DIGITS: Final = 16
 _ORDER: Final = ("t0_unix_ns", "key")
 
@@ -64,11 +64,11 @@ class FleetResults:
 
     @cached_property
     def _gathered_folder_by_machine(self) -> Mapping[str, str]:
-        """Folder of the current gathered tables of every machine."""
+        """Folder of the current gathered tables by machine; missing ones are made."""
         there: dict[str, list[str]] = {}
         for each in self.store.list_names(_GATHERED):
             folder, _, name = each.rpartition("/")
-            if name == f"{MARK}.parquet":  # written last
+            if name == f"{MARK}.parquet":  # written last: the others are complete
                 there.setdefault(folder.rpartition("/")[0], []).append(folder)
         found: dict[str, str] = {}
         for machine, names in self.result_names_by_machine.items():
@@ -81,13 +81,13 @@ class FleetResults:
         return found
 
     def update_gathered_tables(self) -> None:
-        """Update the gathered tables."""
+        """Make the gathered tables that are missing or outdated."""
         _ = self._gathered_folder_by_machine
 
     def _gather_tables_of_machine(
         self, folder: str, names: Sequence[ResultName], old_names: Sequence[str]
     ) -> None:
-        """Gather the results of one machine."""
+        """Gather the results of one machine into tables, reusing its previous gathered tables."""
         keys = {name.key for name in names}
         known: set[str] = set()
         base = ""
@@ -103,7 +103,7 @@ class FleetResults:
             frames = [pl.read_parquet(io.BytesIO(part)) for part in parts if part is not None]
             if base:
                 frames.insert(0, self._read_gathered_table(f"{base}/{table}.parquet"))
-            # rows of one result keep their order
+            # the rows of each result keep their order
             whole = pl.concat([pl.DataFrame(schema=make_table_schema(table)), *frames])
             ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
             self.store.write_object(
@@ -117,7 +117,7 @@ class FleetResults:
         return pl.read_parquet(io.BytesIO(self.store.read_object(name)))
 
     def scan_rows_of_all_settings(self, table_name: str) -> pl.LazyFrame:
-        """Table of all results under any settings, ordered by machine and log."""
+        """Scan a table of all results under any settings, ordered by machine and log."""
         files = [
             f"{folder}/{table_name}.parquet" for folder in self._gathered_folder_by_machine.values()
         ]
@@ -126,7 +126,7 @@ class FleetResults:
         if self.store.folder is not None:
             rows = pl.scan_parquet([Path(self.store.folder, each) for each in files])
             return rename_stored_checks(table_name, rows)
-        # by whole objects: not every server answers for a part of one
+        # read whole objects, since not every server supports reading a part
         parts = [
             pl.read_parquet(io.BytesIO(part)) for part in self.store.iter_object_contents(files)
         ]
@@ -134,7 +134,7 @@ class FleetResults:
 
     @cached_property
     def selected_results(self) -> pl.DataFrame:
-        """One row per log and machine: of the last run's settings, else the most recent."""
+        """One row per log and machine: the result of the last run's settings, else the latest."""
         bases = [basis for each in self.last_run.machines.values() for basis in each.bases]
         return (
             self.scan_rows_of_all_settings(MARK)
@@ -146,7 +146,7 @@ class FleetResults:
         )
 
     def scan_rows_of_selected_results(self, table_name: str) -> pl.LazyFrame:
-        """Table with the rows of the selected results; see `results`."""
+        """Scan the rows of a table that belong to `selected_results`."""
         if table_name == MARK:
             return self.selected_results.lazy()
         rows = self.scan_rows_of_all_settings(table_name)
@@ -167,7 +167,7 @@ class FleetResults:
 
     @cached_property
     def failure_reason_by_source(self) -> dict[str, str]:
-        """Recordings without a result, with the reason, by source."""
+        """Reason why a recording has no result, by source."""
         return json.loads(self._read_object_or_default(FAILED, b"{}"))
 
     @cached_property
@@ -183,7 +183,7 @@ class FleetResults:
             return default
 
     def store_last_run(self, last_run: LastRun) -> None:
-        """Select the setups that count from now on; other machines keep theirs."""
+        """Store the options of the last run, which select results; other machines keep theirs."""
         machines = {**self.last_run.machines, **last_run.machines}
         now = last_run.model_copy(update={"machines": dict(sorted(machines.items()))})
         if now != self.last_run:
@@ -218,7 +218,7 @@ def _digest_result_names(names: Sequence[ResultName]) -> str:
 
 
 def make_tables_of_fleet(results: FleetResults) -> Tables:
-    """Tables of a fleet's results, by name."""
+    """Make the tables of a fleet's selected results, by name, read when used."""
     return {name: partial(results.scan_rows_of_selected_results, name) for name in TABLES}
 
 

@@ -1,4 +1,4 @@
-"""Options of the last run, stored beside the results to count settings and to run again."""
+"""Options of the last run, stored beside the results to select current ones and to run again."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,9 +6,9 @@ from typing import Final
 from pydantic import BaseModel, ConfigDict, Field
 
 CURRENT: Final = "current.json"
-#: Calibrations that were in use, beside the results.
+#: Object beside the results with the calibrations in use.
 CALIBRATIONS: Final = "calibrations.json"
-#: Recordings that runs could not replay, and why, by source.
+#: Object beside the results with the recordings that could not be replayed, and why, by source.
 FAILED: Final = "failed.json"
 
 
@@ -24,7 +24,7 @@ class TaskLimits(BaseModel):
     )
 
     def compute_memory_bytes_for_log(self, size_bytes: int) -> int:
-        """Memory that the task declares for a log of this size."""
+        """Compute the memory in bytes that the task of a log of this size declares."""
         return int(self.memory_GiB * 2**30 + self.memory_per_byte * size_bytes)
 
 

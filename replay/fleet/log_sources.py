@@ -1,4 +1,4 @@
-"""The logs of a fleet: files, folders, globs and prefixes of object storage."""
+"""List the logs of a fleet: files, folders, globs and prefixes of object storage."""
 
 import glob
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ class FleetLog:
 
     Attributes:
         source: path or address, as given by the user.
-        place: object storage it is fetched from; empty for a file.
+        place: address of the object storage that it is in; empty for a file.
         names: names of its objects.
         size_bytes: total size of its files.
-        stamp: value that changes if one of its files changes.
+        stamp: text that changes if one of its files changes.
     """
 
     source: str
@@ -33,7 +33,7 @@ class FleetLog:
 
 
 def list_logs_of_sources(sources: Sequence[str]) -> list[FleetLog]:
-    """Every log in the sources, without duplicates, by name.
+    """List the logs in the sources, without duplicates, by name.
 
     Args:
         sources: logs, folders of logs, glob patterns, and `s3://bucket/prefix` with or without a

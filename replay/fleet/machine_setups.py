@@ -35,13 +35,13 @@ from replay.inputs.channel_inputs import (
 from replay.machines.machine_file import load_machine
 from replay.machines.toml_file import read_toml_file, validate_toml_content
 
-#: Raised whenever results that are there have to be made anew.
+#: Version of results, raised whenever existing results must be made again.
 FORMAT: Final = 1
 _S: Final = 10**9
 _STRICT: Final = ConfigDict(extra="forbid", frozen=True)
 #: Stands for the machine's name in a rule.
 NAME: Final = "{machine}"
-#: Parts of a pattern, longest first, and what they stand for.
+#: Wildcards of a pattern, longest first, and the regular expressions that they stand for.
 _PARTS: Final = {NAME: r"(?P<machine>[^/]+)", "**/": r"(?:[^/]+/)*", "*": r"[^/]*", "?": r"[^/]"}
 _PART: Final = re.compile("|".join(map(re.escape, _PARTS)))
 _Text = Annotated[str, StringConstraints(min_length=1)]
@@ -68,13 +68,13 @@ class MachineSetup:
     basis: str
 
     def does_apply_on_day(self, day: dt.date | None) -> bool:
-        """Whether it applies to logs of a day; None for an unknown day."""
+        """Whether the setup applies to logs of a day, which is None if unknown."""
         if self.by is None:
             return True
         return day is not None and self.first <= day <= self.by.document.expires
 
     def convert_to_local_day(self, unix_ns: int | None) -> dt.date | None:
-        """Day in the machine's time zone; None without a date."""
+        """Convert Unix time in ns to the day in the machine's time zone; None without a date."""
         if unix_ns is None or unix_ns < FIRST_DATE_NS:
             return None
         return dt.datetime.fromtimestamp(unix_ns // _S, self.machine.machine.time_zone).date()
@@ -92,7 +92,7 @@ class MachineSetup:
 def make_setups_of_machine(
     name: str, files: NamedFiles, *, is_unfit_evidence_skipped: bool
 ) -> tuple[MachineSetup, ...]:
-    """One setup for each calibration, the latest first, and one without calibration.
+    """Make a setup for each calibration, the latest first, and one without calibration.
 
     Args:
         name: name of the machine.
@@ -110,7 +110,7 @@ def make_setups_of_machine(
             continue
         by = load_and_verify_calibration(CalibrationRequest(folder))
         if by.signed_by.how == "unknown":
-            # nobody sits beside a fleet to be asked
+            # a fleet runs unattended, so that no one can be asked about a key
             raise EvidenceError(
                 f"{folder}: is {by.signed_by}; if the signer gave you this key in person, add it "
                 f"to your keyring with {by.signed_by.command_to_add_key}"
@@ -132,7 +132,7 @@ def make_setups_of_machine(
 
 
 def choose_setup_valid_on_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
-    """Setup for logs of a day: with the latest calibration valid then, or without one."""
+    """Choose the setup for logs of a day: with the latest calibration valid then, or none."""
     return next(each for each in setups if each.does_apply_on_day(day))
 
 
@@ -154,7 +154,7 @@ def _make_setup_with_digest(
 
 
 def find_last_day_of_campaign(calibration: MachineCalibration) -> dt.date:
-    """Last day of the campaign, from which its line applies."""
+    """Find the last day of the campaign, from which on its line applies."""
     return max(run.day for run in calibration.document.campaign.runs)
 
 
@@ -196,7 +196,7 @@ class MachineRule(BaseModel):
     overrides: tuple[str, ...] = Field((), description="`key=value`, of the machine file")
 
     def find_machine_of_log(self, log: str) -> str | None:
-        """Machine of a log; None if the rule does not match."""
+        """Name of a log's machine; None if the rule does not match."""
         found = compile_path_end_pattern(self.logs).search(log)
         if found is None:
             return None
@@ -277,7 +277,7 @@ def _read_machine_setups(name: str, files: NamedFiles) -> tuple[MachineSetup, ..
 
 @cache
 def compile_path_end_pattern(pattern_text: str) -> re.Pattern[str]:
-    """Compile a pattern for the end of a path, anchored at a slash or at its begin."""
+    """Compile a pattern for the end of a path, anchored at a slash or at the path's start."""
     end = 0
     found: list[str] = []
     for part in _PART.finditer(pattern_text):

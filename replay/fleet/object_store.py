@@ -1,6 +1,6 @@
-"""One interface for folders and object storage: whole objects, listed by prefix.
+"""Access folders and object storage in the same way: whole objects, listed by prefix.
 
-Writes are atomic: in a folder a hidden file is renamed; object storage puts objects atomically.
+Writes are atomic: in a folder, a temporary file is renamed; object storage puts objects atomically.
 """
 
 import os
@@ -17,15 +17,15 @@ from replay.fleet.engine_limits import LIMITS
 
 S3: Final = "s3://"
 _ENDPOINTS: Final = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
-#: A server may be away for so long.
+#: Time for which requests to an unavailable server are retried.
 _AWAY: Final = timedelta(minutes=5)
-#: In the name of a file that is being written to a folder.
+#: Character in the name of a file that is being written to a folder.
 _WRITING: Final = "#"
 
 
 @dataclass(frozen=True, slots=True)
 class StoredObject:
-    """A stored object: name below the store's place, size, and a stamp that changes with it."""
+    """A stored object: name in the store, size in bytes, and a stamp that changes with it."""
 
     name: str
     size_bytes: int
@@ -33,11 +33,11 @@ class StoredObject:
 
 
 class ObjectStore:
-    """A folder, or a prefix of a bucket."""
+    """Store of objects in a folder, or under a prefix of a bucket."""
 
     def __init__(self, place: str) -> None:
         self.place: Final = place.rstrip("/")
-        #: None for object storage.
+        #: the folder; None for object storage
         self.folder: Final = None if place.startswith(S3) else Path(place)
         self._made: Any = None
 
@@ -48,7 +48,7 @@ class ObjectStore:
         return self._made
 
     def __reduce__(self) -> tuple[type["ObjectStore"], tuple[str]]:
-        """Pickle the place only, since a connection belongs to a process."""
+        """Pickle only the address, since a connection belongs to a process."""
         return ObjectStore, (self.place,)
 
     def make_full_object_name(self, name: str) -> str:
@@ -56,7 +56,7 @@ class ObjectStore:
         return f"{self.place}/{name}"
 
     def list_objects(self, prefix: str = "") -> list[StoredObject]:
-        """All objects below a prefix, by name, without unfinished ones."""
+        """List the objects under a prefix, by name, without unfinished ones."""
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
         batches = self._run_with_one_line_storage_errors(
@@ -66,7 +66,7 @@ class ObjectStore:
         return sorted(found, key=lambda each: each.name)
 
     def list_names(self, prefix: str) -> list[str]:
-        """Names of the objects below a prefix; in folders ten times faster than with sizes."""
+        """List the names of objects under a prefix; in folders ten times faster than with sizes."""
         if self.folder is None:
             return [each.name for each in self.list_objects(prefix)]
         root = str(self.folder)
@@ -82,7 +82,7 @@ class ObjectStore:
         return self.find_object(name) is not None
 
     def find_object(self, name: str) -> StoredObject | None:
-        """Object of this name; None if it does not exist."""
+        """Find the object of this name; None if it does not exist."""
         try:
             return _make_stored_object(
                 self._run_with_one_line_storage_errors(name, lambda: self._store_client.head(name))
@@ -91,7 +91,7 @@ class ObjectStore:
             return None
 
     def read_object(self, name: str) -> bytes:
-        """Content of an object.
+        """Read the content of an object.
 
         Raises:
             FileNotFoundError: the object does not exist.
@@ -103,12 +103,12 @@ class ObjectStore:
         )
 
     def iter_object_contents(self, names: Iterable[str]) -> Iterator[bytes]:
-        """Contents of several objects, in order."""
+        """Yield the contents of several objects, in order."""
         with ThreadPoolExecutor(LIMITS.objects_at_once) as pool:
             yield from pool.map(self.read_object, names)
 
     def iter_object_contents_or_none(self, names: Iterable[str]) -> Iterator[bytes | None]:
-        """Contents of several objects, in order; None for each that does not exist."""
+        """Yield the contents of several objects, in order; None for each that does not exist."""
 
         def read_if_present(name: str) -> bytes | None:
             try:
@@ -138,14 +138,14 @@ class ObjectStore:
         self._run_with_one_line_storage_errors(name, stream_object_to_file)
 
     def delete_objects(self, names: list[str]) -> None:
-        """Remove objects."""
+        """Delete objects."""
         if names:
             self._run_with_one_line_storage_errors(
                 names[0], lambda: self._store_client.delete(names)
             )
 
     def _run_with_one_line_storage_errors(self, name: str, operation: Any) -> Any:
-        """Run an operation, and raise its error as a message of one line."""
+        """Run an operation on object `name`, and convert its errors to messages of one line."""
         from obstore.exceptions import BaseError
 
         try:

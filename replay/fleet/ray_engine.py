@@ -1,8 +1,8 @@
-"""Engine of a fleet: runs one function over many tasks anywhere; its interface, and that on Ray.
+"""Engine of a fleet, which runs a function over many tasks on nodes: interface, and Ray's version.
 
 An engine places tasks on nodes by the memory that each declares, gives each one thread, restarts
-tasks of a lost node or worker, and reports the tasks that it gave up, with the reason. That on Ray
-is the only one so far, and no other file imports Ray; another one needs the same two methods.
+tasks of a lost node or worker, and reports the tasks that it gave up, with the reason. The engine
+on Ray is the only one, and no other file imports Ray; another engine needs the same two methods.
 """
 
 import importlib
@@ -26,21 +26,21 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 #: Bytes of a GiB.
 _GIB: Final = 2**30
-#: A task has one thread, whichever library would start more.
+#: Libraries that are limited to one thread, as a task is.
 _LIBRARIES: Final = ("OPENBLAS", "OMP", "MKL", "NUMBA", "RAYON")
 _ONE_THREAD: Final = {
     **{f"{library}_NUM_THREADS": "1" for library in _LIBRARIES},
     "POLARS_MAX_THREADS": "1",
 }
-#: Before Ray is imported: nothing is reported to anybody, and what is started here for this command
-#: alone listens on the loopback address.
+#: Settings before Ray is imported: no usage is reported, and a Ray that is started for this command
+#: listens only on the loopback address.
 _QUIET: Final = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_DEDUP_LOGS": "0"}
 _LOOPBACK: Final = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
 
 @dataclass(frozen=True, slots=True)
 class TaskWithMemory(Generic[Task]):
-    """A task, and the memory in bytes that it is placed by."""
+    """A task, and the memory in bytes that it declares for its placement."""
 
     task: Task
     memory_bytes: int
@@ -54,7 +54,7 @@ class LostTask:
 
 
 class TaskEngine(Protocol):
-    """Runs a function over tasks."""
+    """Interface of an engine, which runs a function over tasks."""
 
     def count_parallel_slots(self) -> int:
         """Number of tasks that run in parallel, as far as the engine knows."""
@@ -63,7 +63,7 @@ class TaskEngine(Protocol):
     def run_tasks(
         self, function: Callable[[Task], Result], tasks_with_memory: Sequence[TaskWithMemory[Task]]
     ) -> Iterator[tuple[Task, Result | LostTask]]:
-        """Yield each task with its result as it comes, in any order; each exactly once."""
+        """Yield each task exactly once with its result, in the order in which they finish."""
         ...
 
 
@@ -77,7 +77,7 @@ def start_ray_engine(address: str | None, workers: int | None) -> Generator["Ray
         workers: parallel tasks on this machine; None uses every processor.
 
     Raises:
-        FleetError: the cluster does not exist.
+        FleetError: no cluster answers at the address.
     """
     if address:
         refuse_address_without_listener(address)
@@ -109,10 +109,10 @@ def start_ray_engine(address: str | None, workers: int | None) -> Generator["Ray
         first = str(error).strip().partition("\n")[0]
         raise FleetError(f"--address {address}: no cluster answers ({first})") from None
     for number, handler in handlers.items():
-        # Ray's own would leave without the cleaning up of the command
+        # Ray's handler would exit without the command's cleaning up
         with suppress(ValueError):
             signal.signal(number, handler)
-    # what has died is in the results; Ray would print it where data is printed
+    # lost tasks are in the results; Ray would print them to stdout, among data
     with redirect_stdout(_StreamWithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
         try:
             yield RayEngine(ray)
@@ -132,7 +132,7 @@ def refuse_address_without_listener(address: str) -> None:
 
 
 class _StreamWithoutRay:
-    """A stream that drops what Ray's own threads write."""
+    """A stream that drops text written by Ray's own threads."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -147,7 +147,7 @@ class _StreamWithoutRay:
 
 
 class RayEngine:
-    """The parts of Ray that a fleet needs."""
+    """Engine on Ray."""
 
     def __init__(self, ray: Any) -> None:
         self._ray = ray
@@ -185,7 +185,7 @@ class RayEngine:
                 self._ray.cancel(reference, force=True)
 
     def _describe_unsatisfiable_memory(self, memory_bytes: int) -> LostTask | None:
-        """Error for a task that fits no node and would wait for ever; None if it fits."""
+        """Say why a task fits on no node, where it would wait forever; None if it fits."""
         nodes = [node for node in self._ray.nodes() if node["Alive"]]
         largest = max((node["Resources"].get("memory", 0.0) for node in nodes), default=0.0)
         if memory_bytes <= largest:
@@ -196,7 +196,7 @@ class RayEngine:
         )
 
     def _fetch_result_of_task(self, result_reference: Any) -> Any:
-        """Result of a task, or the reason why Ray lost it."""
+        """Fetch the result of a task, or the reason why Ray lost it."""
         from ray import exceptions
 
         try:
@@ -217,7 +217,7 @@ class RayEngine:
 
 
 def find_missing_fleet_library() -> str | None:
-    """Name of a missing library of the extra; None if all are installed."""
+    """Name of a library of the extra `fleet` that is missing; None if all are installed."""
     return next(
         (name for name in ("ray", "obstore") if importlib.util.find_spec(name) is None), None
     )

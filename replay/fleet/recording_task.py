@@ -1,8 +1,8 @@
-"""Task of one recording: replay it on a node and store its result, or replay a result again to see.
+"""Task of one recording: replay it on a node and store the result, or replay it again to view it.
 
 The task enforces its own limits of time and memory. A task that exceeds them is interrupted, with
-the reason; if it cannot be interrupted, since it hangs in a library, its process is ended, and the
-engine counts such ends and gives the task up.
+the reason. If it hangs in a library and cannot be interrupted, its process is ended; the engine
+restarts it a few times, and then gives the task up.
 """
 
 import datetime as dt
@@ -55,11 +55,11 @@ _GIB: Final = 2**30
 
 
 class LimitError(Exception):
-    """A task exceeds one of its limits, which the text names."""
+    """Raised if a task exceeds one of its limits, which the text names."""
 
 
 class _LimitWatch(threading.Thread):
-    """Watches time and memory from another thread."""
+    """Thread that watches time and memory of the main thread's task."""
 
     def __init__(self, seconds: float, memory_bytes: int) -> None:
         super().__init__(name="limits", daemon=True)
@@ -82,12 +82,12 @@ class _LimitWatch(threading.Thread):
             os._exit(1)
 
     def raise_exceeded_limit(self, _number: int, _frame: FrameType | None) -> None:
-        """Signal handler that raises in the watched thread."""
+        """Raise an error in the watched thread if a limit is exceeded; a signal handler."""
         if self.reason and not self.done.is_set():
             raise LimitError(self.reason)
 
     def _describe_exceeded_limit(self) -> str:
-        """Limit of time or memory that is exceeded, in words; empty if none."""
+        """Say which limit of time or memory is exceeded; empty if none is."""
         if time.monotonic() > self._end:
             return f"took longer than {self._seconds:g} s, its limit"
         used = read_resident_memory_bytes() - self._held
@@ -108,8 +108,8 @@ class ReplayTask:
         setups: replay setups; the first that applies on the log's day is used.
         destination: destination of the results.
         recording: whether to keep its `.rrd`.
-        seconds: time limit.
-        memory_bytes: declared memory; the task is ended at twice that.
+        seconds: limit of wall-clock time in s.
+        memory_bytes: declared memory; the task is interrupted at twice that.
         versions: package versions that a node must have.
     """
 
@@ -127,11 +127,12 @@ class TaskOutcome:
     """Outcome of a recording's task.
 
     Attributes:
-        status: made; there already; refused, which is a result too; or failed, without a result.
+        status: `made`; `there` if the result existed; `refused`, which is a result too; or
+            `failed`, without a result.
         reason: why it was refused or failed.
-        seconds: duration of the replay.
-        overhead_s: duration of everything else.
-        processor_s: processor time of both.
+        seconds: duration of the replay in s.
+        overhead_s: duration of everything else in s.
+        processor_s: processor time of both in s.
     """
 
     status: Status
@@ -183,7 +184,7 @@ def _make_outcome_of_task(task: ReplayTask, log_path: Path) -> TaskOutcome:
             made = replay_log_with_setup(log, setup, task.log.source)
             took_s = time.perf_counter() - began
     except (LogError, DataError) as error:
-        # of this log alone: made anew, it would be refused again
+        # a property of the log: replayed again, it would be refused again
         said = str(error).replace(str(log_path), task.log.source)
         result = _ResultInTransit(task, setup, digest_log_files(log_path), day)
         if not result.is_result_complete_in_store(store):
@@ -204,7 +205,7 @@ class _ResultInTransit:
         self._name = ResultName(setup.name, shown, digest_result_key(setup.basis, digests))
 
     def is_result_complete_in_store(self, store: ObjectStore) -> bool:
-        """Whether the result is already complete in the store."""
+        """Whether the store has the complete result already, with its recording if requested."""
         recorded = not self._task.recording or store.has_object(self._name.recording_object_name)
         return recorded and store.has_object(self._name.make_object_name_of_table(MARK))
 
@@ -238,7 +239,7 @@ class _ResultInTransit:
 
 
 def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
-    """Replay a log; with a calibration, masses and payloads are calibrated.
+    """Replay a log, and calibrate masses and payloads if the setup has a calibration.
 
     Raises:
         PayscopeError: the log cannot be replayed.
@@ -261,7 +262,7 @@ def replay_log_with_setup(log: Log, setup: MachineSetup, source: str) -> Run:
 def make_tables_and_results_row(
     run: Run, setup: MachineSetup
 ) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
-    """Tables of a run, and its row of `results`."""
+    """Make the tables of a run, and the run's part of its row of `results`."""
     state = collect_review_state(run, "", "", {})
     shares = pl.DataFrame(
         {"reason": list(state.gate_shares), "share_1": list(state.gate_shares.values())},
@@ -299,7 +300,7 @@ def download_log(log: FleetLog) -> Generator[Path]:
 
 
 def digest_log_files(path: Path) -> tuple[str, ...]:
-    """Digests of the files of a log; empty if the path is not a log."""
+    """SHA-256 of each file of a log, in hex."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     return tuple(file_sha256(each) for each in files)
 
@@ -318,7 +319,7 @@ def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
     watch = _LimitWatch(seconds, memory_bytes)
     before = signal.signal(signal.SIGALRM, watch.raise_exceeded_limit)
     if sys.stderr is not None and _has_stream_file_descriptor(sys.stderr):
-        # also where the interpreter's lock is held for ever
+        # ends the process even if the interpreter's lock is never released
         faulthandler.dump_traceback_later(seconds + 2 * LIMITS.grace_s, exit=True)
     watch.start()
     try:
@@ -352,7 +353,7 @@ def _has_stream_file_descriptor(stream: object) -> bool:
 
 @contextmanager
 def open_recording_of_result(results: FleetResults, result_key: str) -> Generator[Path]:
-    """Context with the recording of a result, replayed from its log if it was not kept.
+    """Context with the path of a result's recording, replayed from its log if it was not kept.
 
     Args:
         results: results of a fleet.

@@ -12,15 +12,15 @@ import polars as pl
 from analysis.fleet.fleet_tables import RESULTS, TABLES, convert_frame_to_table_rows
 from replay.fleet.object_store import ObjectStore
 
-#: A result is there when its row of this table is, which is written last.
+#: Table whose row is written last: a result exists if its row does.
 MARK: Final = RESULTS.name
 RECORDINGS: Final = "recordings"
-#: Hexadecimal digits of a digest that tell recordings of a fleet apart (128 bits).
+#: Hexadecimal digits of a digest that distinguish recordings of a fleet (128 bits).
 _DIGITS: Final = 32
 
 
 class ResultName(NamedTuple):
-    """Names of the parts of a result."""
+    """Name of a result, from which its objects are named."""
 
     machine: str
     day: str
@@ -40,7 +40,7 @@ class ResultName(NamedTuple):
 
 
 def parse_result_name(stored_object: str) -> ResultName | None:
-    """Result that an object belongs to; None for other objects."""
+    """Parse the name of the result that an object belongs to; None for other objects."""
     parts = stored_object.split("/")
     if len(parts) != 4 or not parts[1].startswith("machine=") or not parts[2].startswith("day="):
         return None
@@ -52,7 +52,7 @@ def parse_result_name(stored_object: str) -> ResultName | None:
 
 
 def digest_result_key(setup_digest: str, log_digests: Sequence[str]) -> str:
-    """Key of a result: digest of its log's content and everything else it depends on."""
+    """Compute the key of a result: digest of its log's content and all else that it depends on."""
     whole = json.dumps([setup_digest, sorted(log_digests)])
     return hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]
 
@@ -64,7 +64,7 @@ def write_result_tables(
     frames: Mapping[str, pl.DataFrame],
     results_row: Mapping[str, object],
 ) -> None:
-    """Write a result; the row of `results` is written last and makes it valid.
+    """Write a result; its row of `results` is written last, and makes it exist.
 
     Args:
         store: store of the results.
@@ -89,7 +89,7 @@ def write_result_tables(
 
 
 def encode_table_as_parquet_bytes(frame: pl.DataFrame) -> bytes:
-    """Parquet file of a table."""
+    """Encode a table as a Parquet file, compressed by zstd."""
     written = io.BytesIO()
     frame.write_parquet(written, compression="zstd", statistics=True)
     return written.getvalue()

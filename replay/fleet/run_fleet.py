@@ -22,7 +22,7 @@ from replay.inputs.channel_inputs import collect_versions_of_packages
 
 
 class FleetPlan(Protocol):
-    """Plan of how each log is replayed: a fleet file, or the record of an earlier run."""
+    """Plan of how each log is replayed: a fleet file, or the last run with other settings."""
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class FleetPlan(Protocol):
         ...
 
 
-#: Told each log that is done, and what became of it.
+#: Function that is called with each finished log and its outcome.
 OnDone = Callable[[FleetLog, TaskOutcome], None]
 
 
@@ -53,8 +53,8 @@ class FleetRun:
         up_to_date: number of recordings whose result exists already.
         refused: recordings without an answer, and why; these are results too.
         failed: recordings without a result, and why.
-        seconds: total duration of the replays.
-        overhead_s: total duration of hashing, fetching and writing.
+        seconds: total duration of the replays in s.
+        overhead_s: total duration of hashing, downloading and writing in s.
     """
 
     destination: str
@@ -102,7 +102,8 @@ def replay_logs_of_fleet(
 ) -> FleetRun:
     """Replay the logs that have no result yet.
 
-    A log that fails is listed and does not affect others. Results before an interruption are kept.
+    A log that fails is listed, and does not affect others. Results that were written before an
+    interruption are kept.
 
     Args:
         logs: logs from `list_logs_of_sources`.
@@ -138,7 +139,7 @@ def replay_logs_of_fleet(
         if left:
             with engine() as opened:
                 on_engine(opened)
-                # the largest first, so that none of them is left alone at the end
+                # the largest first, so that none runs alone at the end
                 left.sort(key=lambda task: (-task.log.size_bytes, task.log.source))
                 for task, result in opened.run_tasks(
                     replay_and_store_result,
@@ -165,7 +166,7 @@ def _plan_replay_tasks(
     *,
     recordings: bool,
 ) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
-    """Tasks, one per log, and the setups of all machines."""
+    """Make a task for each log, and collect the setups of all machines."""
     tasks: list[ReplayTask] = []
     by_machine: dict[str, tuple[MachineSetup, ...]] = {}
     versions = collect_versions_of_packages()
@@ -183,7 +184,7 @@ def _plan_replay_tasks(
 
 
 class _SplitTasks(NamedTuple):
-    """Tasks to do, and those that have a result with it."""
+    """Tasks to do, and tasks that have a result, with the result."""
 
     to_do: list[ReplayTask]
     finished: list[tuple[ReplayTask, TaskOutcome]]
@@ -192,9 +193,9 @@ class _SplitTasks(NamedTuple):
 def split_tasks_into_pending_and_finished(
     tasks: Sequence[ReplayTask], results: FleetResults
 ) -> _SplitTasks:
-    """Tasks to do, and those whose log has not changed since its result was made.
+    """Separate pending tasks from tasks whose log has not changed since its result was made.
 
-    By size and time of change of the log's files; where these have changed, the task itself
+    Size and time of change of the log's files are compared; if they differ, the task itself
     compares the contents.
     """
     if not results.result_names_by_machine:
@@ -211,7 +212,7 @@ def split_tasks_into_pending_and_finished(
     there: list[tuple[ReplayTask, TaskOutcome]] = []
     for task in tasks:
         for basis, day, key, status, reason in by_log.get((task.log.source, task.log.stamp), ()):
-            # a calibration may have come since
+            # a calibration may have been added since
             asked = choose_setup_valid_on_day(
                 task.setups, None if day == UNDATED else dt.date.fromisoformat(day)
             )
@@ -229,7 +230,7 @@ def split_tasks_into_pending_and_finished(
 def _store_calibrations_in_use(
     results: FleetResults, setups_by_machine: Mapping[str, tuple[MachineSetup, ...]]
 ) -> None:
-    """Keep the fitted values of the calibrations in use, for the report."""
+    """Store the fitted values of the calibrations in use, for the report."""
     now = [
         each.calibration
         for machine in sorted(setups_by_machine)

@@ -1,4 +1,4 @@
-"""The command `fleet report`: one page over machines and weeks."""
+"""The command `fleet report`: write one page about all machines and weeks of a fleet."""
 
 import datetime as dt
 import shlex
@@ -74,14 +74,15 @@ def write_fleet_report(
 
     Args:
         results: results of the fleet.
-        destination: where they are, as commands on the page name it.
+        destination: destination of the results, for the commands on the page.
         fleet_name: name of the fleet.
-        page_path: the file to write.
-        force: whether a page that is there may be replaced.
-        friction_limit_N_s_m: viscous friction whose day is asked for.
+        page_path: path of the page to write.
+        force: whether an existing page may be replaced.
+        friction_limit_N_s_m: viscous friction for which to estimate the day on which each machine
+            reaches it; None for no estimate.
 
     Raises:
-        OutputError: the page is there already, or cannot be written.
+        OutputError: the page exists, or cannot be written.
     """
     with stage_output_file(page_path, force=force) as written:
         shown = make_fleet_page(results, destination, fleet_name)
@@ -94,7 +95,7 @@ def write_fleet_report(
 
 
 def make_fleet_page(results: FleetResults, destination: str, fleet_name: str) -> FleetPage:
-    """Contents of the page of a fleet."""
+    """Make the contents of a fleet's page."""
     rows, cycles = results.selected_results, results.scan_rows_of_selected_results("cycles")
     days = summarise_results_by_day(rows, cycles)
     calibrations = results.calibrations_in_use
@@ -119,7 +120,7 @@ def make_fleet_page(results: FleetResults, destination: str, fleet_name: str) ->
 
 
 def add_column_of_open_commands(recordings: pl.DataFrame, destination: str) -> pl.DataFrame:
-    """With the command that opens each recording at its place."""
+    """Add a column with the command that opens each recording at the time of interest."""
     where = shlex.quote(destination)
     commands = [
         f"payscope fleet open {where} {key[: LIMITS.shown_key_digits]} --at {max(at, 0.0):.1f}"
@@ -129,7 +130,7 @@ def add_column_of_open_commands(recordings: pl.DataFrame, destination: str) -> p
 
 
 def _convert_drift_to_dict(drift_chart: MachineChart) -> dict[str, Any]:
-    """Flagged change of a chart as JSON-compatible values."""
+    """Convert the flagged change of a control chart to JSON-compatible values."""
     found = drift_chart.chart
     assert found.flagged_index is not None
     assert found.first_shifted_index is not None
@@ -147,7 +148,7 @@ def _convert_drift_to_dict(drift_chart: MachineChart) -> dict[str, Any]:
 def estimate_fleet_friction_trends(
     results: pl.DataFrame, limit_N_s_m: float
 ) -> dict[str, FrictionTrend]:
-    """When the friction of each machine reaches a limit, by its recordings' joint fits.
+    """Estimate by the joint fits of recordings when each machine's friction reaches a limit.
 
     Args:
         results: table `results`.

@@ -1,1 +1,1 @@
-"""Following a log while it is recorded."""
+"""The command `follow`: read and weigh a log while it is being recorded."""

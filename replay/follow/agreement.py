@@ -1,7 +1,7 @@
 """Compare a followed log with the replay of the finished log, bit for bit.
 
-Digests by the minute are kept, not the rows, so that memory does not grow with the shift. The
-recording of a log that was followed is that of its causal replay.
+Digests per minute are kept instead of the rows, so that memory hardly grows with the shift. The
+recording of a followed log is that of its causal replay.
 """
 
 import hashlib
@@ -37,7 +37,7 @@ GATE: Final = "gate"
 #: Nanoseconds of a minute.
 _MINUTE_NS: Final = 60 * 10**9
 _OF_SPINS: Final = " of spins"
-#: Why what was followed differs from the replay, where it must.
+#: Why followed results differ from the replay, where they cannot agree.
 _NOISE: Final = (
     "its noise is that of the whole log, which was not known yet; [settings.noise] in the machine "
     "file makes them equal"
@@ -51,7 +51,7 @@ class Agreement:
     """Agreement of the gate, or of one method, with the replay.
 
     Attributes:
-        name: `gate` or the method, with the axis if it is of spins.
+        name: `gate` or the method, with the axis for spins.
         rows: number of followed rows.
         replayed: number of rows in the replay.
         differs_from_s: time of the first differing row; None if all rows are equal bit for bit.
@@ -67,14 +67,14 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class _MinuteDigest:
-    """Digest, number and column sums of the rows in a minute."""
+    """Digest, number and column sums of the rows of a minute."""
 
     digest: bytes = b""
     rows: int = 0
     sums: tuple[float, ...] = ()
 
     def digest_with_row(self, time_ns: int, row_numbers: NDArray[np.float64]) -> "_MinuteDigest":
-        # each digest is of the row and of the digest before, so that none has to be kept open
+        # each digest covers the row and the previous digest, so that no hash object is kept
         row = (
             np.int64(time_ns).tobytes()
             + np.where(np.isnan(row_numbers), np.nan, row_numbers).tobytes()
@@ -93,7 +93,7 @@ class _MinuteDigest:
 
 @dataclass(slots=True)
 class _MinuteDigests:
-    """Digests of rows by minute."""
+    """Digests of the rows of the gate or a method, by minute."""
 
     rows: int = 0
     minutes: dict[int, _MinuteDigest] = field(default_factory=dict)
@@ -127,13 +127,13 @@ class _MinuteDigests:
 
 
 class FollowedDigests:
-    """Digests of gate decisions and estimates while a log was followed."""
+    """Digests of gate decisions and estimates, added to while a log is followed."""
 
     def __init__(self) -> None:
         self._minutes: dict[str, _MinuteDigests] = {}
 
     def add_followed_rows(self, online_rows: Iterable[FollowedRow]) -> None:
-        """Add the next rows."""
+        """Add the decisions and estimates of the next rows."""
         for row in online_rows:
             for axis, gate, estimates in (
                 (X, row.gate, row.estimates),
@@ -152,7 +152,7 @@ class FollowedDigests:
     def compare_with_replayed_frames(
         self, replayed_frames: Mapping[str, pl.DataFrame]
     ) -> list[Agreement]:
-        """Compare with the frames of a replay."""
+        """Compare the digests with the frames of a replay, for the gate and each method."""
         return [
             self._minutes.get(name, _MinuteDigests()).compare_with_replayed_digests(name, replayed)
             for name, replayed in _digest_replayed_frames(replayed_frames).items()
@@ -205,10 +205,11 @@ def record_and_compare_followed_log(
 
     Args:
         paths: paths of the log; a `.bag.active` is found under its final name.
-        machine: the machine that was followed with; its filters are causal here.
+        machine: the machine of the follower; its filters are made causal here.
         output: recording to write, or to replace.
         followed_digests: digests of the followed decisions and estimates.
-        is_growing: whether the log may still be recorded: tables are read up to their last line.
+        is_growing: whether the log may still be recorded; tables are then read up to their last
+            complete line.
 
     Raises:
         PayscopeError: the log is invalid or gone, or there is too little data.
@@ -228,11 +229,11 @@ def record_and_compare_followed_log(
 def iter_agreement_lines(
     agreements: Iterable[Agreement], settings: Settings, *, is_growing: bool
 ) -> Iterator[str]:
-    """Yield a line per agreement; those that differ for the same reason share one.
+    """Yield a line per agreement; methods that differ for the same reason share a line.
 
     Args:
-        agreements: of the gate and of each method.
-        settings: settings of the machine that was followed with.
+        agreements: agreements of the gate and of each method.
+        settings: settings of the follower's machine.
         is_growing: as in `record_and_compare_followed_log`.
     """
     expected: dict[str, list[Agreement]] = {}
@@ -268,5 +269,5 @@ def iter_agreement_lines(
 
 
 def does_machine_file_state_noise(settings: Settings, axis: Axis) -> bool:
-    """Whether the settings give the noise of each column of an axis."""
+    """Whether the settings state the noise of each column of an axis."""
     return collect_axis_noise(axis, settings).moving_mean_covariance is not None

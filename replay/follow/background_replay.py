@@ -1,8 +1,8 @@
-"""Replays of a log that is followed, one at a time, in a process of low priority.
+"""Replay a followed log in the background: one replay at a time, in a process of low priority.
 
-The process opens the log as it is on disk by the readers of `run`, which take unfinished logs. It
-is started once and asked by lines of JSON; it ends when its input does, so also when the follower
-is killed.
+The process opens the log as it is on disk with the readers of `run`, which accept unfinished logs.
+It is started once, and takes requests as lines of JSON; it ends when its input ends, and therefore
+also when the follower is killed.
 """
 
 import contextlib
@@ -29,26 +29,26 @@ from replay.follow.follow_limits import LIMITS
 from replay.logs import ACTIVE, open_log
 from replay.machines.machine_file import find_time_axis_of_machine
 
-#: Threads of libraries: the share is one of one core.
+#: Variables that limit libraries to one thread, since the share is that of one core.
 _ONE_THREAD: Final = dict.fromkeys(
     ("POLARS_MAX_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
 )
-#: Seconds between two looks for the last replay, and until somebody is told that it is awaited.
+#: Seconds between polls for the last replay, and until `on_wait` is called.
 _LOOK_S, _PATIENCE_S = 0.02, 2.0
 #: File beside a database in which SQLite keeps the newest rows.
 _NEWEST_ROWS: Final = "-wal"
-#: Files beside it that readers change, or that have no rows.
+#: Files beside a database that readers change, or that have no rows.
 _WITHOUT_ROWS: Final = ("-shm", "-journal")
 
 _Signature = dict[str, tuple[int, int]]
 
 
 class BackgroundReplays:
-    """Replays of the log so far: one whenever a manoeuvre has ended and the share allows it.
+    """Replays of the log so far, on request and within a share of a processor core.
 
-    A replay begins when the processor time of the last one is at most the share of the time since
-    that began. The last replay, of the whole log, waits for no share. A process that ends without
-    a result is said in one line, and the next replay starts another.
+    A replay begins once the processor time of the previous one is at most the share of the time
+    since that one began. The last replay, of the whole log, begins at once. A process that ends
+    without a result is reported in one line, and the next replay starts another.
 
     Attributes:
         processor_s: processor time of all replays so far.
@@ -66,7 +66,7 @@ class BackgroundReplays:
 
         Args:
             logs: paths of the log; a `.bag.active` is found under its final name as well.
-            machine: the machine as it was read once, with the settings that `run` would use.
+            machine: the machine as read when following began, with the settings of `run`.
             on_message: called with a line when a process has ended.
             share: largest share of one core; 0 for no replays.
         """
@@ -78,12 +78,12 @@ class BackgroundReplays:
         self._is_wanted = self._is_underway = self._is_last = False
         self._began_s, self._next_s = 0.0, 0.0
         self._ended = 0
-        #: the files when the replay underway, or the last, began
+        #: size and time of change of each file when the current or last replay began
         self._signature: _Signature = {}
         self._newest: ReplayReport | None = None
 
     def __enter__(self) -> Self:
-        """Start with a replay of a large recorded part, which is faster than following it."""
+        """Start with a replay if much is recorded already, since it is faster than following."""
         if (
             sum(size for size, _ in read_log_sizes_and_change_times(self._logs).values())
             >= LIMITS.worth_replaying_bytes
@@ -102,7 +102,7 @@ class BackgroundReplays:
 
     @property
     def process_id(self) -> int | None:
-        """Number of the process; None before the first replay."""
+        """Id of the process; None before the first replay."""
         return self._process.pid if self._process else None
 
     def request_replay_of_log_so_far(self) -> None:
@@ -110,7 +110,7 @@ class BackgroundReplays:
         self._is_wanted = True
 
     def take_result_and_start_next(self) -> ReplayReport | None:
-        """Take the result of a replay, or None; start the next if it is due. Never waits."""
+        """Return the result of a finished replay, or None; start the next if due. Never waits."""
         report = self._take_result_of_process() if self._is_underway else None
         is_due = self._is_wanted and self._share > 0.0 and time.monotonic() >= self._next_s
         if is_due and not self._is_underway and self._ended < LIMITS.max_ended_processes:
@@ -129,15 +129,16 @@ class BackgroundReplays:
         *,
         is_growing: bool = False,
     ) -> ReplayReport | None:
-        """Result of the log that is no longer followed, which may be there already.
+        """Wait for the replay of the whole log, once it is no longer followed; it may be done.
 
-        None without replays, where it is left out, and where their processes end without a result.
-        What is recorded after this begins may be missing.
+        Returns None if there are no replays, if it is skipped, or if the processes end without a
+        result. Data recorded after this call may be missing.
 
         Args:
             on_wait: called once if the result takes a while.
-            is_skipped: asked again and again while it is awaited.
-            is_growing: whether it may still be recorded: tables are read up to their last line.
+            is_skipped: called repeatedly while waiting; True ends the replay without a result.
+            is_growing: whether the log may still be recorded; tables are then read up to their
+                last complete line.
         """
         if self._share <= 0.0 or is_skipped():
             return None
@@ -145,7 +146,7 @@ class BackgroundReplays:
         if self._signature != now or not now:
             self._newest = None
             if self._is_underway:
-                self.kill_replay_process()  # half of it would have to be done again
+                self.kill_replay_process()  # its log was incomplete, so it must be repeated
         began, is_told = time.monotonic(), False
         for _ in range(LIMITS.max_last_replays):
             if not self._is_underway and self._newest is None:
@@ -163,7 +164,7 @@ class BackgroundReplays:
         return None
 
     def kill_replay_process(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process, if there is one, even during a replay."""
         if self._process is not None:
             self._process.kill()
             self._process.communicate()
@@ -179,18 +180,18 @@ class BackgroundReplays:
             self._warn_of_unexpected_end(f"could not be started: {error.strerror}")
             return
         self._process, self._output, self._is_underway = process, bytearray(), True
-        # a table that grows is copied up to its last line, so that no number of it is torn
+        # a growing table is copied up to its last complete line, so that no number is truncated
         names = [find_current_log_path(path) for path in self._logs]
         is_copied = is_growing and any(is_text_table(path) for path in names)
         asked = {
             "logs": [str(path) for path in names],
-            # as it is in the file, so that what is not set is found in the log
+            # only the keys set in the file, so that the others are determined from the log
             "machine": self._machine.model_dump(mode="json", exclude_unset=True),
             "is_copied": is_copied,
         }
         self._signature = {} if is_copied else read_log_sizes_and_change_times(self._logs)
         assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # that it has ended is seen where it is read
+        with contextlib.suppress(BrokenPipeError):  # reading its output will show that it ended
             process.stdin.write(json.dumps(asked).encode() + b"\n")
             process.stdin.flush()
 
@@ -215,7 +216,7 @@ class BackgroundReplays:
         return report
 
     def _report_ended_process(self, process: "subprocess.Popen[bytes]") -> None:
-        """Note a process that has ended without a result."""
+        """Report a process that has ended without a result, by `on_message`."""
         status = process.wait()
         self.kill_replay_process()
         how = f"by signal {-status}" if status < 0 else f"with status {status}"
@@ -243,14 +244,14 @@ class BackgroundReplays:
 
 
 def start_replay_process() -> "subprocess.Popen[bytes]":
-    """Start the process that replays; its output is read without waiting."""
+    """Start the process that replays; reading its output does not block."""
     process = subprocess.Popen(
         [sys.executable, "-P", "-m", "replay.follow.background_replay"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=os.environ | _ONE_THREAD,
-        start_new_session=True,  # ctrl-C is for the follower, which ends the process last
+        start_new_session=True,  # ctrl-C reaches only the follower, which ends this process last
     )
     assert process.stdout is not None
     os.set_blocking(process.stdout.fileno(), False)
@@ -258,7 +259,7 @@ def start_replay_process() -> "subprocess.Popen[bytes]":
 
 
 def find_current_log_path(path: Path) -> Path:
-    """Name of a log by now: a bag loses its suffix `.active` when its recorder closes it."""
+    """Current path of a log: a bag loses its suffix `.active` when its recorder closes it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path
 
@@ -269,7 +270,7 @@ def is_text_table(path: Path) -> bool:
 
 
 def read_log_sizes_and_change_times(logs: Sequence[Path]) -> _Signature:
-    """Size and time of change of each file of a log, by its final name."""
+    """Read size in bytes and time of change in ns of each file of a log, by its final name."""
     found: _Signature = {}
     for log in map(find_current_log_path, logs):
         files = [log, log.with_name(f"{log.name}{_NEWEST_ROWS}")]
@@ -311,7 +312,7 @@ def replay_log_so_far(logs: Sequence[Path], machine: Machine, *, is_copied: bool
 
 
 def copy_complete_table_lines(path: Path, folder: Path) -> Path:
-    """Copy a text table up to its last complete line."""
+    """Copy a text table up to its last complete line into a folder, and return the copy's path."""
     data = path.read_bytes()
     copy = folder / path.name
     copy.write_bytes(data[: data.rfind(b"\n") + 1])
@@ -319,21 +320,21 @@ def copy_complete_table_lines(path: Path, folder: Path) -> Path:
 
 
 def serve_replay_requests() -> None:
-    """Replay as asked by lines of JSON on stdin, until its end, and print each report as a line."""
-    with contextlib.suppress(AttributeError, OSError):  # not every system has it
+    """Serve replay requests, lines of JSON on stdin, until its end; print each report as a line."""
+    with contextlib.suppress(AttributeError, OSError):  # not available on every system
         os.nice(LIMITS.replay_niceness)
     requests: queue.Queue[Mapping[str, Any]] = queue.Queue()
 
     def read_requests() -> None:
         for line in sys.stdin:
             requests.put(json.loads(line))
-        os._exit(0)  # the follower has ended, whatever is underway
+        os._exit(0)  # the follower has ended: abandon any replay
 
     threading.Thread(target=read_requests, daemon=True).start()
     used_s = 0.0
     while True:
         report = serve_replay_request(requests.get())
-        # with the start of the process, and what was read before a fault
+        # includes the start of the process, and reading before a fault
         now_s = time.process_time()
         report, used_s = replace(report, processor_s=now_s - used_s), now_s
         sys.stdout.write(json.dumps(report.to_dict()) + "\n")
@@ -341,7 +342,7 @@ def serve_replay_requests() -> None:
 
 
 def serve_replay_request(request_json: Mapping[str, Any]) -> ReplayReport:
-    """Replay as requested; the report of a failed replay states the reason."""
+    """Replay as requested, and report the result, or the reason if the replay failed."""
     try:
         result = replay_log_so_far(
             [Path(path) for path in request_json["logs"]],
@@ -358,7 +359,7 @@ def serve_replay_request(request_json: Mapping[str, Any]) -> ReplayReport:
 
 
 def make_report_of_failed_replay(fault_text: str, validity: ReplayValidity) -> ReplayReport:
-    """Report of a replay without a result."""
+    """Make the report of a replay without a result."""
     return ReplayReport("replay", 0, 0.0, 0.0, False, validity, fault=join_to_one_line(fault_text))
 
 

@@ -44,10 +44,9 @@ class FollowedLogState:
         losses: data that could not be read.
         last_poll_s: duration of the last poll that found data.
         end_reason: reason for the end; empty while following.
-        is_interrupted: whether ctrl-C was the reason: the log may grow on.
-        sizes: size of each file when it grew last.
-        loss_reason: what has become of a log that is gone or shorter than what was followed; else
-            empty.
+        is_interrupted: whether ctrl-C was the reason, so that the log may still grow.
+        sizes: size of each file in bytes when it last grew.
+        loss_reason: says that a file of the log is gone or has shrunk; else empty.
     """
 
     paths: Sequence[Path]
@@ -74,7 +73,7 @@ class FollowedLogState:
         return f"; {has}. Set the topic of the channel in the machine file"
 
 
-@limit_blas_to_one_thread()  # or the last bits depend on the number of cores
+@limit_blas_to_one_thread()  # else the last bits depend on the number of cores
 def follow_logs(
     paths: Sequence[Path],
     machine: Machine,
@@ -88,8 +87,8 @@ def follow_logs(
 ) -> FollowedLogState:
     """Follow a log until its recorder closes it, it stops growing for `idle_s`, or ctrl-C.
 
-    Ctrl-C ends it between two polls, and once more within one: each row that was stepped is given
-    to `on_rows`.
+    Ctrl-C ends it between two polls, and a second one within a poll. In both cases, `on_rows` gets
+    every row that was processed.
 
     Args:
         paths: as in `open_growing_log`.
@@ -99,11 +98,11 @@ def follow_logs(
         idle_s: seconds without growth before it ends.
         valid_s: as in `Follower`.
         until_u_kg: as in `Follower`.
-        interrupts: those of the caller, which count on; None for its own.
+        interrupts: the caller's counter, which continues to count; None for a new one.
 
     Raises:
         LogError: the log cannot be followed, or a topic cannot be decoded.
-        DataError: it ended before there was enough data.
+        DataError: the log ended before there was enough data.
     """
     fields = list_channel_fields(copy_machine_with_causal_filters(machine))
     follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
@@ -115,8 +114,8 @@ def follow_logs(
         )
         opened.enter_context(force_compilation())
         rehearse(follower.log.machine.settings, noise)
-        # what libraries hold is for ever: looking through it takes 0.1 s, and rows would wait;
-        # a caller who has frozen it keeps it frozen
+        # objects of libraries live forever: collecting among them takes 0.1 s, and rows would wait;
+        # if the caller has frozen them, they stay frozen
         if not gc.get_freeze_count():
             gc.collect()
             gc.freeze()
@@ -124,7 +123,7 @@ def follow_logs(
         noted.is_raised = False
         try:
             following.end_reason = poll_log_until_end(log, following, on_rows, idle_s, noted)
-        except KeyboardInterrupt:  # by `on_rows`
+        except KeyboardInterrupt:  # raised by `on_rows`
             following.end_reason = _INTERRUPTED
         following.is_interrupted = following.end_reason == _INTERRUPTED
         following.loss_reason = describe_lost_log_file(paths, following.sizes)
@@ -152,7 +151,7 @@ def poll_log_until_end(
     idle_s: float,
     interrupts: InterruptCounter,
 ) -> str:
-    """Poll the log until it ends; returns the reason."""
+    """Poll the log until it ends, and return the reason."""
     grew = time.monotonic()
     while True:
         began = time.monotonic()
@@ -170,7 +169,7 @@ def poll_log_until_end(
 
 
 def read_file_sizes(paths: Sequence[Path]) -> dict[Path, int]:
-    """Size of each file in bytes; 0 if it is missing or no regular file."""
+    """Read the size of each file in bytes; 0 if it is not a regular file, absent if missing."""
     sizes: dict[Path, int] = {}
     for path in paths:
         with suppress(OSError):
@@ -179,11 +178,11 @@ def read_file_sizes(paths: Sequence[Path]) -> dict[Path, int]:
 
 
 def describe_lost_log_file(paths: Sequence[Path], sizes_before: Mapping[Path, int]) -> str:
-    """Name a file of the log that is gone, or a table that shrank; empty without one.
+    """Say which file of the log is gone, or which table has shrunk; empty if none.
 
     Args:
         paths: paths of the log.
-        sizes_before: size of each file when it grew last.
+        sizes_before: size of each file in bytes when it last grew.
     """
     sizes = read_file_sizes(paths)
     for path in paths:
@@ -202,17 +201,17 @@ def process_new_log_data(
     *,
     is_last: bool = False,
 ) -> bool:
-    """Process new data of the log; returns whether there was any.
+    """Process new data of the log, and return whether there were any.
 
     Args:
         growing_log: the log.
-        following: its state.
-        on_rows: called with the rows, all that were stepped.
-        interrupts: in haste (ctrl-C again), the rows that are not stepped yet are left out.
+        following: state of the followed log.
+        on_rows: called with all rows that were processed.
+        interrupts: counter of ctrl-C; a further one skips the rows not processed yet.
         is_last: whether no poll follows.
     """
     began = time.monotonic()
-    # one that is still recorded ends within a line, which would be half a row
+    # a table that is still recorded may end within a line, which would be half a row
     frames = growing_log.poll(is_log_complete=is_last and not following.is_interrupted)
     following.topics, following.losses = growing_log.topics, [*growing_log.losses]
     for topic, frame in frames.items():
@@ -232,7 +231,7 @@ class MachineFileChange:
     """Text of a machine file, to notice when the file changes."""
 
     def __init__(self, path: Path) -> None:
-        """Read it; one that is missing or no file is for those to refuse who load it."""
+        """Read the file; if it is missing or not a file, whoever loads it raises the error."""
         self._path = find_machine_file_or_shipped_one(path)
         self._signature = read_file_time_size_and_inode(self._path)
         self._text = self._read_file_or_empty()

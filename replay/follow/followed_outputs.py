@@ -1,4 +1,4 @@
-"""Outputs of a followed log: a growing recording and reports, without repeats after a restart."""
+"""Write a growing recording and reports of a followed log, without repeats after a restart."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -41,8 +41,8 @@ class ResumePoint:
 
     Attributes:
         until_unix_ns: time of its last row.
-        end: where to append if the recording was cut off; None if the log had not ended yet, in
-            which case the recording is replaced once the follower reaches the same point.
+        end: end to append at, if the recording was cut off; None if it was completed before the log
+            ended, and is therefore replaced once the follower reaches the same point.
     """
 
     until_unix_ns: int
@@ -52,7 +52,7 @@ class ResumePoint:
 class FollowedOutputs:
     """A recording and a topic of reports, which continue where an earlier follower stopped.
 
-    The log is read from its begin each time; rows and reports already on disk are skipped. If an
+    The log is read from its start each time; rows and reports already on disk are skipped. If an
     output can no longer be written, it is abandoned, and following continues.
     """
 
@@ -78,10 +78,10 @@ class FollowedOutputs:
             output: recording to write, or None.
             reports: MCAP file of reports, or None.
             server: address of a viewer's server, or None.
-            force: whether to start again.
+            force: whether to replace existing outputs instead of continuing them.
 
         Raises:
-            OutputError: an output exists and is of something else.
+            OutputError: an output exists and is not of this log and machine file.
         """
         self._output, self._server, self._on_message = output, server, on_message
         self._identity = make_input_identity(paths, machine, noise)
@@ -130,7 +130,7 @@ class FollowedOutputs:
         return told
 
     def write_replay_report_if_new(self, report: ReplayReport, unix_ns: int) -> bool:
-        """Write the report of a replay, made at `unix_ns` of the log; whether it is a new one."""
+        """Write the report of a replay, made at `unix_ns` of the log; return whether it is new."""
         self._replay = report
         if (report.unix_ns, report.is_whole) <= self._replayed:
             return False
@@ -141,7 +141,7 @@ class FollowedOutputs:
         return True
 
     def finish_files(self) -> None:
-        """Finish the files."""
+        """Close the recording and the file of reports, so that both are complete."""
         if self._recording is not None:
             self._recording.close_complete_file()
         if self._topic is not None:
@@ -166,7 +166,7 @@ class FollowedOutputs:
         online_rows: Sequence[FollowedRow],
         answer_markdown: str | None,
     ) -> None:
-        """Record rows; with a text, the file is flushed before anyone is notified."""
+        """Record rows; with a text, the file is also flushed."""
         if not online_rows or not self._begins:
             return
         try:
@@ -209,7 +209,7 @@ class FollowedOutputs:
         return self._recording
 
     def _replace_recording_that_ends_earlier(self, written_until_unix_ns: int) -> None:
-        """Replace an existing recording that ends earlier."""
+        """Replace the existing recording once the new one extends beyond its end."""
         if self._file is None or self._output is None or self._file.path == self._output:
             return
         if written_until_unix_ns > self._recorded_ns:
@@ -226,7 +226,7 @@ def _describe_output_write_error(error: OSError) -> str:
 
 
 def make_input_identity(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
-    """Identity of the inputs: names of logs, and a digest of machine file and noise."""
+    """Identify the inputs by the names of the logs, and a digest of machine file and noise."""
     digest = hashlib.sha256(copy_machine_with_causal_filters(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
     return f"{', '.join(map(_make_name_of_closed_log, paths))}; {digest.hexdigest()}"

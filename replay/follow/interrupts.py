@@ -1,4 +1,4 @@
-"""Ctrl-C as a number that is looked at, so that no row is cut off between its step and its line."""
+"""Count ctrl-C instead of raising it, so that no row is lost between its processing and output."""
 
 import signal
 import threading
@@ -9,11 +9,11 @@ from replay.follow.follow_limits import LIMITS
 
 
 class InterruptCounter:
-    """Counts ctrl-C within a `with` statement of the main thread; elsewhere there are none.
+    """Counter of ctrl-C within a `with` statement of the main thread; other threads count none.
 
     Attributes:
         count: number of interrupts so far.
-        is_raised: whether they raise `KeyboardInterrupt`: until there is a row to lose.
+        is_raised: whether ctrl-C raises `KeyboardInterrupt`, as until there is a row to lose.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Reports as a growing topic of an MCAP file, and as text."""
+"""Write reports to a growing topic of an MCAP file, and format them as text."""
 
 import json
 import struct
@@ -25,19 +25,19 @@ from recordings.report.atomic_output import (
 from recordings.report.number_text import format_plus_minus
 
 TOPIC: Final = "/payscope/mass"
-#: The topic of replays in the background.
+#: Topic of the reports of background replays.
 REPLAY_TOPIC: Final = "/payscope/replay"
-#: The record that says what is followed.
+#: Name of the metadata record that identifies the followed log.
 _FOLLOWED: Final = "payscope.followed"
-#: What an MCAP file begins with, in bytes, and what stands before each record: kind and length.
+#: Bytes of the magic of an MCAP file, and what precedes each record: kind and length.
 _MAGIC_BYTES: Final = 8
 _RECORD_HEAD: Final = struct.Struct("<BQ")
-#: The kinds of a message, and of the record before them all that says what is followed.
+#: Kinds of records: a message, and the metadata record that identifies the followed log.
 _REPORTED: Final = (0x05, 0x0C)
 
 
 class ReportFile:
-    """An MCAP file of JSON messages with their schema, each flushed to disk at once.
+    """MCAP file of JSON messages with their schema, each flushed to disk immediately.
 
     Unlike other outputs it has its final name from the first report on, so that the machine's
     controller can follow it; a killed process leaves complete reports without an index. A file that
@@ -46,14 +46,15 @@ class ReportFile:
     Attributes:
         path: path of the file.
         until_unix_ns: time of the last existing report; 0 without one.
-        replayed: up to when the last existing replay was, and whether of the whole log.
+        replayed: end of the last existing replay (Unix time in ns), and whether it was of the whole
+            log.
     """
 
     def __init__(self, path: Path, logs: Sequence[Path], identity: str, *, force: bool) -> None:
-        """Create a file, or continue one; it must not be one of the followed logs.
+        """Create a file, or continue one of the same log.
 
         Raises:
-            OutputError: it exists and reports something else, or cannot be written to.
+            OutputError: the file is one of the logs, reports another log, or cannot be written.
         """
         refuse_input_as_output(path, (log for log in logs if log.exists()))
         reported: list[tuple[str, Message]] = []
@@ -65,10 +66,10 @@ class ReportFile:
         self.path = path
         self.until_unix_ns, self.replayed = 0, (0, False)
         self._stream = _ResumedStream(AppendOnlyFile(path, size))
-        # a chunk would be as late as it is long
+        # in a chunk, messages would be late by the duration of the chunk
         self._writer = Writer(self._stream, compression=CompressionType.NONE, use_chunking=False)
         self._writer.start("", "payscope")
-        #: numbers by topic; that of replays is there from the first one on
+        #: channel ids by topic; replays have one from their first report on
         self._channels: dict[str, int] = {}
         self._append_channel_with_schema(TOPIC, make_report_schema())
         self._writer.add_metadata(_FOLLOWED, {"identity": identity})
@@ -82,7 +83,7 @@ class ReportFile:
         self._stream.flush()
 
     def append_new_reports(self, reports: Iterable[OnlineReport]) -> None:
-        """Append the reports that are new.
+        """Append the reports that are later than the last one in the file.
 
         Raises:
             OSError: they do not fit on the disk.
@@ -103,7 +104,7 @@ class ReportFile:
             self._stream.flush()
 
     def close_with_index(self) -> None:
-        """Write the index.
+        """Write the index, and close the file.
 
         Raises:
             OSError: it does not fit on the disk.
@@ -127,7 +128,7 @@ class ReportFile:
     def _append_json_message(
         self, topic: str, log_time_ns: int, time_ns: int, json_bytes: bytes
     ) -> None:
-        # registered where the first one stands: the bytes of a file that is continued are the same
+        # registered at its first message, so that a continued file has the same bytes
         if topic not in self._channels:
             self._append_channel_with_schema(topic, make_replay_report_schema())
         self._writer.add_message(self._channels[topic], log_time_ns, json_bytes, time_ns)
@@ -166,14 +167,14 @@ class _ResumedStream(BytesIO):
 
 
 class _StoredReports(NamedTuple):
-    """Complete reports with their topics, and the bytes that hold them."""
+    """Complete reports with their topics, and the number of bytes up to their end."""
 
     messages: list[tuple[str, Message]]
     complete_bytes: int
 
 
 def read_complete_reports(path: Path, input_identity: str) -> _StoredReports:
-    """Complete reports of a file of the same log by topic, and their length; else none, 0."""
+    """Read the complete reports of a file, if it is of the same log; else none and 0 bytes."""
     data = path.read_bytes()
     size = _count_complete_bytes(data)
     found: list[tuple[str, Message]] = []
@@ -188,12 +189,12 @@ def read_complete_reports(path: Path, input_identity: str) -> _StoredReports:
             elif isinstance(record, Message):
                 found.append((topics[record.channel_id], record))
     except (McapError, struct.error):
-        pass  # it ends without an end, or is no MCAP file
+        pass  # the file is incomplete, or not an MCAP file
     return _StoredReports(found, size) if is_of_same else _StoredReports([], 0)
 
 
 def _count_complete_bytes(data: bytes) -> int:
-    """Number of bytes up to the end of the last complete report."""
+    """Count the bytes up to the end of the last complete report."""
     at, whole = _MAGIC_BYTES, 0
     while at + _RECORD_HEAD.size <= len(data):
         kind, length = _RECORD_HEAD.unpack_from(data, at)
@@ -204,13 +205,13 @@ def _count_complete_bytes(data: bytes) -> int:
 
 
 def format_utc_time_of_day(unix_ns: int) -> str:
-    """Time of day in UTC, to a tenth of a second."""
+    """Format the time of day in UTC, to a tenth of a second."""
     at = datetime.fromtimestamp(unix_ns // 10**9, UTC)
     return f"{at:%H:%M:%S}.{unix_ns % 10**9 // 10**8}"
 
 
 def describe_mass_and_friction(report: OnlineReport) -> str:
-    """Mass and friction with uncertainties, or why there is no mass."""
+    """Format mass and friction with their uncertainties, or say why there is no mass."""
     if report.mass_kg is None:
         return report.validity.replace("_", " ")
     return (
@@ -220,7 +221,7 @@ def describe_mass_and_friction(report: OnlineReport) -> str:
 
 
 def describe_inertia_and_yaw_friction(report: OnlineReport) -> str:
-    """Inertia and friction of turning with uncertainties; empty before the first spin."""
+    """Format yaw inertia and friction with their uncertainties; empty before the first spin."""
     if not report.spins:
         return ""
     if report.inertia_z_kg_m2 is None:
@@ -233,7 +234,7 @@ def describe_inertia_and_yaw_friction(report: OnlineReport) -> str:
 
 
 def describe_finished_manoeuvre(report: OnlineReport) -> str:
-    """Result of a manoeuvre or spin; empty for other events."""
+    """Describe the result of a manoeuvre or spin; empty for other events."""
     match report.event:
         case "manoeuvre":
             return describe_mass_and_friction(report)
@@ -244,7 +245,7 @@ def describe_finished_manoeuvre(report: OnlineReport) -> str:
 
 
 def describe_progress_to_target_uncertainty(report: OnlineReport) -> str:
-    """Information gathered for the target uncertainty, and starts still needed; "" without it."""
+    """Describe the progress to the target uncertainty, and the starts needed; "" without target."""
     if report.until_u_kg is None or report.percent is None:
         return ""
     missing = describe_missing_manoeuvres(report.starts_missing, report.reverse_missing)
@@ -259,7 +260,7 @@ def describe_progress_to_target_uncertainty(report: OnlineReport) -> str:
 
 
 def describe_load_state(load: LoadReport) -> str:
-    """A load state in a line: when, mass and payload with uncertainties, or why there is none."""
+    """Describe a load state in a line: span, mass and payload with uncertainties, or why none."""
     begin, end = map(format_utc_time_of_day, (load.start_unix_ns, load.end_unix_ns))
     head = f"load {load.load_id}, {begin} to {end}, {format_count(load.manoeuvres, 'manoeuvre')}: "
     if load.mass_kg is None:
@@ -273,7 +274,7 @@ def describe_load_state(load: LoadReport) -> str:
 
 
 def describe_replay_result(replay_report: ReplayReport) -> str:
-    """Result of a replay in a line: how many loads it has, up to when, or why there is none."""
+    """Describe the result of a replay in a line: its end and loads, or why there is none."""
     if replay_report.fault:
         return f"not replayed: {replay_report.fault}"
     until = f"replayed up to {format_utc_time_of_day(replay_report.unix_ns)}"
@@ -294,7 +295,7 @@ def describe_replay_result(replay_report: ReplayReport) -> str:
 def iter_closed_load_lines(
     replay_report: ReplayReport, earlier_report: ReplayReport | None
 ) -> Iterator[str]:
-    """Yield a line per load that has closed since an earlier replay; of the whole log, per load."""
+    """Yield a line per load that closed since an earlier replay; all loads for the whole log."""
     if replay_report.is_whole:
         yield describe_replay_result(replay_report)
     known = [] if replay_report.is_whole or earlier_report is None else earlier_report.closed_loads
@@ -305,7 +306,7 @@ def iter_closed_load_lines(
 
 
 def format_replay_markdown(replay_report: ReplayReport) -> str:
-    """The newest replay in Markdown, for the page next to the plots."""
+    """Format the newest replay in Markdown, for the panel beside the plots."""
     return "\n".join(
         [
             f"## {describe_replay_result(replay_report)}\n",
@@ -315,7 +316,7 @@ def format_replay_markdown(replay_report: ReplayReport) -> str:
 
 
 def format_reports_markdown(report: OnlineReport) -> str:
-    """Reports in Markdown, for the page next to the plots."""
+    """Format the newest report in Markdown, for the panel beside the plots."""
     age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
     return (
         f"# {describe_mass_and_friction(report)}\n\nLast manoeuvre{age}; {report.manoeuvres:,} "

@@ -1,5 +1,5 @@
-"""Logs as frames: topics as lazy frames of polars, and as streams of Arrow.
+"""Read topics of logs as lazy frames of polars, and as streams of Arrow.
 
-`shape` says what the columns of a topic are, `predicate` which time range a filter asks for,
-`topic_source` gives batches of rows, and `scan` hands them to polars and to Arrow.
+`shape` determines the columns of a topic, and `predicate` the time range that a filter requests;
+`topic_source` yields batches of rows, and `scan` passes them to polars and Arrow.
 """

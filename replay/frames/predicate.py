@@ -1,8 +1,8 @@
-"""Time range of a filter, from the tree of a polars expression.
+"""Derive the time range of a filter from the tree of a polars expression.
 
-An expression offers its children (`meta.pop`) and a test for equality (`meta.eq`). A node is
-identified by building candidates from its children and comparing, so that nothing depends on how
-polars prints or stores expressions. A node that is not recognised does not bound the range.
+An expression gives its children (`meta.pop`) and a test for equality (`meta.eq`). A node is
+identified by building candidates from its children and comparing them, so that nothing depends on
+how polars prints or stores expressions. A node that is not recognised does not bound the range.
 """
 
 import operator
@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import polars as pl
 
 _NS_PER_UNIT: Final = {"ns": 1, "us": 1_000, "ms": 1_000_000}
-#: The first and the last instant that 64 bits of nanoseconds hold.
+#: First and last instant in ns that fit into 64 bits.
 FIRST_NS: Final = -(2**63)
 LAST_NS: Final = 2**63 - 1
 
@@ -26,7 +26,7 @@ _MIRRORED: Final[dict[Callable[..., pl.Expr], Callable[..., pl.Expr]]] = {
     operator.eq: operator.eq,
 }
 _CLOSED: Final = ("both", "left", "right", "none")
-#: What polars casts a column of times to before it compares it, and by how many ns that may round.
+#: Types that polars may cast a column of times to before comparing, and the rounding in ns.
 _CASTS: Final[tuple[tuple[pl.DataType, int], ...]] = (
     (pl.Datetime("ns"), 0),
     (pl.Datetime("ns", "UTC"), 0),
@@ -36,7 +36,7 @@ _CASTS: Final[tuple[tuple[pl.DataType, int], ...]] = (
     (pl.Datetime("ms", "UTC"), 1_000_000),
     (pl.Int64(), 0),
     (pl.Int128(), 0),
-    # a float of 2^63 has steps of 1024
+    # floats near 2^63 have a spacing of 1024
     (pl.Float64(), 2_048),
 )
 
@@ -59,7 +59,7 @@ def bound_log_times_by_predicate(predicate: pl.Expr, time_column: str) -> TimeRa
     """Bound the log times of rows that a predicate may keep.
 
     Args:
-        predicate: any expression; rows outside the range are false for it, rows inside may be.
+        predicate: any expression; it is false for all rows outside the range.
         time_column: name of the log-time column: ns as Int64, or a Datetime.
     """
     parts = list(reversed(predicate.meta.pop()))
@@ -87,7 +87,7 @@ def bound_log_times_by_predicate(predicate: pl.Expr, time_column: str) -> TimeRa
 def _bound_times_by_comparison(
     predicate: pl.Expr, left: pl.Expr, right: pl.Expr, time_column: str
 ) -> TimeRange:
-    """Range of log times that a comparison allows."""
+    """Bound the log times for which a comparison may be true."""
     for compare, mirrored in _MIRRORED.items():
         if compare(left, right).meta.eq(predicate):
             if right.meta.root_names():
@@ -119,7 +119,7 @@ def bound_times_by_constant(
 
 
 def find_time_rounding_ns(expression: pl.Expr, time_column: str) -> int | None:
-    """Largest rounding of an expression's times in ns; None if it is not the column."""
+    """Find the rounding in ns of an expression of the time column; None for other expressions."""
     times = pl.col(time_column)
     if expression.meta.eq(times):
         return 0
@@ -131,14 +131,14 @@ def find_time_rounding_ns(expression: pl.Expr, time_column: str) -> int | None:
 
 
 class NeighbouringIntegers(NamedTuple):
-    """Integers just below and above a constant."""
+    """Nearest integers in ns at or below, and at or above, a constant."""
 
     below_ns: int
     above_ns: int
 
 
 def find_integers_around_constant_ns(constant: pl.Expr) -> NeighbouringIntegers | None:
-    """Integers just below and above a constant in ns; None if it is not a number."""
+    """Find the integers in ns around a constant; None if it is not a number or time in range."""
     try:
         value = pl.select(constant).to_series()
     except pl.exceptions.PolarsError:

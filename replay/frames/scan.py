@@ -1,4 +1,4 @@
-"""Topics of logs as lazy frames of polars, and as streams of Arrow."""
+"""Scan topics of logs as lazy frames of polars, and as streams of Arrow."""
 
 import atexit
 import threading
@@ -40,18 +40,18 @@ def scan_log(  # noqa: PLR0913 - each names one choice
     Rows come log by log, in log-time order within each.
 
     Args:
-        logs: a log as `open_log` takes it, a folder of logs, a pattern (`shifts/*.bag`), or several
-            of these. Unless it is one log, a column `source` names the log of each row.
+        logs: a log as for `open_log`, a folder of logs, a pattern (`shifts/*.bag`), or several of
+            these. Unless it is one log, a column `source` names the log of each row.
         topic: name of the topic (`payscope info` lists them; a table has one, `table`).
         fields: dotted names, with an element by index or name (`effort[left]`); None for all
             fields.
-        nested: columns with dotted names (`angular_velocity.z`), or structs.
+        nested: `dotted` for columns with dotted names (`angular_velocity.z`), or `struct`.
         arrays: fixed-length arrays as `list` or `array`.
         enums: enumerations by `name` from the definition, or by `number`.
         times: `log_time` and `header_stamp` in UTC, or `log_time_ns` and `header_stamp_ns`.
         time: time column and format of tables.
-        losses: receives data that could not be read, once rows are read; a `LossWarning` reports it
-            as well.
+        losses: list that receives data that could not be read, once rows are read; a `LossWarning`
+            reports them as well.
 
     Raises:
         LogError: the log, topic or field does not exist; or, when rows are read, a topic that
@@ -64,10 +64,10 @@ def scan_log(  # noqa: PLR0913 - each names one choice
 
 
 class _OpenReaders:
-    """Counts active readers of a process, so that it does not exit while one works.
+    """Counter of the active readers of a process, so that it does not exit while one is working.
 
-    With a row limit a query ends before its current chunk is read. If polars' thread then returned
-    to a finished interpreter, the process would abort.
+    A query with a row limit ends before its current chunk is read. If polars' thread then returned
+    to an interpreter that has ended, the process would abort.
     """
 
     def __init__(self) -> None:
@@ -103,18 +103,18 @@ class _OpenReaders:
         with self._changed:
             self._ends = True
             if self._changed.wait_for(lambda: not self._reading, LIMITS.scan_read_s):
-                # a reader that nobody asks for more is not closed, and does no harm
+                # a reader that is abandoned is never closed, and does no harm
                 self._changed.wait_for(lambda: not self._open, LIMITS.scan_close_s)
 
 
 _READERS: Final = _OpenReaders()
 
-#: Columns, predicate and number of rows that are wanted, to batches of them.
+#: Function that yields batches for requested columns, predicate and number of rows.
 Batches = Callable[[list[str] | None, pl.Expr | None, int | None], Iterator[pl.DataFrame]]
 
 
 def make_lazy_frame_of_batches(batches: Batches, schema: pl.Schema, topic: str) -> pl.LazyFrame:
-    """Lazy frame of batches, which a process may abandon half-read."""
+    """Make a lazy frame of batches, which a process may abandon before it is read."""
 
     def iter_requested_rows(
         columns: list[str] | None,
@@ -122,14 +122,14 @@ def make_lazy_frame_of_batches(batches: Batches, schema: pl.Schema, topic: str) 
         n_rows: int | None,
         batch_size: int | None,
     ) -> Iterator[pl.DataFrame]:
-        del batch_size  # a hint; the size of a batch is the file's
+        del batch_size  # only a hint; the file determines the size of batches
         return _READERS.iter_batches_until_interpreter_exit(batches(columns, predicate, n_rows))
 
     return register_io_source(iter_requested_rows, schema=schema, explain_name=topic)
 
 
 def make_lazy_frame_of_topic(topic_source: TopicSource) -> pl.LazyFrame:
-    """Lazy frame that reads the batches of a topic when it is collected."""
+    """Make a lazy frame that reads the batches of a topic when it is collected."""
     return make_lazy_frame_of_batches(
         topic_source.iter_row_batches, topic_source.schema, f"log {topic_source.topic}"
     )
@@ -138,7 +138,7 @@ def make_lazy_frame_of_topic(topic_source: TopicSource) -> pl.LazyFrame:
 class LogStream:
     """A topic as a stream of Arrow record batches; each reader reads the logs again.
 
-    DuckDB, pyarrow, pandas and DataFusion take it by `__arrow_c_stream__`.
+    DuckDB, pyarrow, pandas and DataFusion read it by `__arrow_c_stream__`.
 
     Attributes:
         losses: data that could not be read so far.
@@ -166,7 +166,7 @@ class LogStream:
         import pyarrow as pa  # slow to import
 
         def to_plain_arrow(frame: pl.DataFrame) -> Any:
-            # views of strings are news to pandas and to others
+            # pandas and others may not support string views yet
             return frame.to_arrow(compat_level=pl.CompatLevel.oldest())
 
         schema = to_plain_arrow(self.schema.to_frame()).schema
@@ -186,13 +186,13 @@ def stream_log(
     time: TimeAxis | None = None,
     losses: list[Loss] | None = None,
 ) -> LogStream:
-    """Stream a topic to libraries that take Arrow, with the same rows as `scan_log`.
+    """Stream a topic to libraries that read Arrow, with the same rows as `scan_log`.
 
     Args:
         logs: as in `scan_log`.
         topic: as in `scan_log`.
         columns: selected columns; None for all.
-        where: filter expression; a range of `log_time` limits the rows that are read.
+        where: filter expression; its range of `log_time` limits the rows that are read.
         fields: as in `scan_log`.
         options: how messages become columns.
         time: time column and format of tables.
@@ -243,17 +243,17 @@ def join_topics(
 
 
 class ExpandedLogs(NamedTuple):
-    """Paths of logs, and whether the name allows several."""
+    """Paths of logs, and whether they were named such that there may be several."""
 
     paths: list[Path]
     can_be_several: bool
 
 
 def expand_log_paths(logs: Logs) -> ExpandedLogs:
-    """Paths of the named logs, and whether the name allows several.
+    """Find the named logs: single ones, those in folders, and those that match patterns.
 
     Raises:
-        LogError: a pattern or folder without logs.
+        LogError: a pattern or folder has no log.
     """
     named = [logs] if isinstance(logs, str | Path) else list(logs)
     found: list[Path] = []
@@ -280,7 +280,7 @@ def make_row_source_of_topic(
     time_axis: TimeAxis | None = None,
     losses: list[Loss] | None = None,
 ) -> TopicSource:
-    """Row source of a topic, for a lazy frame or a stream.
+    """Make the row source of a topic, for a lazy frame or a stream.
 
     Args:
         logs: as in `scan_log`.
@@ -288,7 +288,7 @@ def make_row_source_of_topic(
         options: how messages become columns.
         fields: as in `scan_log`.
         time_axis: time column and format of tables.
-        losses: receives data that could not be read.
+        losses: list that receives data that could not be read.
 
     Raises:
         LogError: the log, topic or field does not exist.

@@ -1,4 +1,4 @@
-"""One SELECT over named tables by polars; all other SQL is rejected before it runs."""
+"""Run a single SELECT over named tables by polars; all other SQL is rejected before it runs."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -9,7 +9,7 @@ import polars as pl
 from estimators.errors import QueryError, join_first_names, suggest_choice
 from replay.frames.frame_limits import LIMITS
 
-#: A table is made when a statement names it.
+#: Functions that make tables, by name; called for those that a statement names.
 Tables = Mapping[str, Callable[[], pl.LazyFrame]]
 
 _TOKEN: Final = re.compile(
@@ -17,11 +17,11 @@ _TOKEN: Final = re.compile(
 )
 _COMMENTS: Final = ("--", "/*")
 _AFTER_ORDER: Final = ("LIMIT", "OFFSET", "FETCH")
-#: How a statement that only reads tables begins.
+#: First tokens of statements that only read tables.
 _READING: Final = ("SELECT", "WITH", "FROM", "VALUES", "(", "EXPLAIN")
-#: Functions that read files. Looked for in the whole text: what a literal is, is the parser's word.
+#: Functions that read files, searched in the whole text, since only the parser recognises literals.
 _FILE_FUNCTION: Final = re.compile(r"\b((?:read|scan)_\w+)[\"`\]]?\s*(?:\(|/\*|--)", re.IGNORECASE)
-#: Words behind which polars does not keep the order of rows.
+#: Words after which polars does not keep the order of rows.
 _REORDERING: Final = ("JOIN", "GROUP", "DISTINCT", "UNION", "INTERSECT", "EXCEPT", "ORDER")
 _UNSORTABLE: Final = pl.Object, pl.Struct, pl.List, pl.Array
 
@@ -40,7 +40,7 @@ def run_select_in_stable_order(
         is_always_ordered: whether to order rows even if they keep their table's order.
 
     Raises:
-        QueryError: unknown table or column, invalid SQL, or a statement that does more than read.
+        QueryError: a table or column is unknown, the SQL is invalid, or does more than read.
     """
     query = strip_statement_terminator(sql)
     frames = {name: tables[name]() for name in _list_used_table_names(query, tables)}
@@ -69,7 +69,7 @@ def convert_to_query_error(error: pl.exceptions.PolarsError, tables: Tables) -> 
 
 
 def strip_statement_terminator(sql: str) -> str:
-    """The statement without its terminator.
+    """Remove the terminator of a statement, and check that it only reads tables.
 
     Raises:
         QueryError: it is not a statement that only reads tables.
@@ -89,7 +89,7 @@ def strip_statement_terminator(sql: str) -> str:
 
 
 def find_quoted_names(sql: str) -> list[str]:
-    """Names in double quotes."""
+    """Find the names in double quotes."""
     return [
         t[1:-1].replace('""', '"') for t in _tokenise_sql(sql) if t.startswith('"') and len(t) > 2
     ]
@@ -101,7 +101,7 @@ def _tokenise_sql(sql: str) -> list[str]:
 
 
 def _list_used_table_names(sql: str, tables: Tables) -> list[str]:
-    """Names of the tables that occur in a query; the others are not created."""
+    """List the names of the tables that occur in a query."""
     tokens = _tokenise_sql(sql)
     words = {token.strip('"`').replace('""', '"') for token in tokens}
     named = [name for name in tables if name in words]
@@ -117,7 +117,7 @@ def _list_used_table_names(sql: str, tables: Tables) -> list[str]:
 
 
 def describe_available_tables(missing_name: str, tables: Tables) -> str:
-    """Text with the nearest table name, if any, and the list of tables."""
+    """Suggest the table name nearest to a missing one, if any, and list the tables."""
     meant = suggest_choice(missing_name, tables)
     listed = f"tables: {_format_list_of_tables(tables)}"
     return f"{meant} {listed}" if meant.endswith("?") else listed
@@ -128,11 +128,11 @@ def _format_list_of_tables(tables: Tables) -> str:
 
 
 def add_order_by_all_columns(sql: str, columns: Sequence[str]) -> str:
-    """The query with every column appended to its order.
+    """Append every column to the ORDER BY of a query.
 
     Args:
         sql: a SELECT.
-        columns: column names of its result, in SQL.
+        columns: column names of its result, quoted for SQL.
     """
     depth, order, end = 0, False, len(sql)
     before = ""
@@ -149,6 +149,6 @@ def add_order_by_all_columns(sql: str, columns: Sequence[str]) -> str:
     if not columns:
         return sql
     head, tail = sql[:end].rstrip(), sql[end:]
-    # behind a comment that ends with the line an order would be part of it
+    # after a comment up to the end of the line, the order would be part of the comment
     gap = "\n" if "--" in head else ""
     return f"{head}{gap}{',' if order else ' ORDER BY'} {', '.join(columns)} {tail}".strip()

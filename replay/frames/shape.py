@@ -1,4 +1,4 @@
-"""Columns of a topic's frame: dotted or nested, lists or arrays, names or numbers."""
+"""Make the columns of a topic's frame: dotted or nested, lists or arrays, names or numbers."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ DATETIME: Final = pl.Datetime("ns", "UTC")
 
 @dataclass(frozen=True, slots=True)
 class FrameOptions:
-    """How the fields of a topic become columns.
+    """Options for converting the fields of a topic to columns.
 
     Attributes:
         nested: `dotted` names a column by its path in the message; `struct` keeps the nesting.
@@ -33,7 +33,7 @@ class FrameOptions:
     times: Literal["datetime", "ns"] = "datetime"
 
 
-#: Columns as `Log.read` gives them.
+#: Options for columns as `Log.read` returns them.
 AS_READ: Final = FrameOptions(enums="number", times="ns")
 
 
@@ -41,9 +41,9 @@ AS_READ: Final = FrameOptions(enums="number", times="ns")
 class FieldBranch:
     """A nested message, or a list of messages."""
 
-    #: where it is a list of messages
+    #: whether it is a list of messages
     is_list: bool
-    #: of the list, None where it varies
+    #: length of the list; None if it varies
     length: int | None
     below: "dict[str, FieldBranch | LeafField]" = field(default_factory=dict)
 
@@ -65,12 +65,12 @@ class TopicShape:
             self._own, DATETIME if is_dated else pl.Int64()
         )
         for name, node in self._tree.items():
-            # a field that is named like a column of every topic gives way to it
+            # a column of every topic has precedence over a field of the same name
             schema.setdefault(name, self._make_dtype_of_node(node, 0))
         self.schema = pl.Schema(schema)
 
     def list_fields_needed_for_columns(self, columns: Sequence[str]) -> list[str]:
-        """Fields to read for the given columns."""
+        """List the fields to read for the given columns."""
         wanted = [name for name in columns if name not in self._own]
         return [leaf.name for name in wanted for leaf in _iter_leaves_below(self._tree[name])]
 
@@ -90,7 +90,7 @@ class TopicShape:
     def _make_dtype_of_node(
         self, field_node: FieldBranch | LeafField, list_depth: int
     ) -> pl.DataType:
-        """Type of a node inside `list_depth` lists."""
+        """Data type of a node inside `list_depth` lists."""
         if isinstance(field_node, LeafField):
             return self._make_dtype_of_leaf(field_node, list_depth)
         inside = list_depth + field_node.is_list
@@ -132,7 +132,7 @@ class TopicShape:
         values_by_field: Mapping[str, pl.Series],
         list_depth: int,
     ) -> pl.Series:
-        """Column of a node from the values of its leaves, inside `list_depth` lists."""
+        """Make the column of a node, inside `list_depth` lists, from the values of its leaves."""
         if isinstance(field_node, LeafField):
             found = values_by_field[field_node.name]
             if self._are_values_shown_by_name(field_node):
@@ -157,7 +157,7 @@ class TopicShape:
 
 
 def _make_field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
-    """Tree of the leaves by the parts of their names."""
+    """Make a tree of the leaves by the parts of their names."""
     tree: dict[str, FieldBranch | LeafField] = {}
     for leaf in leaves:
         *way, last = leaf.name.split(".")
@@ -167,7 +167,7 @@ def _make_field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | Lea
             length = leaf.lengths[depth] if is_list and depth < len(leaf.lengths) else None
             node = here.setdefault(step.removesuffix("[]"), FieldBranch(is_list, length))
             depth += is_list
-            if isinstance(node, LeafField):  # a column of a table that is named like a way
+            if isinstance(node, LeafField):  # a column whose name is a prefix of another's
                 break
             here = node.below
         else:
@@ -190,7 +190,7 @@ def concatenate_list_elements(lists: pl.Series) -> pl.Series:
 
 def split_into_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
     """Split elements into lists of the given lengths; null where the length is null."""
-    import pyarrow as pa  # slow to import, and needed where messages hold lists of messages
+    import pyarrow as pa  # slow to import, and only needed for lists of messages
 
     ends = counts.fill_null(0).cast(pl.Int64).cum_sum().to_numpy()
     offsets = pa.array(np.concatenate([np.zeros(1, np.int64), ends]))
@@ -200,7 +200,7 @@ def split_into_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
 
 
 def replace_enumerated_values_by_names(values: pl.Series, value_names: ValueNames) -> pl.Series:
-    """Names of enumerated values; the digits of values without a name."""
+    """Replace enumerated values by their names, and values without a name by their digits."""
     number: pl.Expr = pl.element() if isinstance(values.dtype, pl.List) else pl.col(values.name)
     numbers, texts = zip(*value_names, strict=True)
     named = number.replace_strict(

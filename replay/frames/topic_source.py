@@ -1,6 +1,6 @@
-"""A topic of one or several logs as batches of selected rows and columns.
+"""Read a topic of one or several logs in batches of selected rows and columns.
 
-Opened logs are kept while they do not change: opening reads the index, which takes a while.
+Logs are kept open while their files are unchanged, since opening one reads its index.
 """
 
 import warnings
@@ -22,7 +22,7 @@ from replay.frames.shape import FrameOptions, TopicShape
 from replay.logs import Log, TimeAxis, open_log
 from replay.logs.messages.message_types import LeafField
 
-#: Which log a row is of, where there are several.
+#: Column with the log of each row, if there are several logs.
 SOURCE: Final = "source"
 _Key = tuple[str, tuple[tuple[str, int, int], ...], TimeAxis | None]
 _opened: OrderedDict[_Key, Log] = OrderedDict()
@@ -30,7 +30,7 @@ _one_at_a_time: Final = Lock()
 
 
 class LossWarning(UserWarning):
-    """Part of a log could not be read."""
+    """Warning that part of a log could not be read."""
 
 
 class TopicSource:
@@ -38,7 +38,7 @@ class TopicSource:
 
     Attributes:
         losses: data that could not be read so far, over all logs.
-        failure: error that ended the reading; polars would keep only its text.
+        failure: error that ended reading, of which polars keeps only the text; None without one.
     """
 
     def __init__(
@@ -56,12 +56,12 @@ class TopicSource:
 
         Args:
             paths: logs in order.
-            topic: name of the topic; a log without it is a loss, unless all are.
+            topic: name of the topic; a log without it is reported as a loss.
             options: how messages become columns.
             fields: dotted names, including elements of lists; None for all fields.
             with_source: whether to add a column with the log of each row.
             time_axis: time column and format of tables.
-            losses: receives data that could not be read, besides the attribute.
+            losses: list to use as the attribute `losses`; None for a new one.
 
         Raises:
             LogError: a log cannot be opened, or no log has the topic.
@@ -75,7 +75,7 @@ class TopicSource:
 
     @cached_property
     def schema(self) -> pl.Schema:
-        """Schema of the columns."""
+        """Data types of the columns."""
         mine: dict[str, pl.DataType] = {} if self._source is None else {self._source: pl.String()}
         return pl.Schema({**mine, **self._shape.schema})
 
@@ -90,11 +90,11 @@ class TopicSource:
         predicate: pl.Expr | None = None,
         max_rows: int | None = None,
     ) -> Iterator[pl.DataFrame]:
-        """Iterate over rows log by log, in log-time order within each.
+        """Yield rows log by log, in log-time order within each log.
 
         Args:
             columns: selected columns; None for all.
-            predicate: filter; its range of time and source limits the rows that are read.
+            predicate: filter, whose range of time and sources limits the rows that are read.
             max_rows: maximum number of rows, counted before the predicate.
         """
         try:
@@ -111,7 +111,7 @@ class TopicSource:
         within, needed = TimeRange(), list(columns)
         if predicate is not None:
             needed += [c for c in predicate.meta.root_names() if c not in needed]
-            if max_rows is None:  # a range would change which rows are the first
+            if max_rows is None:  # with a time range, other rows would be the first ones
                 within = bound_log_times_by_predicate(predicate, self.time_column)
         left = LAST_NS if max_rows is None else max_rows
         for path in self._paths:
@@ -150,7 +150,7 @@ class TopicSource:
             yield from self._iter_frames_of_open_log(log, needed_columns, time_range)
         finally:
             self.losses += [loss for loss in log.losses() if loss not in self.losses]
-            # that another topic cannot be decoded is no news to who reads this one
+            # losses of other topics do not concern the reader of this one
             mine = [each for each in self.losses[told:] if each.topic in ("", self.topic)]
             _warn_of_losses_of_log(path, mine)
 
@@ -182,7 +182,7 @@ class TopicSource:
             nulls = [pl.lit(None, shape.leaves[name].dtype).alias(name) for name in missing]
             frame = shape.make_frame_of_columns(read.with_columns(nulls) if nulls else read, own)
             if self._source in needed_columns:
-                # a frame without columns has no height either
+                # a frame without columns has no height
                 height = pl.repeat(str(log.path), read.height, dtype=pl.String, eager=True)
                 frame = (
                     frame.with_columns(height.alias(SOURCE))
@@ -246,7 +246,7 @@ def open_or_reuse_log(path: Path, time_axis: TimeAxis | None = None) -> Log:
         time_axis: time column and format of a table.
 
     Raises:
-        LogError: as `open_log`.
+        LogError: as from `open_log`.
     """
     with _one_at_a_time:
         key = (str(path.absolute()), read_file_names_sizes_and_change_times(path), time_axis)
@@ -254,16 +254,16 @@ def open_or_reuse_log(path: Path, time_axis: TimeAxis | None = None) -> Log:
         if log is None:
             log = open_log(path, time=time_axis)
         _opened[key] = log
-        # one that is still read closes when that is over: nothing else holds it
+        # a log that is still read is closed afterwards, when nothing refers to it any longer
         while len(_opened) > LIMITS.max_open_logs:
             _opened.popitem(last=False)
         return log
 
 
 def read_file_names_sizes_and_change_times(path: Path) -> tuple[tuple[str, int, int], ...]:
-    """Name, size in bytes and modification time in ns of a file, or of a directory's files."""
+    """Read name, size in bytes and modification time in ns of a file or a directory's files."""
     try:
         files = sorted(path.iterdir()) if path.is_dir() else [path]
         return tuple((f.name, f.stat().st_size, f.stat().st_mtime_ns) for f in files)
-    except OSError:  # opening it says why
+    except OSError:  # opening the log raises the error
         return ()

@@ -97,7 +97,7 @@ estimator = "joint_mass"       # or joint_payload, or a method of the paper such
 """
 
 
-#: Files that are meant to be logs: one that cannot be read is named.
+#: Suffixes of files that are meant to be logs; one that cannot be read is reported.
 _SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
 
 
@@ -116,14 +116,15 @@ def draft_campaign_file(
     Args:
         log_folder: folder with the logs.
         campaign_path: campaign file; paths of logs are relative to its folder.
-        machine_file: machine file; with it every log is replayed, and one with several load states
-            gives several runs.
+        machine_file: machine file; with it, every log is replayed, and a log with several load
+            states gives several runs.
 
     Returns:
         Text of the file, and a sentence about each part that could not be drafted.
 
     Raises:
-        CampaignError: the folder does not exist or has no log, or the file would not be above it.
+        CampaignError: the folder does not exist or has no log, or the campaign file is not in the
+            folder or one above it.
         OutputError: the file would replace one of the logs.
     """
     if not log_folder.is_dir():
@@ -171,7 +172,7 @@ def draft_campaign_file(
 def _iter_toml_blocks_of_campaign_runs(
     log: Log, log_name: str, machine: Machine | None
 ) -> Iterator[str]:
-    """A block for each run: the whole log, or a load state."""
+    """Yield a TOML block for each run: the whole log, or a load state."""
     topics = log.topics()
     start_ns = topics["start_ns"].min()
     dated = isinstance(start_ns, int) and start_ns >= FIRST_DATE_NS
@@ -195,21 +196,21 @@ def _iter_toml_blocks_of_campaign_runs(
 
 
 class _LoadStateSpan(NamedTuple):
-    """Lines of a run that holds one load state, and its mass as text."""
+    """TOML keys of a run with one load state, and its estimated mass as text."""
 
     lines: list[str]
     mass_text: str
 
 
 def _iter_load_state_spans(log: Log, machine: Machine | None) -> Iterator[_LoadStateSpan]:
-    """Lines with begin and end of each load state, and its estimated mass."""
+    """Yield the TOML keys with start and end of each load state, and its estimated mass."""
     loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
     rows = loads.to_dicts()
     if len(rows) < 2:
         seen = f"; {rows[0]['mass_kg']:.0f} kg uncalibrated" if rows and rows[0]["mass_kg"] else ""
         yield _LoadStateSpan([], seen)
         return
-    # a run ends midway between two loads, where the machine stood
+    # a run ends midway between two loads, while the machine stood
     middles = [(before["end_t_ns"] + after["start_t_ns"]) / 2e9 for before, after in pairwise(rows)]
     for row, begin, end in zip(rows, [None, *middles], [*middles, None], strict=True):
         stretch = [

@@ -1,4 +1,4 @@
-"""Contents of a log, as `payscope info` prints them."""
+"""Describe the contents of a log, as `payscope info` prints them."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogInfo:
-    """Contents of a log. Times are ns of its own clock; null if it has no messages."""
+    """Contents of a log. Times are in ns by its own clock; null if it has no messages."""
 
     path: Path
     format: str
@@ -25,15 +25,15 @@ class LogInfo:
     end_ns: int | None
     duration_s: float | None
     messages: int
-    #: a row per topic, as `Log.topics` gives it
+    #: a row per topic, as `Log.topics` returns them
     topics: pl.DataFrame
     losses: tuple[Loss, ...]
-    #: what was read to check it; None where only the index was looked at
+    #: what was read to check it; None if only the index was read
     checked: LogCheck | None = None
     check_s: float | None = None
-    #: every field that holds single values; of a log of messages only where it was asked for
+    #: every field with single values; for a log of messages, only if requested
     fields: "tuple[FieldProfile, ...]" = ()
-    #: what was recognised of how the log is written
+    #: notes on how the log is written, as detected
     notes: tuple[str, ...] = ()
 
     @property

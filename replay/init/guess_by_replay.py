@@ -1,4 +1,4 @@
-"""Guesses of `payscope init` from replaying its draft: use of braking, and priors."""
+"""Guess settings of `payscope init` by replaying its draft: use of braking, and priors."""
 
 import tomllib
 from typing import Final
@@ -15,7 +15,7 @@ from replay.init.init_limits import LIMITS
 from replay.logs import Log
 from replay.pipeline import run
 
-#: The setting of each term's prior.
+#: Name of the setting of each term's prior.
 _SETTINGS: Final = {
     "const": "const_share",
     "lag": "lag_s",
@@ -24,7 +24,7 @@ _SETTINGS: Final = {
     "direction": "direction_share",
     "load_transfer": "load_transfer_s2_m",
 }
-#: Braking is left out unless a machine file says otherwise.
+#: Setting that excludes braking unless the machine file has it false.
 _EXCLUDE: Final = "settings.gate.exclude_braking"
 BRAKING: Final = (
     "# [settings.gate]",
@@ -42,8 +42,8 @@ def propose_settings_by_replaying_draft(log: Log, draft_text: str) -> list[str]:
         draft_text: text of its complete machine file.
 
     Returns:
-        Lines for the machine file. Braking is used if the force shows it and the log can weigh with
-        it; priors are comments, empty if the log adds nothing to the defaults.
+        Lines for the machine file. Braking is used if the force shows it and the log can then
+        weigh; priors are comments, and absent if the log adds nothing to the defaults.
     """
     replayed = _replay_with_draft_machine(log, draft_text)
     braking = [] if replayed is None else propose_braking_settings(replayed)
@@ -55,7 +55,7 @@ def propose_settings_by_replaying_draft(log: Log, draft_text: str) -> list[str]:
 
 
 def drop_answered_brake_question(draft_text: str, proposed_lines: list[str]) -> str:
-    """Draft without the question about the brakes where the lines from its replay answer it."""
+    """Remove the question about the brakes from a draft if the lines from its replay answer it."""
     answered = any(line.startswith("exclude_braking") for line in proposed_lines)
     return draft_text.replace(f"# to answer: {BRAKES_QUESTION}\n", "") if answered else draft_text
 
@@ -92,7 +92,7 @@ def _propose_prior_settings(replayed_run: Run) -> list[str]:
 
 
 def _format_prior_proposals(replayed_run: Run) -> list[str]:
-    """A commented line for each term with its estimate and uncertainty."""
+    """Format a commented line for each term that the log determines, with its estimate."""
     priors = replayed_run.provenance.settings.priors.model_dump()
     lines: list[str] = []
     for row in replayed_run.frames["nuisances"].iter_rows(named=True):

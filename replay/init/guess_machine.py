@@ -1,7 +1,7 @@
 """Draft a machine file from a log's contents, for `payscope init`.
 
-A guess is made only where a message type or a column's name leaves little doubt; everything else
-that is numeric is listed as a comment to choose from.
+A channel is guessed only if a message type or a column's name leaves little doubt; all other
+numeric fields are listed as comments to choose from.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -29,7 +29,7 @@ from replay.recognise.words import interpret_column_name
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
-#: By message type (its last part): the columns that its fields fill.
+#: Channel that each field fills, by the last part of the message type.
 _BY_TYPE: dict[str, dict[str, str]] = {
     "Imu": {
         "specific_force_x_m_s2": "linear_acceleration.x",
@@ -45,7 +45,7 @@ _BY_TYPE: dict[str, dict[str, str]] = {
     "NavSatFix": {"latitude_deg": "latitude", "longitude_deg": "longitude"},
     "WrenchStamped": {"force_x_N": "wrench.force.x", "torque_z_N_m": "wrench.torque.z"},
 }
-#: Short names that people give their tables' columns.
+#: Short names that are common for columns of tables.
 _SHORT = {
     "position_m": "position_x_m",
     "speed_m_s": "speed_x_m_s",
@@ -54,15 +54,15 @@ _SHORT = {
     "acceleration_m_s2": "acc_x_m_s2",
 }
 
-#: What every answer rests on and has a default: asked behind what is missing. The second is asked
-#: where a replay of the draft does not answer it.
+#: Questions on settings that have a default and affect every answer, asked after missing items. The
+#: second is asked unless a replay of the draft answers it.
 _TO_ANSWER = (
     "does the machine dig? machine.digs = false where it has no bucket",
     "does the force sensor measure the brakes? if so, settings.gate.exclude_braking = false",
 )
 BRAKES_QUESTION: Final = _TO_ANSWER[1]
 _JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
-#: The topic (None in a table) and the field of a column.
+#: Topic (None in a table) and field of a column.
 Source = tuple[str | None, str]
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
@@ -73,7 +73,7 @@ _SIDES: Final = ("speed_left_m_s", "speed_right_m_s")
 class ChannelGuess:
     """Guessed source of a channel: topic (None in a table) and field.
 
-    For a table also the unit, if not the channel's, and the reason for the guess.
+    For a table, also the unit, if it is not the channel's, and the reason for the guess.
     """
 
     column: str
@@ -99,7 +99,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
     told = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics, by_type)
     guesses = [*_make_channel_guesses(told), *by_type]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
-    # what a comment holds is asked for already
+    # channels proposed in comments are asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
     found = {guess.column for guess in guesses} | (open_columns & set(_COLUMNS))
     formulas = {each.column: each.derive for each in told.channels if not each.is_comment}
@@ -138,7 +138,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
         if guess.topic is not None:
             lines.append(f"topic = {format_toml(guess.topic)}")
         unit = find_unit_in_name(guess.column).replace("*", "·") or "any scale"
-        # a field in another unit wants `unit` or `scale`, so say which one it is taken for
+        # a field in another unit needs `unit` or `scale`, so state the assumed unit
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
             lines += [
@@ -156,7 +156,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
         lines += _make_channel_comment_lines(proposal) if proposal.is_comment else []
     has_speed = "speed_x_m_s" in found
     if kinematic and not has_speed and "acc_x_m_s2" not in found:
-        # ready for the speed that is asked for
+        # ready for the speed that the draft asks for
         derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
     for column, formula in derived.items():
         is_open = not has_speed or any(each in formula for each in open_columns)
@@ -175,7 +175,7 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
 
 
 def _make_log_section_lines(time_axis: TimeAxis) -> list[str]:
-    """Lines of `[log]` for the given time column."""
+    """Make the lines of `[log]` for the given time column."""
     keys: dict[str, object] = {
         "time": time_axis.column,
         "time_unit": time_axis.unit,
@@ -193,7 +193,7 @@ def _make_channel_guesses(recognition: Recognition) -> list[ChannelGuess]:
 
 
 def _make_channel_comment_lines(proposal: ChannelProposal) -> list[str]:
-    """Commented lines of a channel that the user must complete."""
+    """Make the commented lines of a channel that the user must complete."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
         lines.append(f"topic = {format_toml(proposal.topic)}")
@@ -209,7 +209,7 @@ def _make_channel_comment_lines(proposal: ChannelProposal) -> list[str]:
 def _make_unused_column_comments(
     profiles: list[FieldProfile], used_columns: Collection[tuple[str, str]]
 ) -> list[str]:
-    """Commented lines of all unused columns, with unit, rate and range."""
+    """Make commented lines of all unused columns, with unit, rate and range."""
     rest = [each for each in profiles if (each.topic, each.field) not in used_columns]
     several = any(each.topic != TABLE for each in rest)
     topics = [f"{_replace_unprintable(each.topic)} " if several else "" for each in rest]
@@ -223,13 +223,13 @@ def _make_unused_column_comments(
 
 
 def _format_unused_quantity_comment(profile: FieldProfile) -> str:
-    """Comment on the quantity of a column that no channel takes."""
+    """Format the quantity of an unused column, if it is one that no channel has."""
     quantity = interpret_column_name(profile.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
 
 def format_profile_comment(profile: FieldProfile) -> str:
-    """Comment on a field: unit, rate, minimum, median, maximum and course."""
+    """Format a comment on a field: unit, rate, minimum, median, maximum and sparkline."""
     unit = f" [{profile.unit}]" if profile.unit else ""
     rate = "" if profile.rate_hz is None else f", {profile.rate_hz:.4g} Hz"
     if profile.low is None or profile.middle is None or profile.high is None:
@@ -239,7 +239,7 @@ def format_profile_comment(profile: FieldProfile) -> str:
 
 
 def _format_wheel_unit_comment(guess: ChannelGuess) -> str:
-    """Comment that a JointState's velocity is usually that of a wheel."""
+    """Comment on the scale of a JointState's velocity in rad/s; empty for other fields."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
@@ -286,7 +286,7 @@ def _derive_missing_channels(channels: set[str]) -> dict[str, str]:
     has_speed = "speed_x_m_s" in channels or "speed_x_m_s" in derived
     if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & channels:
         derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
-    # what spins need for an inertia
+    # channels that an inertia estimate from spins needs
     turns = "torque_z_N_m" in channels or {"torque_left_N_m", "torque_right_N_m"} <= channels
     if turns and "yaw_rate_rad_s" in channels and "yaw_acc_rad_s2" not in channels:
         derived["yaw_acc_rad_s2"] = "d/dt yaw_rate_rad_s"
@@ -309,7 +309,7 @@ def _describe_missing_channels(
 
 
 def iter_topic_notes(topics: pl.DataFrame, guesses: list[ChannelGuess]) -> Iterator[str]:
-    """Notes on list fields without a used element, and on unreadable topics."""
+    """Yield comments on list fields of which no element is used, and on unreadable topics."""
     used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
     for row in topics.iter_rows(named=True):
         lists = [field for field in row["fields"] or [] if "[]" in field]
@@ -325,7 +325,7 @@ def _replace_unprintable(text: str) -> str:
 
 
 def make_imu_mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
-    """Lines that propose the IMU's mounting: a table if gravity is clear, else a comment.
+    """Propose the IMU's mounting: a TOML table if gravity is clear, else comments.
 
     Args:
         log: an opened log.
@@ -346,7 +346,7 @@ def make_imu_mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str
 
 
 def format_mounting_angle_lines(guess: MountingGuess) -> list[str]:
-    """Lines of the mounting angles with their reasons; comments if a slope may explain them."""
+    """Format the mounting angles with their reasons; as comments if a slope may explain them."""
     where = "at standstill" if guess.stood else "on average over the drive"
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
     if guess.has_no_rotation and guess.yaw_deg is not None:
@@ -372,7 +372,7 @@ def format_mounting_angle_lines(guess: MountingGuess) -> list[str]:
 
 
 def read_machine_speed_m_s(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
-    """Stamps and the machine's speed, or the mean of its sides'; None if neither is known."""
+    """Read stamps in ns and the machine's speed, or the mean of both sides'; None without them."""
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
         return None
@@ -381,7 +381,7 @@ def read_machine_speed_m_s(log: Log, sources: Mapping[str, Source]) -> tuple[Int
 
 
 def read_times_and_fields_of_topic(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
-    """Stamps (n,) and fields (n, fields) of one topic, finite, one row per stamp.
+    """Read stamps (n,) in ns and finite fields (n, fields) of one topic, one row per stamp.
 
     Raises:
         LogError: the fields cannot be read.
@@ -394,6 +394,6 @@ def read_times_and_fields_of_topic(log: Log, sources: list[Source]) -> tuple[Int
         "unix_ns", keep="last", maintain_order=True
     )
     x = np.stack([placed[field].cast(pl.Float64).to_numpy() for field in fields], axis=1)
-    # not finite, or no reading of a machine in any unit
+    # excludes values that are not finite, or implausible in any unit
     finite = (np.abs(x) < LIMITS.max_reading).all(axis=1)
     return placed["unix_ns"].to_numpy()[finite], x[finite]

@@ -1,4 +1,4 @@
-"""Limits of what a first machine file guesses from a log."""
+"""Limits of guessing a first machine file from a log."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,19 +6,19 @@ from typing import Final
 
 @dataclass(frozen=True)
 class InitLimits:
-    """Limits of what a first machine file guesses from a log.
+    """Limits of guessing a first machine file from a log.
 
     One section per file; a comment says what a value limits, in which unit, and how it was chosen.
     """
 
     # guess_by_replay
-    #: Fraction of its prior to which a log would narrow a term if it determines it.
+    #: Ratio of posterior to prior standard deviation below which a log determines a term.
     narrowed_prior_fraction: float = 0.5
 
     # guess_machine
-    #: Time of a log that is looked at, in ns.
+    #: Duration of the part of a log that is read, in ns.
     look_ns: int = 600 * 10**9
-    #: Smallest value that is no reading of a machine in any unit.
+    #: Magnitude from which a value is implausible for a machine in any unit.
     max_reading: float = 1e6
 
 

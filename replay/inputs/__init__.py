@@ -1,1 +1,1 @@
-"""Inputs of a replay: logs merged, aligned in time, and decoded once."""
+"""Inputs of a replay: merge logs, place them on one time line, and cache decoded ones."""

@@ -21,14 +21,14 @@ from replay.inputs.time_line import compute_log_offsets_ns, shift_message_times
 from replay.logs import TABLE, Log
 
 _STAMP: Final = "same_ns"
-#: A field picked by name, `effort[left]`, beside the list of names that picks it.
+#: A list element selected by name, `effort[left]`, and the path of its message.
 _BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\d][^\[\]]*)\]")
-#: Whatever of these changes may change a number or a recording.
+#: Packages whose versions may change a number or a recording.
 _VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")
 
 
 class ChannelInputs(NamedTuple):
-    """Frames by topic, and what the logs lost."""
+    """Frames of the channels' fields by topic, and losses of the logs."""
 
     frame_by_topic: dict[str, pl.DataFrame]
     losses: list[Loss]
@@ -44,7 +44,7 @@ def read_channel_fields_and_losses(logs: Sequence[Log], machine: Machine) -> Cha
 
     Returns:
         Frames by topic with `log_time_ns`, `header_stamp_ns` and the fields, in log-time order,
-        without optional topics that no log has; and the losses.
+        without optional topics that are in no log; and the losses of the logs.
 
     Raises:
         LogError: a topic is in no log, has no message, or differs between two logs at the same
@@ -53,7 +53,7 @@ def read_channel_fields_and_losses(logs: Sequence[Log], machine: Machine) -> Cha
     wanted = list_channel_fields(machine)
     losses: list[Loss] = []
     has = {log: set(log.topic_names()) for log in logs}
-    # what no estimate needs must not stop one
+    # a channel that no estimate needs must not prevent a replay
     hints = {
         topic for topic in wanted if HINTS.issuperset(list_channels_reading_topic(topic, machine))
     }
@@ -131,7 +131,7 @@ def _refuse_contradicting_units(log: Log, machine: Machine) -> None:
             continue
         try:
             gain, offset = find_gain_and_offset_to_si(stated, find_unit_in_name(name))
-        except MachineError:  # of another dimension: it is called after something else
+        except MachineError:  # of another dimension: the name is not that of a unit
             continue
         if gain != 1.0 or offset:
             raise LogError(
@@ -141,7 +141,7 @@ def _refuse_contradicting_units(log: Log, machine: Machine) -> None:
 
 
 def list_channel_fields(machine: Machine) -> dict[str, list[str]]:
-    """Fields that the channels name, by topic."""
+    """List the fields that the channels name, by topic."""
     wanted: dict[str, list[str]] = {}
     for channel in machine.channels.values():
         for field in channel.fields:
@@ -152,7 +152,7 @@ def list_channel_fields(machine: Machine) -> dict[str, list[str]]:
 
 
 def list_channels_reading_topic(topic: str, machine: Machine) -> list[str]:
-    """Channels that read from a topic."""
+    """List the channels that read from a topic."""
     return [
         name
         for name, channel in machine.channels.items()
@@ -163,7 +163,7 @@ def list_channels_reading_topic(topic: str, machine: Machine) -> list[str]:
 def _format_unknown_topic_message(
     topic: str, topics_of_logs: Mapping[Log, set[str]], machine: Machine
 ) -> str:
-    """Error message with the unknown topic, the choices and the remedy."""
+    """Format the error on an unknown topic, with the choices and the remedy."""
     meant = suggest_choice(topic, set().union(*topics_of_logs.values()))
     return (
         f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
@@ -189,10 +189,10 @@ def _refuse_unknown_element_names(log: Log, topic: str, frame: pl.DataFrame) -> 
 
 
 def name_raw_frames_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
-    """Frames by their names in a run: `raw_frames/imu/data` for topic `/imu/data`.
+    """Rename frames as a run names them: `raw/imu/data` for topic `/imu/data`.
 
     If there is a topic `imu/data` as well, it gets that name, and `/imu/data` keeps its slash:
-    `raw_frames//imu/data`.
+    `raw//imu/data`.
     """
     return {
         f"raw/{topic if topic[1:] in raw_frames else topic.removeprefix('/')}": frame
@@ -224,7 +224,7 @@ def make_provenance_of_inputs(
 
 
 def list_input_files(log: Log) -> list[InputFile]:
-    """Files of a log with their digests."""
+    """List the files of a log with their digests."""
     return [
         InputFile(name=path.name, sha256=digest, size_bytes=path.stat().st_size)
         for path, digest in zip(log.files, log.digests, strict=True)
@@ -232,24 +232,24 @@ def list_input_files(log: Log) -> list[InputFile]:
 
 
 def convert_machine_without_settings_to_dict(machine: Machine) -> dict[str, Any]:
-    """Machine file without its settings, as JSON-compatible values."""
+    """Convert a machine without its settings to JSON-compatible values."""
     plain = machine.model_dump(mode="json")
     del plain["settings"]
     return plain
 
 
 def collect_versions_of_packages() -> dict[str, str]:
-    """Versions of all packages that may change a number or a recording."""
+    """Collect the versions of all packages that may change a number or a recording."""
     return {"python": platform.python_version(), **{n: _find_version(n) for n in _VERSIONS}}
 
 
-@cache  # each look-up reads and parses a file
+@cache  # each query reads and parses a file
 def _find_version(package: str) -> str:
     return version(package)
 
 
 def merge_messages_of_logs(topic: str, frames_of_logs: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
-    """One frame in log-time order, without messages that two logs share.
+    """Merge messages of several logs in log-time order; messages in two logs count once.
 
     Messages are equal if their header stamps (log times without one) and fields are: two recorders
     of one topic stamp its arrival differently.
@@ -262,7 +262,7 @@ def merge_messages_of_logs(topic: str, frames_of_logs: Mapping[Log, pl.DataFrame
     Raises:
         LogError: two logs have different messages of the topic at the same time.
     """
-    # a column of whole numbers in one table may have fractions in the next
+    # a column of integers in one table may have fractions in the next
     schema = pl.concat(
         [frame.clear() for frame in frames_of_logs.values()], how="vertical_relaxed"
     ).schema
@@ -278,7 +278,7 @@ def merge_messages_of_logs(topic: str, frames_of_logs: Mapping[Log, pl.DataFrame
             )
         whole.append(frame)
     joint = pl.concat(whole, rechunk=False)
-    # parts that follow each other stay where they are: of a shift they are a gigabyte
+    # consecutive parts are not copied: for a shift, they are a gigabyte
     if joint["log_time_ns"].is_sorted():
         return joint
     return joint.sort("log_time_ns", maintain_order=True)
@@ -287,14 +287,14 @@ def merge_messages_of_logs(topic: str, frames_of_logs: Mapping[Log, pl.DataFrame
 def drop_messages_of_earlier_log(
     earlier_frame: pl.DataFrame, frame: pl.DataFrame, topic: str, earlier_log: str, later_log: str
 ) -> pl.DataFrame:
-    """Messages of a frame that an earlier log does not contain."""
+    """Drop the messages of a frame that an earlier log contains as well."""
     if not frame.height:
         return frame
     start, end = frame["log_time_ns"][0], earlier_frame["log_time_ns"][-1]
     if start > end:
         return frame
     time = pl.col("log_time_ns")
-    # two recorders may each be late by a moment
+    # recorders may be late by different times
     shared = frame.filter(time <= end + LIMITS.overlap_ns)
     theirs = earlier_frame.filter(time >= start - LIMITS.overlap_ns)
     keys = [name for name in frame.columns if name not in ("log_time_ns", "header_stamp_ns")]

@@ -1,7 +1,7 @@
-"""Cache of decoded logs: each is decoded in its own process, and kept until it changes.
+"""Cache of decoded logs: each log is decoded in its own process, and kept until it changes.
 
 The cache keeps the fields of a log that the machine file names, as they were read. A decoding
-process ends with its log, so that memory depends on the largest logs in progress and not on all.
+process ends with its log, so that memory depends on the logs in progress and not on all logs.
 """
 
 import hashlib
@@ -30,14 +30,14 @@ from replay.inputs.channel_inputs import (
 from replay.logs import TABLE, Log, LogCheck, TableHints, TimeAxis, open_log
 from replay.machines.machine_file import find_time_axis_of_machine
 
-#: Hidden beside what is made of the logs.
+#: Hidden folder beside the outputs.
 FOLDER: Final = ".decoded"
 _ABOUT: Final = "about.json"
 _TOPICS: Final = "topics.arrow"
 _BEGUN: Final = ".begun-"
-#: Smaller logs are decoded sooner than a process starts.
+#: Bytes of a log below which decoding it is faster than starting a process.
 _WORTH_A_PROCESS: Final = 64 * 2**20
-#: What a process that failed with a line of its own exits with.
+#: Exit status of a process that failed with an error of one line.
 _SAID: Final = 2
 
 
@@ -57,10 +57,10 @@ class DecodedLog(Log):
     """A log whose needed fields are read from the cache."""
 
     def __init__(self, log: Log, kept: Path, time_axis: TimeAxis | None) -> None:
-        """Read the description.
+        """Read the description of the cached log.
 
         Args:
-            log: decoded log; its digests were compared.
+            log: the log itself, whose digests equal those of the cache entry.
             kept: folder of the cache entry.
             time_axis: time column and format of a table.
         """
@@ -103,11 +103,11 @@ class DecodedLog(Log):
         return found
 
     def losses(self) -> tuple[Loss, ...]:
-        """Losses: data that could not be read."""
+        """Losses when the log was decoded: data that could not be read."""
         return self._about.losses
 
     def notes(self) -> tuple[str, ...]:
-        """Notes on the log's format."""
+        """Notes on the log's format when it was decoded."""
         return self._about.notes
 
     def machine_ids(self) -> tuple[str, ...]:
@@ -115,7 +115,7 @@ class DecodedLog(Log):
         return self._machine_ids
 
     def check(self) -> LogCheck:
-        """Check the log itself."""
+        """Check the log itself, not its cached fields."""
         with open_log(self.path, time=self._time) as log:
             return log.check()
 
@@ -131,8 +131,8 @@ def decode_logs_in_parallel(
     Args:
         logs: opened logs.
         machine: machine with its channels.
-        cache_folder: cache folder; entries of other logs are removed.
-        on_log: called with the number of decoded logs.
+        cache_folder: folder of the cache; entries of other logs are removed.
+        on_log: called with the number of logs decoded so far.
 
     Raises:
         LogError: a topic or field cannot be read.
@@ -171,7 +171,7 @@ def decode_log_into_cache(
         cache_folder: folder to create.
 
     Raises:
-        LogError: as `Log.read_many`.
+        LogError: as from `Log.read_many`.
         OutputError: the folder cannot be written.
     """
     frames = log.read_many(fields)
@@ -190,10 +190,10 @@ def decode_log_into_cache(
             notes=log.notes(),
         )
         (begun / _ABOUT).write_text(about.model_dump_json(), encoding="utf-8")
-        if not cache_folder.is_dir():  # what another process made meanwhile is the same
+        if not cache_folder.is_dir():  # else another process has made the same entry
             begun.rename(cache_folder)
     except OSError as error:
-        reason = error.strerror or error  # polars says it in the text alone
+        reason = error.strerror or error  # polars has the reason only in the text
         raise OutputError(f"{cache_folder.parent}: cannot be written ({reason})") from None
     finally:
         shutil.rmtree(begun, ignore_errors=True)
@@ -226,7 +226,7 @@ def _decode_log_in_own_process(
 def _select_fields_of_log(
     log: Log, fields: Mapping[str, Sequence[str]]
 ) -> dict[str, Sequence[str]]:
-    """Requested fields that a log has, by topic; another table may have the other fields."""
+    """Select the requested fields that a log has, by topic; another table may have the others."""
     found: dict[str, Sequence[str]] = {}
     for topic, has in log.topics().select("topic", "fields").iter_rows():
         if topic in fields:
@@ -238,7 +238,7 @@ def _select_fields_of_log(
 def _digest_cache_key(
     log: Log, fields: Mapping[str, Sequence[str]], time_axis: TimeAxis | None
 ) -> str:
-    """Digest of everything that the decoded log depends on."""
+    """Compute the digest of everything that the decoded log depends on."""
     whole: dict[str, Any] = {
         "files": [(each.name, each.sha256) for each in list_input_files(log)],
         "fields": fields,
@@ -249,7 +249,7 @@ def _digest_cache_key(
 
 
 def _convert_time_axis_to_json(time_axis: TimeAxis | None) -> list[Any] | None:
-    """Time column and format of a table, for JSON."""
+    """Convert time column and format of a table to JSON-compatible values."""
     return (
         None if time_axis is None else [time_axis.column, time_axis.unit, asdict(time_axis.table)]
     )
@@ -260,14 +260,14 @@ def _count_bytes_of_log_files(log: Log) -> int:
 
 
 def remove_unused_cache_entries(cache_folder: Path, used_entries: set[str]) -> None:
-    """Remove entries of other logs, and remains of killed processes."""
+    """Remove entries of other logs, and unfinished entries of killed processes."""
     for each in cache_folder.iterdir() if cache_folder.is_dir() else ():
         if each.name not in used_entries:
             shutil.rmtree(each, ignore_errors=True)
 
 
 def main() -> int:
-    """Decode the log requested on standard input; returns the exit status."""
+    """Decode the log requested on standard input, and return the exit status."""
     asked = json.load(sys.stdin)
     time: TimeAxis | None = None
     if asked["time"] is not None:

@@ -1,4 +1,4 @@
-"""Logs that are no files of their own: cached or part of another, side by side, or simulated."""
+"""Logs without files of their own: cached, part of another log, parallel tables, or simulated."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     # not loaded with the pipeline
     from analysis.simulation import SimulatedLog
 
-#: Begins the topic of a table that is one of several side by side.
+#: Prefix of the topic of a table that is read in parallel with others.
 _NAMED: Final = f"{TABLE}/"
 _STAMPS = ("log_time_ns", "header_stamp_ns")
 _FORMAT = "simulation in memory"
@@ -36,28 +36,28 @@ class DerivedLog(Log):
         return ()
 
     def topics(self) -> pl.DataFrame:
-        """Topics of the log."""
+        """Topics of the wrapped log."""
         return self._log.topics()
 
     def check(self) -> LogCheck:
-        """Check the log."""
+        """Check the wrapped log."""
         return self._log.check()
 
     def notes(self) -> tuple[str, ...]:
-        """Notes on what was recognised in the log."""
+        """Notes of the wrapped log."""
         return self._log.notes()
 
     def units(self, topic: str) -> Mapping[str, str]:
-        """Units that the log states."""
+        """Units that the wrapped log states."""
         return self._log.units(topic)
 
     def losses(self) -> tuple[Loss, ...]:
-        """Losses of the log."""
+        """Losses of the wrapped log."""
         return self._log.losses()
 
 
 class CachedLog(DerivedLog):
-    """Another log whose decoded topics are cached."""
+    """A log whose decoded topics are cached in memory."""
 
     def __init__(self, log: Log) -> None:
         super().__init__(log)
@@ -91,14 +91,14 @@ class CachedLog(DerivedLog):
 
 
 class LogPart(DerivedLog):
-    """Part of another log between two log times."""
+    """Part of a log between two log times."""
 
     def __init__(self, log: Log, start_ns: int | None, end_ns: int | None) -> None:
         """Select a part of a log.
 
         Args:
             log: the open log.
-            start_ns: first log time, inclusive; None for the begin.
+            start_ns: first log time, inclusive; None for the start.
             end_ns: last log time, inclusive; None for the end.
         """
         super().__init__(log)
@@ -107,7 +107,7 @@ class LogPart(DerivedLog):
     def _read_frames_by_topic(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        """Read the log, which may be cached, and keep the part."""
+        """Read the whole log, which may be cached, and select the part."""
         first, last = self._span
         bounds = [
             *(pl.col("log_time_ns") >= each for each in (first, start_ns) if each is not None),
@@ -161,7 +161,7 @@ class NamedTopics(NamedTuple):
 
 
 def assign_own_topics_to_parallel_tables(logs: Sequence[Log], machine: Machine) -> NamedTopics:
-    """Give tables that share no column of the channels topics of their own.
+    """Give parallel tables a topic each, if the channels' columns are in only one of them each.
 
     Args:
         logs: logs of one time line.
@@ -204,7 +204,7 @@ def assign_own_topics_to_parallel_tables(logs: Sequence[Log], machine: Machine) 
 def _rename_topics_of_disjoint_tables(
     logs: Sequence[Log], wanted_columns: set[str]
 ) -> Sequence[Log]:
-    """Tables with topics of their own, unless two share wanted columns."""
+    """Give each table its own topic, unless two tables share wanted columns."""
     if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
         return logs
     topics = [log.topics() for log in logs]
@@ -288,7 +288,7 @@ class MemoryLog(Log):
 def copy_machine_with_simulated_channels(
     machine: Machine, simulated_log: "SimulatedLog"
 ) -> Machine:
-    """The machine with its channels read from the topics of a simulation."""
+    """Copy the machine with its channels read from the topics of a simulation."""
     topic_of = {
         name: topic
         for topic, frame in simulated_log.topics.items()

@@ -12,22 +12,22 @@ class InputLimits:
     """
 
     # channel_inputs
-    #: Time in ns by which parts of one recording reach into each other at most; what they reach
-    #: further in is there twice, or of another recording.
+    #: Time in ns by which parts of one recording may overlap; with a longer overlap, it is recorded
+    #: twice, or there are two recordings.
     overlap_ns: int = 1_000_000_000
-    #: Fraction of the messages in such a stretch that are in both at least.
+    #: Smallest fraction of the messages in such an overlap that are in both logs.
     repeated_min_fraction: float = 0.5
-    #: Names of a message's list that are read to find an element.
+    #: Most names that are read of a message's list `name` to find an element.
     max_names: int = 32
 
     # time_line
-    #: Begin of a time, in ns, up to which it is counted from the file's own begin.
+    #: First time of a log, in ns, up to which its times count from its own start.
     from_zero_ns: int = 1_000_000_000
-    #: Time between two logs that follow one another, which nobody knows, in s,
+    #: Assumed time in s between consecutive logs, which is unknown.
     between_logs_s: float = 10.0
-    #: and in periods of the slowest topic: longer than a gap.
+    #: Assumed time between consecutive logs in periods of the slowest topic: longer than a gap.
     between_logs_periods: float = 10.0
-    #: Distance of two stamps of one phase, in periods.
+    #: Difference of two stamps, in periods, within which they have the same phase.
     same_phase_periods: float = 1e-6
 
 

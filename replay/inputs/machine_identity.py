@@ -1,4 +1,4 @@
-"""Identity of the machine, from the machine file and the logs' metadata."""
+"""Identify the machine by the machine file and the logs' metadata."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,21 +12,22 @@ from replay.logs import Log
 
 
 class MachineIdentity(NamedTuple):
-    """Machine with its serial number, and the number in the logs' metadata."""
+    """Machine with its serial number, and the serial number in the logs' metadata."""
 
     machine: Machine
     logged_machine_id: str
 
 
 def identify_machine_and_logged_id(logs: Sequence[Log], machine: Machine) -> MachineIdentity:
-    """The machine with its serial number, and the serial number in the logs' metadata.
+    """Determine the machine's serial number, and that in the logs' metadata.
 
     Args:
         logs: logs of one time line.
         machine: machine with `machine.id`, if its file or evidence has one.
 
     Returns:
-        The machine, with the logs' id if it has none; and the id in the logs, "" without one.
+        The machine, with the logs' serial number if it has none; and the serial number in the logs,
+        "" without one.
 
     Raises:
         LogError: a log is of another machine, or two logs are of different machines.
@@ -39,11 +40,11 @@ def identify_machine_and_logged_id(logs: Sequence[Log], machine: Machine) -> Mac
 
 
 def find_machine_id_common_to_logs(logs: Sequence[Log], expected_id: str | None) -> str:
-    """Serial number common to all logs that state one; "" if none does.
+    """Find the serial number that is common to all logs that state one; "" if none does.
 
     Args:
-        logs: of one machine.
-        expected_id: serial number in file or evidence. A log may state several names.
+        logs: logs of one machine; each may state several serial numbers.
+        expected_id: serial number in machine file or evidence; None without one.
 
     Raises:
         LogError: as `identify_machine_and_logged_id`.

@@ -1,4 +1,4 @@
-"""Time line of logs that each count from 0: consecutive, or side by side."""
+"""Place logs whose times count from 0 on a common time line: consecutive, or in parallel."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,17 +11,17 @@ from estimators.errors import LogError
 from replay.inputs.input_limits import LIMITS
 from replay.logs import TABLE, Log
 
-#: A topic and its fields that channels name.
+#: Pairs of a topic and a field that channels name.
 _TopicsAndFields = frozenset[tuple[str, str]]
 
 
 def compute_log_offsets_ns(
     logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]]
 ) -> dict[Log, int]:
-    """Offset of each log on the common time line, in ns.
+    """Compute the offset of each log on the common time line, in ns.
 
-    Logs that count from 0 are consecutive, in the given order, if they hold the same fields, and
-    side by side if they share none. Logs with a clock keep their times.
+    Logs that count from 0 are consecutive, in the given order, if they have the same fields, and
+    parallel if they share none. Logs with dated times have an offset of 0.
 
     Args:
         logs: logs in order.
@@ -42,7 +42,7 @@ def compute_log_offsets_ns(
         for table in tables.values()
     ):
         return none
-    # one log given twice counts once
+    # a log that is given twice counts once
     if len({log.digests for log in logs}) < len(logs):
         return none
     has = [_find_topics_with_wanted_fields(table, wanted_fields) for table in tables.values()]
@@ -67,10 +67,10 @@ def compute_log_offsets_ns(
 
 
 class _SampleLattice(NamedTuple):
-    """Stamps of the first log's slowest topic, continued as a lattice.
+    """Stamps of the first log's slowest topic, continued at its period.
 
-    The grid has its phase. A log off the lattice would be interpolated, which halves the noise of
-    its samples, while the noise correction is common to all logs.
+    The grid has the phase of this lattice. A log off the lattice would be interpolated, which
+    reduces the noise of its samples, while the noise correction is common to all logs.
     """
 
     topic: str
@@ -85,7 +85,7 @@ class _SampleLattice(NamedTuple):
         return cls(slowest["topic"], int(slowest["start_ns"]), 1e9 / rate_hz)
 
     def find_next_offset_on_lattice_ns(self, min_offset_ns: int, table: pl.DataFrame) -> int:
-        """First offset from `min_offset_ns` on that puts a log's first stamp on the lattice."""
+        """Find the first offset from `min_offset_ns` with a log's first stamp on the lattice."""
         (start_ns,) = table.filter(pl.col("topic") == self.topic)["start_ns"]
         between_ns = int(start_ns) - self.start_ns
         periods = math.ceil(
@@ -97,7 +97,7 @@ class _SampleLattice(NamedTuple):
 def compute_log_starts_ns(
     logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]], t0_unix_ns: int
 ) -> dict[Log, int]:
-    """Begin of each log in ns since the first aligned sample, ascending.
+    """Compute the start of each log in ns since the first aligned sample, ascending.
 
     Args:
         logs: logs of one time line.
@@ -115,19 +115,19 @@ def compute_log_starts_ns(
 
 
 def shift_message_times(frame: pl.DataFrame, offset_ns: int) -> pl.DataFrame:
-    """Shift the header stamps and log times of messages."""
+    """Shift header stamps and log times of messages by an offset."""
     if not offset_ns:
         return frame
     header = pl.col("header_stamp_ns")
     return frame.with_columns(
         pl.col("log_time_ns") + offset_ns,
-        # 0 is no stamp
+        # a header stamp of 0 means no stamp
         pl.when(header != 0).then(header + offset_ns).otherwise(header).alias("header_stamp_ns"),
     )
 
 
 def describe_log_order(offsets_ns: Mapping[Log, int]) -> list[str]:
-    """Note on the order of the logs."""
+    """Describe the assumed order of the logs in a note; empty if no log is shifted."""
     if not any(offsets_ns.values()):
         return []
     names = ", ".join(log.path.name for log in offsets_ns)
@@ -140,7 +140,7 @@ def describe_log_order(offsets_ns: Mapping[Log, int]) -> list[str]:
 def _find_topics_with_wanted_fields(
     topic_table: pl.DataFrame, wanted_fields: Mapping[str, Sequence[str]]
 ) -> _TopicsAndFields:
-    """Topics of a log with the wanted fields; for a table, its columns."""
+    """Find the wanted topics of a log; for a table, the wanted columns that it has."""
     return frozenset(
         (topic, field)
         for topic, fields in topic_table.select("topic", "fields").iter_rows()

@@ -1,4 +1,4 @@
-"""Reader of a converted log: Parquet by topic, as `payscope convert` writes it."""
+"""Reader of a converted log: a folder of Parquet files per topic, written by `payscope convert`."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,7 +30,7 @@ _ELEMENT: Final = re.compile(r"\[([^\]]*)\]")
 
 
 class ConvertedFieldError(Exception):
-    """A field cannot be read; one line with the reason and the choices."""
+    """Raised if a field cannot be read; one line with the reason and the choices."""
 
 
 class ConvertedTopics:
@@ -42,7 +42,7 @@ class ConvertedTopics:
 
     @cached_property
     def schema(self) -> pl.Schema:
-        """Columns, including the two times of every topic."""
+        """Data types of all columns, including the two times of every topic."""
         return pl.Schema(pl.read_parquet_schema(self._folder / self.topic.parts[0].file))
 
     @cached_property
@@ -60,7 +60,7 @@ class ConvertedTopics:
         }
 
     def leaf_field_of_column(self, name: str) -> LeafField:
-        """Leaf field of a column, which may be an element of a list.
+        """Describe the leaf field of a column, which may be an element of a list.
 
         Raises:
             ConvertedFieldError: the field does not exist.
@@ -73,7 +73,7 @@ class ConvertedTopics:
     def iter_frames_of_time_range(
         self, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
-        """Rows of a range of log times, part by part.
+        """Yield the rows of a range of log times, part by part.
 
         Raises:
             ConvertedFieldError: a field does not exist.
@@ -96,7 +96,7 @@ class ConvertedTopics:
             yield empty
 
     def _make_field_expression(self, name: str) -> pl.Expr:
-        """Expression of a field, in the format of `Log.read`."""
+        """Expression that selects a field, in the format of `Log.read`."""
         if name in OWN_COLUMNS:
             raise ConvertedFieldError(
                 f"'{name}' is a reserved column of every topic; a message field with this "
@@ -130,7 +130,7 @@ class ConvertedTopics:
     def _make_list_index_expression(
         self, name: str, elements: Sequence[str], list_number: int
     ) -> pl.Expr:
-        """Index of a list element, given directly or by its name in the list `name`."""
+        """Expression of the index of a list element, given as digits or by its entry in `name`."""
         element = elements[list_number]
         if element.isascii() and element.isdigit():
             index = int(element) if len(element) <= LIMITS.index_digits else 10**LIMITS.index_digits
@@ -163,7 +163,7 @@ class ConvertedLog(Log):
     """A log written by `convert`, with topics, losses and notes of the original."""
 
     def __init__(self, path: Path) -> None:
-        """Read the description.
+        """Read the description of the converted log.
 
         Args:
             path: folder of the converted log.
@@ -210,7 +210,7 @@ class ConvertedLog(Log):
         return self._about.notes
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
-        """Contents of the fields' columns; see `Log.leaf_fields`."""
+        """Describe the columns of fields; see `Log.leaf_fields`."""
         self._refuse_closed_log()
         columns = self._require_topic(topic)
         if fields is None:
@@ -254,7 +254,7 @@ class ConvertedLog(Log):
             ) from None
 
     def losses(self) -> tuple[Loss, ...]:
-        """Losses of the original log, and faults found by a check."""
+        """Losses of the original log, and faults that reading or a check found."""
         return (*self._about.losses, *self._losses)
 
     def check(self) -> LogCheck:
@@ -298,7 +298,7 @@ def _read_description_of_folder(path: Path) -> ConvertedDescription:
 
 
 def _cast_numbers_to_64_bits(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
-    """Cast a number that was a list element to 64 bits."""
+    """Cast numbers taken from a list to 64 bits, as `Log.read` returns them."""
     inner = dtype
     while isinstance(inner, pl.List):
         inner = inner.inner

@@ -1,4 +1,4 @@
-"""Logs that are still being recorded: the follower by suffix, and several files as one log."""
+"""Open logs that are still being recorded, by their suffix, or several files as one log."""
 
 import re
 import time
@@ -16,15 +16,15 @@ from replay.logs.log_limits import LIMITS
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import Connection, Tail
 
-#: What rosbag calls a bag until it is closed.
+#: Suffix that rosbag appends to a bag until it is closed.
 ACTIVE: Final = ".active"
-#: Suffixes of growing logs of messages, and of tables.
+#: Suffixes of growing logs of messages.
 _LOGS: Final = (".bag", ".mcap", ".db3")
 _TABLES: Final = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".prn")
 
 
 class TailParts:
-    """Growing files in order; the next is read when the previous one has nothing left."""
+    """Growing files read in order; the next is begun when the previous is read to its end."""
 
     def __init__(
         self,
@@ -35,9 +35,9 @@ class TailParts:
         """Begin before the first file.
 
         Args:
-            files: lists the current files in order; more may appear.
+            files: returns the current files in order; more may appear.
             open_tail: opens a file.
-            is_closed: whether no further file will appear.
+            is_closed: returns whether no further file will appear.
         """
         self.connections: dict[int, Connection] = {}
         self.is_finished = False
@@ -45,9 +45,9 @@ class TailParts:
         self._files, self._open_tail, self._is_closed = files, open_tail, is_closed
         self._tail: Tail | None = None
         self._losses: list[Loss] = []
-        #: when a poll could not read the part for the first time since one that could
+        #: when polls began to fail to read the part, in s; None if the last poll read it
         self._unreadable_since_s: float | None = None
-        #: numbers of connections here, by file and number there
+        #: number of each connection in this log, by index of its file and number in that file
         self._numbers: dict[tuple[int, int], int] = {}
 
     @property
@@ -62,7 +62,7 @@ class TailParts:
 
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`."""
-        # before the files are read: what is written afterwards belongs to the next call
+        # taken before the files are read: data written afterwards is left to the next call
         closed, files = self._is_closed(), self._files()
         batches = self._read_new_batches_of_part() if self._tail else []
         while not self._must_part_be_read_again() and not batches:
@@ -85,7 +85,7 @@ class TailParts:
             self._tail.close()
 
     def _must_part_be_read_again(self) -> bool:
-        """Whether the part could not be read just now, as while its recorder locks it."""
+        """Whether the part is to be tried again, since its recorder may be locking it."""
         if not self.read_error:
             self._unreadable_since_s = None
             return False
@@ -142,7 +142,7 @@ class GrowingLogFile(Protocol):
         ...
 
     def poll(self, *, is_log_complete: bool = False) -> dict[str, pl.DataFrame]:
-        """New complete rows of each topic; `is_log_complete` includes incomplete last ones."""
+        """New complete rows by topic; `is_log_complete` includes an unterminated last row."""
         ...
 
     def close(self) -> None:
@@ -207,7 +207,7 @@ def find_format_suffix(path: Path) -> str:
 
 
 def _open_tail(path: Path) -> Tail:
-    # the libraries behind a format are imported when a log of it is followed
+    # the libraries of a format are imported when a log of that format is followed
     suffix = find_format_suffix(path)
     if suffix == ".bag":
         from replay.logs.bag import BagTail
@@ -223,7 +223,7 @@ def _open_tail(path: Path) -> Tail:
 
 
 def _list_parts_of_split_log(folder: Path) -> list[Path]:
-    """Files of a recorder that splits its log, ordered by the numbers in their names."""
+    """List the files of a split log, ordered by the numbers in their names."""
     found = [path for path in folder.iterdir() if find_format_suffix(path) in _LOGS]
     return sorted(
         found,
@@ -238,5 +238,5 @@ def _make_sort_key_of_name_part(name_part: str) -> tuple[int, str]:
 
 
 def _has_file_been_read(path: Path, read_files: Sequence[Path]) -> bool:
-    """Whether a file was already read, under this name or as `.active`."""
+    """Whether a file was already read, under this name or with the suffix `.active`."""
     return path in read_files or path.with_name(f"{path.name}.active") in read_files

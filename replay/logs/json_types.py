@@ -1,7 +1,6 @@
-"""Types of JSON messages, from the JSON schema in an MCAP file.
+"""Make message types of JSON messages from the JSON schemas in an MCAP file.
 
-JSON may contain any value anywhere, in schemas and in messages: every value is checked before it is
-used.
+In schemas and in messages, JSON may have any value in any place: each value is checked before use.
 """
 
 import json
@@ -23,7 +22,7 @@ _KINDS: Final = {
     "boolean": "bool",
     "string": "string",
 }
-#: Names of JSON's values, by the type as which Python reads them.
+#: JSON's name of each kind of value, by the Python type that represents it.
 _JSON_NAMES: Final = {
     "dict": "an object",
     "list": "a list",
@@ -33,19 +32,19 @@ _JSON_NAMES: Final = {
     "int": "a number",
     "float": "a number",
 }
-#: how times and durations are written
+#: names of the members of a time or duration
 _STAMPS: Final = ({"sec", "nsec"}, {"sec", "nanosec"})
 
 
 def make_message_type_from_json_schema(name: str, schema: str) -> MessageType:
-    """Message type from a JSON schema.
+    """Make a message type from a JSON schema.
 
     Raises:
-        BrokenBytesError: it is not a JSON schema, describes no fields, or too many.
+        BrokenBytesError: the text is not a JSON schema, or describes no or too many fields.
     """
     root = _parse_json_schema(schema or "{}")
     record = _Schema(root).make_type_of_value(root, 0)
-    # an object without properties is a message of its time alone
+    # an object without properties is a message without fields, of which only the time is known
     is_object = isinstance(root, dict) and root.get("type") == "object"
     is_empty = is_object and not root.get("properties")
     if not isinstance(record, RecordType) or not (record.fields or is_empty):
@@ -57,21 +56,21 @@ def make_message_type_from_json_schema(name: str, schema: str) -> MessageType:
 
 def _parse_json_schema(text: str | bytes) -> Any:
     try:
-        # numbers of thousands of digits are refused by Python itself, larger ones than 64 bits here
+        # Python itself refuses numbers of thousands of digits; here, those beyond 64 bits
         return json.loads(text, parse_int=lambda digits: require_number_fits_int64(int(digits)))
     except (ValueError, RecursionError) as error:
         raise BrokenBytesError(error) from error
 
 
 class _Schema:
-    """Converts a schema with its references into records."""
+    """Converter of a JSON schema, whose references it follows, to record types."""
 
     def __init__(self, root: Any) -> None:
         self._root = root
         self._left = LIMITS.json_fields
 
     def make_type_of_value(self, schema: Any, depth: int) -> FieldType | None:
-        """Type of a value; None for a value of several types, which is left out."""
+        """Type of a value by its schema; None if it may have several types, and is left out."""
         schema = self._follow_schema_reference(schema)
         self._left -= 1
         if self._left < 0 or depth > LIMITS.json_depth:
@@ -127,7 +126,7 @@ def find_sole_type_of_schema(schema: dict[str, Any]) -> str | None:
 
 
 def require_encodable_text(value: Any) -> str:
-    """The value if it is a valid string; JSON can encode half of a character."""
+    """Return the value as text, which UTF-8 must encode: JSON allows unpaired surrogates."""
     text = str(value)
     try:
         text.encode()

@@ -23,7 +23,7 @@ __all__ = ["TABLE", "Log", "LogCheck", "TableHints", "TimeAxis"]
 if TYPE_CHECKING:
     from replay.logs.messages.message_types import LeafField
 
-#: The one topic of a table.
+#: Name of the only topic of a table.
 TABLE: Final = "table"
 
 
@@ -32,9 +32,9 @@ class LogCheck:
     """Result of checking a log."""
 
     messages: int
-    #: of the messages, unpacked
+    #: unpacked size of the messages
     message_bytes: int
-    #: CRCs that agree; most formats have none
+    #: number of CRCs that agree; most formats have none
     crcs: int
 
 
@@ -80,7 +80,7 @@ class Log(ABC):
         """
         self.path: Final = path
         self.format: Final = log_format
-        # closes also where nobody does: `run(open_log(path), machine)` is meant to be written
+        # closes a log that its user does not close, as in `run(open_log(path), machine)`
         self._close = weakref.finalize(self, close)
 
     @property
@@ -102,7 +102,7 @@ class Log(ABC):
         (Float64 mean rate) and longest_gap_s (Float64), null below two messages, fields
         (List[String], dotted leaves; a list shows as `effort[]`), problem (String: why it cannot
         be decoded, else null), decoder (String: columnar, or rosbags, json, protobuf for a type
-        that is read message by message, some fifty times slower; null where there is a problem).
+        that is read message by message, some fifty times slower; null if problem is set).
         """
 
     def read(
@@ -126,10 +126,9 @@ class Log(ABC):
             log_time_ns (Int64), header_stamp_ns (Int64, null where there is none), then one column
             per field, named as requested: Float64 for floats, Int64 for integers (UInt64 for
             uint64, so that no value is lost), Int64 nanoseconds for stamps and durations
-            (`header.stamp`), Boolean, String. A whole list is a List, one in another for each `[]`,
+            (`header.stamp`), Boolean, String. A whole list is a List, nested once for each `[]`,
             in which numbers keep their size (List[Float32], List[UInt8]). An element that a message
-            does not have is null. Messages that are not whole have no row, whichever fields are
-            asked for.
+            does not have is null. Incomplete messages have no row, whichever fields are requested.
 
         Raises:
             LogError: no such topic or field (with the choices), or a topic that cannot be decoded.
@@ -150,7 +149,7 @@ class Log(ABC):
             end_ns: last log time, inclusive.
 
         Raises:
-            LogError: as `read`.
+            LogError: as from `read`.
         """
         self._refuse_closed_log()
         return self._read_frames_by_topic(fields, start_ns, end_ns)
@@ -164,9 +163,9 @@ class Log(ABC):
     ) -> Iterator[pl.DataFrame]:
         """Read fields of one topic like `read`, in batches of rows.
 
-        If an index gives the time of every chunk, memory is bounded by the chunks that overlap.
-        Batches are in log-time order; a message outside the times of its index comes late, and is
-        among the losses.
+        If the log has an index with the time range of every chunk, only the chunks that overlap in
+        time are in memory at once. Batches are in log-time order; a message outside the time range
+        that the index gives for its chunk comes late, and is reported as a loss.
 
         Raises:
             LogError: as `read`.
@@ -177,7 +176,7 @@ class Log(ABC):
     def _iter_frames_of_topic(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
-        """Scan an open log; in one batch if the format has none."""
+        """Yield the rows of a topic of an open log; one batch if the format cannot be split."""
         yield self._read_frames_by_topic({topic: fields}, start_ns, end_ns)[topic]
 
     def scan_many(
@@ -191,7 +190,7 @@ class Log(ABC):
 
         Args:
             fields: fields by topic; each topic must be decodable.
-            faults: receives why nothing of a topic could be read, by topic.
+            faults: receives, by topic, why none of its messages could be read.
             start_ns: first log time, inclusive.
             end_ns: last log time, inclusive.
 
@@ -208,14 +207,14 @@ class Log(ABC):
         start_ns: int | None,
         end_ns: int | None,
     ) -> Iterator[tuple[str, pl.DataFrame]]:
-        """Scan an open log, topic by topic if the format has no common pass."""
-        del faults  # what cannot be read is said when the log is opened
+        """Yield batches of an open log; topic by topic if the format cannot be read in one pass."""
+        del faults  # for these formats, opening the log reports what cannot be read
         for topic, names in fields.items():
             for rows in self._iter_frames_of_topic(topic, names, start_ns, end_ns):
                 yield topic, rows
 
     def definition(self, topic: str) -> str:  # noqa: ARG002
-        """Definition of a topic's messages in the log; empty if it has none."""
+        """Definition of a topic's messages as stored in the log; empty if there is none."""
         return ""
 
     def topic_names(self) -> list[str]:
@@ -225,7 +224,7 @@ class Log(ABC):
     def leaf_fields(
         self, topic: str, fields: Sequence[str] | None = None
     ) -> "tuple[LeafField, ...]":
-        """Contents of the fields' columns.
+        """Describe the columns that `read` returns for fields.
 
         Args:
             topic: name of the topic.
@@ -249,16 +248,16 @@ class Log(ABC):
 
     @abstractmethod
     def losses(self) -> tuple[Loss, ...]:
-        """Losses found so far: damage, and topics without a decoder."""
+        """Losses found so far: damaged data, and topics without a decoder."""
 
     def notes(self) -> tuple[str, ...]:
-        """Notes on assumptions about the log's format."""
+        """Notes on what was assumed about the log's format, one sentence each."""
         return ()
 
     def announce_fields_to_read(self, fields: Mapping[str, Sequence[str]]) -> None:  # noqa: B027 most have no use for it
         """Announce the fields that will be read next, by topic.
 
-        A log that must scan all messages for their times reads them in the same pass.
+        A log that must scan all rows for their times reads these fields in the same pass.
         """
 
     def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002
@@ -266,7 +265,7 @@ class Log(ABC):
         return {}
 
     def machine_ids(self) -> tuple[str, ...]:
-        """Serial numbers of the machine in the log's metadata; empty if there are none."""
+        """Serial numbers of machines in the log's metadata; empty if there are none."""
         return ()
 
     @abstractmethod
@@ -284,7 +283,7 @@ class Log(ABC):
     @staticmethod
     def _make_topic_row_of_log_times(log_times: NDArray[np.int64]) -> dict[str, Any]:
         """Columns of `topics()` computed from log times (n,) in ns, in any order."""
-        # recorders write them nearly in order, which timsort makes use of
+        # recorders write messages nearly in order, which timsort exploits
         times = np.sort(log_times, kind="stable")
         count = int(times.size)
         start = int(times[0]) if count else None

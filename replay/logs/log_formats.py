@@ -1,4 +1,4 @@
-"""Readable formats: a table of suffixes, a dispatcher, and the logs of a folder."""
+"""Formats of logs by suffix: open a log, and find the logs of a folder."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
@@ -10,7 +10,7 @@ from replay.logs.log import Log, TimeAxis
 from replay.logs.log_limits import LIMITS
 from replay.logs.tables import JSON_LINES
 
-# The libraries behind the formats are imported when a log of theirs is opened: they are slow to
+# The libraries of a format are imported when a log of that format is opened: they are slow to
 # import, and `payscope --help` needs none of them.
 
 
@@ -70,21 +70,21 @@ def _open_directory(path: Path) -> Log:
 
 
 def is_path_named_like_log(path: Path) -> bool:
-    """Whether a path has the name of a log, or is a directory that is one."""
+    """Whether a path has the suffix of a log, or is a directory that is itself a log."""
     from replay.logs.rosbag2 import METADATA
 
     is_directory_log = any((path / each).is_file() for each in (METADATA, DESCRIPTION))
     return path.suffix.lower() in OPENERS or is_directory_log
 
 
-#: Suffixes of tables. A folder of logs is searched for the first two alone: the others are of notes
-#: as well.
+#: Suffixes of tables. Folders are searched only for the first two, since files with the others may
+#: be notes.
 TABLES: Final = (
     *(".csv", ".parquet", ".tsv", ".txt", ".dat", ".log", ".asc", ".arrow", ".feather", ".xlsx"),
     *(".prn", ".lvm", ".vbo", ".pos", ".tab", ".msl", *(f".{each}" for each in JSON_LINES), ".gz"),
 )
 _TEXTS: Final = tuple(s for s in TABLES if s not in (".parquet", ".arrow", ".feather", ".xlsx"))
-#: What opens a file, by its suffix.
+#: Function that opens a file, by its suffix.
 OPENERS: Final[dict[str, Callable[[Path, TimeAxis | None], Log]]] = {
     ".bag": _open_bag,
     ".active": _open_bag,
@@ -100,8 +100,7 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
 
     Args:
         path: a `.bag`, `.mcap`, `.db3` file, a table (`TABLES`), a rosbag2 directory, a folder
-            that `convert` wrote, or a
-            recording (`.rrd`), whose channels are read as its replay read them.
+            that `convert` wrote, or a recording (`.rrd`), which has the channels of its replay.
         time: time column and format of a table; guessed from the column names if None. Logs of
             messages have their own log times.
 
@@ -134,19 +133,19 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
         raise LogError(f"{path}: cannot be opened: {error.strerror or error}") from error
 
 
-#: Tables are logs only where they are named, or where a folder has no others: ledgers and notes lie
-#: in folders of bags.
+#: Tables that a folder is searched for. They are logs only if named, or if the folder has no other
+#: logs: folders of bags also hold ledgers and notes.
 _TABLES: Final = (".csv", ".parquet")
-#: A recording lies beside the log that it is of.
+#: Suffix of logs that must be named: a recording often lies beside its log.
 _NAMED: Final = ".rrd"
 _BAGS: Final = tuple(suffix for suffix in OPENERS if suffix not in (*TABLES, _NAMED))
 _METADATA: Final = "metadata.yaml"
-#: What makes a folder one log: a rosbag2 directory, or a converted log.
+#: Files by which a folder is one log: a rosbag2 directory, or a converted log.
 _DESCRIBED: Final = (_METADATA, DESCRIPTION)
 
 
 def is_encodable_as_utf8(path_text: str) -> bool:
-    """Whether a path is text: its names on disk are in UTF-8."""
+    """Whether UTF-8 can encode a path; a name on disk in another encoding cannot be."""
     try:
         path_text.encode()
     except UnicodeEncodeError:
@@ -172,12 +171,12 @@ def expand_log_folders(paths: Sequence[Path]) -> list[Path]:
 
 
 def group_objects_by_log(object_names: Sequence[str]) -> dict[str, list[str]]:
-    """Logs among the objects of a storage without folders, each with its objects.
+    """Find the logs among the objects of an object store, and the objects of each.
 
     Logs are bags and directories with metadata; if there are none, tables.
 
     Args:
-        object_names: object names with slashes.
+        object_names: names of the objects, with slashes.
     """
     paths = [PurePosixPath(name) for name in sorted(object_names)]
     directories = {path.parent for path in paths if path.name == _METADATA}
@@ -202,12 +201,12 @@ def list_logs_below_folder(folder: Path) -> list[Path]:
     inside = _list_logs_of_format_folder(folder)
     bags = [log for each in inside for log in list_bags(each)]
     tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
-    # a folder without a log is for its reader to say
+    # a folder without a log is returned, so that opening it raises the error
     return bags or tables or [folder]
 
 
 def list_bags(path: Path) -> list[Path]:
-    """A bag, or the bags of a folder without metadata, as after a power loss."""
+    """List a bag, or the bags of a folder that has no metadata, as after a power loss."""
     if _is_folder_without_log_format(path):
         return [
             log

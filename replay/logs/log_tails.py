@@ -1,4 +1,4 @@
-"""New rows of a table, or new fields of messages, while a log is recorded."""
+"""Read new rows of a table, or fields of new messages, while the log is being recorded."""
 
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from replay.logs.table_log import TableLog
 
 
 class TableTail:
-    """A growing text table. It does not show whether its recorder has ended."""
+    """A growing text table, from which the end of the recording cannot be known."""
 
     def __init__(
         self, path: Path, time_axis: TimeAxis | None, fields: Mapping[str, Sequence[str]]
@@ -39,7 +39,7 @@ class TableTail:
         self._scratch = TemporaryDirectory(prefix="payscope-")
         self._losses = LossList()
         self._at = 0
-        #: the lines above the first row; None before they are recognised
+        #: lines above the first row; None until they are recognised
         self._head: bytes | None = None
         self._waiting: list[bytes] = []
         self._before: deque[bytes] = deque(maxlen=LIMITS.rows_before)
@@ -51,7 +51,7 @@ class TableTail:
         return [*self._losses]
 
     def poll(self, *, is_log_complete: bool = False) -> dict[str, pl.DataFrame]:
-        """Rows completed since the last poll; at the file's end also a row without a newline."""
+        """Rows completed since the last poll; `is_log_complete` includes one without a newline."""
         new = self._file.update_size() - self._at
         data = self._file.read_bytes(self._at, min(new, LIMITS.poll_bytes))
         end = len(data) if is_log_complete and len(data) == new else data.rfind(b"\n") + 1
@@ -94,7 +94,7 @@ class TableTail:
 
 
 class MessageTail:
-    """Requested fields of a growing log of messages."""
+    """Reader of the requested fields of a growing log of messages."""
 
     def __init__(self, path: Path, tail: Tail, fields: Mapping[str, Sequence[str]]) -> None:
         """Begin before the first message.

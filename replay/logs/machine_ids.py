@@ -1,4 +1,4 @@
-"""Serial numbers of the machine in the metadata of a log."""
+"""Find the machine's serial number in the metadata of a log."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -8,7 +8,7 @@ from typing import Final
 from estimators.errors import join_to_one_line
 from replay.logs.log_limits import LIMITS
 
-#: What recorders call it, with anything but letters and digits read as `_`.
+#: Keys of a serial number in lower case, with anything but letters and digits replaced by `_`.
 KEYS: Final = frozenset(
     {
         *(
@@ -20,15 +20,15 @@ KEYS: Final = frozenset(
     }
 )
 _SEPARATORS: Final = re.compile(r"[^a-z0-9]+")
-#: Of a preamble's line: "# Machine ID: CAT262C-0042", "machine_id;CAT262C-0042;;".
+#: Name and value in a preamble's line: "# Machine ID: CAT262C-0042", "machine_id;CAT262C-0042;;".
 _NAMED_LINE: Final = re.compile(r'^[\s#%/"]*([^:=,;\t"]{1,60}?)"?\s*[:=,;\t]\s*(.+)$')
-#: What rosbag2 calls the record of an MCAP file that has its metadata.yaml.
+#: Name of the metadata record in which rosbag2 keeps its metadata.yaml in an MCAP file.
 _ROSBAG2: Final = "rosbag2"
 _SERIALIZED: Final = "serialized_metadata"
 
 
 def iter_serial_numbers_in_metadata(texts: Mapping[str, str], record: str = "") -> Iterator[str]:
-    """Yield the serial numbers among named texts.
+    """Yield the serial numbers among metadata values, by their keys.
 
     Args:
         texts: metadata values by key.
@@ -42,7 +42,7 @@ def iter_serial_numbers_in_metadata(texts: Mapping[str, str], record: str = "") 
 
 
 def iter_serial_numbers_in_preamble(lines: Iterable[str]) -> Iterator[str]:
-    """Yield the serial numbers in the name-value lines above a text table."""
+    """Yield the serial numbers in lines of name and value above a text table."""
     for line in lines:
         named = _NAMED_LINE.match(line)
         if named is not None:

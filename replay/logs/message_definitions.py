@@ -1,7 +1,7 @@
-"""Message definitions, from the text in a log or from a ROS 2 release.
+"""Compile message types from the definitions in a log or of a ROS 2 release.
 
-Each type is compiled by itself, so that a definition that cannot be parsed (service `_Event`
-types, which rosbag2 stores as the service) costs its topic and not the log.
+Each type is compiled by itself, so that a definition that cannot be parsed (as of service `_Event`
+types, for which rosbag2 stores the service's) loses only its topic and not the log.
 """
 
 import re
@@ -38,7 +38,7 @@ from replay.logs.messages.message_types import (
 )
 from replay.logs.storage import Connection
 
-#: Releases whose bags carry no definitions, newest first, then the newest one for later types.
+#: Releases whose bags store no definitions, newest first, then the latest release for newer types.
 _RELEASES: Final = (
     Stores.ROS2_HUMBLE,
     Stores.ROS2_GALACTIC,
@@ -57,15 +57,15 @@ _IDL_SEPARATOR: Final = "=" * 80 + "\n"
 _INTEGERS: Final = frozenset(
     ("byte", "char", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
 )
-#: parts request from reply
+#: line between request and response
 _SERVICE_RULE: Final = "---"
-#: rosbags gives an empty ROS 2 message the byte that DDS sends for it
+#: member that rosbags gives an empty ROS 2 message, for the byte that DDS sends
 _PLACEHOLDER: Final = "structure_needs_at_least_one_member"
 _EMPTY_STRUCT: Final = re.compile(r"(struct\s+\w+\s*\{)\s*\}")
 
 
 class DefinitionError(Exception):
-    """Messages of a connection cannot be decoded; one line with the reason."""
+    """Raised if messages of a connection cannot be decoded; one line with the reason."""
 
     def __init__(self, text: str) -> None:
         super().__init__(join_to_one_line(text))
@@ -80,7 +80,7 @@ def make_message_type_of_connection(connection: Connection) -> MessageType:
     return _make_type_from_ros_definition(replace(connection, id=0, topic=""))
 
 
-#: The logs of a fleet have the same types, and parsing takes milliseconds each.
+#: Logs of a fleet share their types, and parsing one takes milliseconds.
 @lru_cache(maxsize=256)
 def _make_type_from_ros_definition(connection: Connection) -> MessageType:
     formats = _DECODABLE.get(connection.encoding)
@@ -115,7 +115,7 @@ def _is_empty_message_type(connection: Connection) -> bool:
 
 
 def _make_type_from_json_or_protobuf(connection: Connection) -> MessageType:
-    """Message type from a JSON schema or protobuf descriptors."""
+    """Make a message type from a JSON schema or protobuf descriptors."""
     try:
         if connection.encoding == "json":
             from replay.logs.json_types import make_message_type_from_json_schema
@@ -137,12 +137,12 @@ def _make_typestore_of_connection(connection: Connection) -> Typestore:
     if not text.strip() and connection.definition_format in ("", "ros2msg"):
         return _find_typestore_with_type(connection.type)
     store = get_typestore(Stores.EMPTY)
-    # rosbag2 joins IDL files with a rule and a line "IDL: name"
+    # rosbag2 joins IDL files with a separator line and a line "IDL: name"
     is_idl = connection.definition_format == "ros2idl"
     is_joined = is_idl and text.startswith(f"{_IDL_SEPARATOR}IDL: ")
     joined = text.split(_IDL_SEPARATOR)[1:]
     parts = [idl.partition("\n")[2] for idl in joined] if is_joined else [text]
-    if is_idl:  # rosbags' grammar wants a member in every struct
+    if is_idl:  # rosbags' grammar requires a member in every struct
         parts = [_EMPTY_STRUCT.sub(rf"\1 uint8 {_PLACEHOLDER}; }}", part) for part in parts]
     types: Typesdict = {}
     try:
@@ -160,7 +160,7 @@ def _make_typestore_of_connection(connection: Connection) -> Typestore:
 
 
 def _find_typestore_with_type(name: str) -> Typestore:
-    """Type store of the first ROS 2 release that knows a type."""
+    """Find the type store of the first listed ROS 2 release that has a type."""
     for release in _RELEASES:
         store = get_typestore(release)
         if name in store.fielddefs:
@@ -174,7 +174,7 @@ def _find_typestore_with_type(name: str) -> Typestore:
 
 
 class _DefinitionConverter:
-    """Converts definitions with their references into records."""
+    """Converter of definitions, with the types that they refer to, to record types."""
 
     def __init__(self, store: Typestore, *, ros1: bool) -> None:
         self._store = store
@@ -239,7 +239,7 @@ class _DefinitionConverter:
 
 
 def parse_enumerated_value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
-    """Enumerated fields of a definition, with the names of their values.
+    """Find the enumerated fields of a definition, and the names of their values.
 
     ROS has constants and no enumerations. A constant belongs to the integer field whose name in
     capitals is its prefix (`STATUS_FIX` to `status`); if no constant has such a prefix, all of one
@@ -252,7 +252,7 @@ def parse_enumerated_value_names(definition: Any) -> tuple[tuple[str, ValueNames
         for name, (node, detail) in described
         if node == Nodetype.BASE and detail[0] in _INTEGERS
     }
-    # the longest name first: STATUS_CODE_OK is no value of `status` where there is a `status_code`
+    # longest name first: STATUS_CODE_OK belongs to `status_code`, if there is one, not to `status`
     by_length = sorted(integers, key=len, reverse=True)
     found: dict[str, dict[int, str]] = {}
     for constant, _, value in numbers:
@@ -276,7 +276,7 @@ def _make_bytes_decoder(typestore: Typestore, connection: Connection) -> Callabl
     def decode_message(data: bytes) -> Any:
         try:
             return deserialize(data, connection.type)
-        # the last: rosbags writes code for a long double that calls what it does not have
+        # NameError: the code that rosbags generates for a long double calls an undefined function
         except (SerdeError, *BROKEN_BYTES, NameError) as error:
             raise BrokenBytesError(error) from error
 

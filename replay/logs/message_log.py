@@ -1,4 +1,4 @@
-"""A log of messages: a container, the types of its topics, and the requested fields."""
+"""Log of messages: read requested fields from a container, by the types of its topics."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class _Topic:
     connections: tuple[Connection, ...]
-    #: None where there is a problem
+    #: None if there is a problem
     kind: MessageType | None
     problem: str | None
 
@@ -125,7 +125,7 @@ class MessageLog(Log):
         try:
             for _, rows in iter_decoded_rows_of_streams(groups, streams):
                 yield rows
-        except GeneratorExit:  # the rest is not requested
+        except GeneratorExit:  # the consumer needs no more
             self._note_undecoded_messages(topic, stream.tally)
             raise
         self._note_decoding_failures(topic, stream.tally)
@@ -163,7 +163,7 @@ class MessageLog(Log):
         return self._topics[topic].connections[0].definition
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
-        """Contents of the fields' columns; see `Log.leaf_fields`."""
+        """Describe the columns of fields; see `Log.leaf_fields`."""
         self._refuse_closed_log()
         kind = self._require_decodable_topic(topic).kind
         assert kind is not None, "it is usable"
@@ -174,7 +174,7 @@ class MessageLog(Log):
         return tuple(leaves.get(f.name, LeafField(f.name, f.column_dtype)) for f in resolved)
 
     def _require_decodable_topic(self, topic: str) -> _Topic:
-        """The topic; raises an error if it cannot be decoded."""
+        """Return the topic; raise an error if it does not exist or cannot be decoded."""
         found = self._topics.get(topic)
         if found is None:
             raise LogError(
@@ -219,14 +219,14 @@ class MessageLog(Log):
             ) from error
 
     def _note_decoding_failures(self, topic: str, tally: DecodeTally) -> None:
-        """Raise an error if nothing was decoded, else note what was not."""
+        """Raise an error if no message was decoded, else note undecoded messages as losses."""
         fault = self._explain_why_topic_is_unreadable(topic, tally)
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
         self._note_undecoded_messages(topic, tally)
 
     def _explain_why_topic_is_unreadable(self, topic: str, tally: DecodeTally) -> str:
-        """Why nothing of a topic can be read; empty if something can."""
+        """Reason why no message of a topic can be read; empty if at least one was."""
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
         if tally.rows or not tally.undecodable:
@@ -279,14 +279,14 @@ class MessageLog(Log):
             self._note_undecoded_messages(topic, stream.tally)
         crcs = self._container.check_whole_file_and_count_valid_crcs()
         found = {key: np.concatenate(parts) for key, parts in times.items()}
-        if not self._container.losses:  # which would be why they differ
+        if not self._container.losses:  # losses would explain any difference
             self._note_times_that_differ_from_index(found)
         return LogCheck(sum(each.size for each in found.values()), message_bytes, crcs)
 
     def _note_times_that_differ_from_index(
         self, times_by_connection: Mapping[int, NDArray[np.int64]]
     ) -> None:
-        """Note where log times (n,) differ from those of the index, by connection."""
+        """Note as a loss each connection whose log times, (n,) in ns, differ from the index."""
         for connection in self._container.connections:
             there, said = (
                 times_by_connection[connection.id],
@@ -302,7 +302,7 @@ class MessageLog(Log):
 
     def losses(self) -> tuple[Loss, ...]:
         """Losses so far: data that could not be read."""
-        # before the container's losses: counting messages may find some
+        # before the container's losses are read: counting messages may add some
         counts = {
             name: sum(self._container.message_count(c.id) for c in topic.connections)
             for name, topic in self._topics.items()
@@ -316,7 +316,7 @@ class MessageLog(Log):
 
 
 def _merge_connections_into_topic(connections: tuple[Connection, ...]) -> _Topic:
-    """Merge the connections of a topic, provided that their types are equal."""
+    """Merge the connections of a topic; if their types differ, the topic has a problem."""
     try:
         distinct = dict.fromkeys(replace(connection, id=0) for connection in connections)
         kinds = [make_message_type_of_connection(connection) for connection in distinct]

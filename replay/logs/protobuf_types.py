@@ -1,4 +1,4 @@
-"""Types of protobuf messages, from the descriptors in an MCAP file."""
+"""Make message types of protobuf messages from the descriptors in an MCAP file."""
 
 from typing import Any, Final
 
@@ -28,7 +28,7 @@ _STAMPS: Final = ("google.protobuf.Timestamp", "google.protobuf.Duration")
 
 
 def make_message_type_from_protobuf(name: str, descriptors: bytes) -> MessageType:
-    """Message type `name` of a serialized `FileDescriptorSet`.
+    """Make the message type `name` from a serialized `FileDescriptorSet`.
 
     Raises:
         BrokenBytesError: the descriptors are invalid, lack the type, or describe too many fields.
@@ -59,7 +59,7 @@ def _make_unusable_descriptors_error(reason: object) -> BrokenBytesError:
 
 
 def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
-    """Pool of files, each added after its dependencies."""
+    """Make a descriptor pool, to which each file is added after its dependencies."""
     pool = DescriptorPool()
     waiting = list(files.file)
     added: set[str] = set()
@@ -80,7 +80,7 @@ def _make_descriptor_pool(files: FileDescriptorSet) -> DescriptorPool:
 
 
 class _DescriptorConverter:
-    """Converts descriptors with their references into records."""
+    """Converter of descriptors, with the types that they refer to, to record types."""
 
     def __init__(self) -> None:
         self._left = LIMITS.protobuf_fields
@@ -88,7 +88,7 @@ class _DescriptorConverter:
     def make_record_type(
         self, descriptor: Descriptor, enclosing_types: tuple[str, ...]
     ) -> RecordType:
-        """Message type, without maps and fields that contain the type itself."""
+        """Make a record type without maps, and without fields that contain the type itself."""
         within = (*enclosing_types, descriptor.full_name)
         fields = (
             (field.name, self._make_type_of_field(field, within)) for field in descriptor.fields
@@ -142,7 +142,7 @@ def _get_message_member(message: Any, name: str) -> Any:
         return None
     try:
         return getattr(message, name)
-    except UnicodeDecodeError as error:  # a text is decoded when it is asked for
+    except UnicodeDecodeError as error:  # protobuf decodes a string only when it is accessed
         raise BrokenBytesError(error) from error
 
 

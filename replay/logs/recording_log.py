@@ -1,4 +1,4 @@
-"""A recording as a log: the channels that its replay read."""
+"""Read a recording as a log: the channels that its replay read."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,7 +28,7 @@ class RecordingLog(Log):
 
         Raises:
             RecordingError: not a recording of payscope.
-            LogError: it contains no channels.
+            LogError: the recording contains no channels.
         """
         super().__init__(path, _FORMAT)
         with open_recording(path) as held:
@@ -112,7 +112,7 @@ class RecordingLog(Log):
         return LogCheck(sum(frame.height for frame in read.values()), 0, 0)
 
     def machine_ids(self) -> tuple[str, ...]:
-        """Serial number of the recorded machine."""
+        """Serial number of the recorded machine; empty if unknown."""
         return (self._machine_id,) if self._machine_id else ()
 
     def losses(self) -> tuple[Loss, ...]:
@@ -128,5 +128,5 @@ class RecordingLog(Log):
 
 
 def _make_topic_name_of_stage(stage: str, topic_names: set[str | None]) -> str:
-    """Topic of a stage, whose name lacks the usual leading slash."""
+    """Name of the topic of a stage: the stage's name, with a leading slash if the topic has one."""
     return f"/{stage}" if f"/{stage}" in topic_names else stage

@@ -1,4 +1,4 @@
-"""Tables as logs: text, Parquet, Arrow and spreadsheets, with a time for each row."""
+"""Read tables as logs: text, Parquet, Arrow and spreadsheets, with a time for each row."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -42,7 +42,7 @@ _WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
 class TableLog(Log):
     """A table whose rows are the messages of one topic; columns are read on demand.
 
-    If pairs of time and value stand side by side, each time is a topic: `table`, `table/2` ….
+    If the columns are pairs of time and value, each time column is a topic: `table`, `table/2` ….
     """
 
     def __init__(self, path: Path, time_axis: TimeAxis | None) -> None:
@@ -91,13 +91,13 @@ class TableLog(Log):
         return tuple(dict.fromkeys(found))
 
     def units(self, topic: str) -> dict[str, str]:
-        """Units stated by names, a row of units or metadata, by field."""
+        """Units by field, as stated in column names, a row of units or metadata."""
         if topic not in self._parts:
             return {}
         inside = set(self._list_fields_of_topic(topic))
         found = {c.name: c.unit for c in self._columns.columns if c.unit and c.name in inside}
         axis, _ = self._parts[topic]
-        # "Time (s) - Speed (m/s)": the unit behind is its channel's
+        # "Time (s) - Speed (m/s)": the last unit is the channel's, not the time's
         return found | ({axis.time: axis.unit} if axis.time and axis.unit else {})
 
     def _open_columns_of_table(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
@@ -155,7 +155,7 @@ class TableLog(Log):
         self._expected = [name for name in asked if name in inside]
 
     def _scan_rows_and_note_losses(self, fields: Sequence[str] = ()) -> None:
-        """Scan all rows of a text once, reading its times and some fields."""
+        """Scan all rows of a text table once; read its times and some fields, and note losses."""
         if self._is_checked or not isinstance(self._columns, CsvColumns):
             return
         self._is_checked = True
@@ -167,7 +167,7 @@ class TableLog(Log):
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
     def _log_times_of_topic(self, topic: str) -> pl.Series:
-        """Log time of each row; null if it has none."""
+        """Log time of each row of a topic, (rows,) in ns; null if the row has none."""
         if topic not in self._stamps:
             self._scan_rows_and_note_losses()
             self._stamps[topic] = self._compute_log_times_of_axis(self._parts[topic][0])
@@ -187,7 +187,7 @@ class TableLog(Log):
         times = found.stamps
         self._refuse_contradicting_time_column(axis, times)
         self._notes += found.notes
-        # of pairs side by side one may end before the others
+        # with several pairs of time and value, one may end before the others
         last = times.is_not_null().arg_true().max() if len(self._parts) > 1 else None
         missing = times.head(int(last) + 1).null_count() if last is not None else times.null_count()  # pyright: ignore[reportArgumentType] an index
         if missing:
@@ -246,7 +246,7 @@ class TableLog(Log):
     def _refuse_restarting_time(
         self, axis: TableTimes, known_times: pl.Series, backwards: int
     ) -> None:
-        """Raise an error if the time falls back and continues: sorting would mix two records."""
+        """Raise an error if time falls back and continues: sorting would interleave two records."""
         wanted = self._hints.sort_times
         if wanted or (wanted is None and self._are_rows_shuffled(known_times, backwards)):
             return
@@ -261,7 +261,7 @@ class TableLog(Log):
         )
 
     def _are_rows_shuffled(self, known_times: pl.Series, backwards: int) -> bool:
-        """Whether few rows are late, or so many fall back that none continues from there."""
+        """Whether few rows are late, or time falls back so often that the order is arbitrary."""
         late = int((known_times < known_times.cum_max()).sum())
         return (
             late < LIMITS.late_row_fraction * known_times.len()
@@ -333,7 +333,7 @@ class TableLog(Log):
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
 
     def _cast_cells_by_dtype(self, cells: pl.Series) -> pl.Series:
-        """Cells as numbers, times in ns or text, whichever they are."""
+        """Cells as numbers, times in ns or text, depending on their type."""
         is_text = isinstance(self._columns, CsvColumns)
         if cells.dtype == pl.String and (is_text or self._suffix in JSON_LINES):
             return self._convert_text_to_likely_type(cells)
@@ -352,7 +352,7 @@ class TableLog(Log):
         return cells if is_kept else cells.cast(pl.String)
 
     def _convert_text_to_likely_type(self, text: pl.Series) -> pl.Series:
-        """Integers, numbers, booleans or text: the first type that half of the cells have."""
+        """Cast to integers, numbers or booleans: the first type that half of the cells have."""
         text = text.str.strip_chars()
         present = text.filter(text.is_not_null() & (text != ""))
         as_integers = text.cast(pl.Int64, strict=False)

@@ -28,7 +28,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         overrides: `key=value` with dotted keys, values as TOML writes them (a bare word is text).
 
     Warns:
-        OldNameWarning: a key has a name that it had before; `payscope migrate` rewrites the file.
+        OldNameWarning: a key has its former name; `payscope migrate` rewrites the file.
 
     Raises:
         MachineError: one line with the file, the fault, the choices and the remedy.
@@ -60,7 +60,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
 
 
 def refuse_setting_without_prefix(override: str) -> None:
-    """Refuse a setting without its prefix `settings.`, and name the full key."""
+    """Raise an error for a setting without its prefix `settings.`, and name the full key."""
     key = override.partition("=")[0].strip()
     first, _, rest = key.partition(".")
     if first in Machine.model_fields:
@@ -74,7 +74,7 @@ def refuse_setting_without_prefix(override: str) -> None:
 
 
 def find_time_axis_of_machine(machine: Machine) -> TimeAxis | None:
-    """Time axis of tables according to the machine file; None if it gives none."""
+    """Time axis of tables as given by the machine file; None if it gives none."""
     return find_time_axis_of_section(machine.log)
 
 
@@ -88,13 +88,13 @@ def find_time_axis_of_section(log_section: LogSection) -> TimeAxis | None:
 
 
 def find_machine_file_or_shipped_one(path: Path) -> Path:
-    """Path of a machine file, or of the shipped one with that name if no such file exists."""
+    """Find a machine file, or the shipped one of that name if there is no such file."""
     shipped = _SHIPPED / path.name
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path
 
 
 class FileSignature(NamedTuple):
-    """By what a changed or replaced file is recognised."""
+    """Time of change, size and inode, by which a changed or replaced file is recognised."""
 
     modified_ns: int
     size_bytes: int
@@ -102,7 +102,7 @@ class FileSignature(NamedTuple):
 
 
 def read_file_time_size_and_inode(path: Path) -> FileSignature | None:
-    """Time, size and inode, by which a changed or replaced file is recognised; None if absent."""
+    """Read time of change, size and inode of a file; None if it is absent."""
     try:
         about = path.stat()
     except OSError:

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 from estimators.errors import MachineError
 from recordings.report.atomic_output import stage_output_file
 
-#: What a key is called now, by the name that it had. Both are dotted, of any TOML file of ours.
+#: Present name of a key by its former name, both dotted, for all TOML files of payscope.
 OLD_NAMES: Final[Mapping[str, str]] = {
     "settings.rate_hz": "settings.align.rate_hz",
     "settings.gap_periods": "settings.align.gap_periods",
@@ -48,7 +48,7 @@ OLD_NAMES: Final[Mapping[str, str]] = {
     "settings.tls_noise_yaw_rate_rad_s": "settings.noise.yaw_rate_rad_s",
     "settings.threshold_std_com_m": "settings.planar.threshold_std_com_m",
 }
-#: Old names that one message lists; more are counted.
+#: Most old names that a message lists; further ones are counted.
 _MOST_NAMED: Final = 3
 
 
@@ -57,7 +57,7 @@ class OldNameWarning(UserWarning):
 
 
 class OldKeyError(ValueError):
-    """A former key cannot be renamed to its present name."""
+    """Raised if a former key cannot be renamed to its present name."""
 
 
 def rename_old_keys_in_content(file_content: dict[str, Any]) -> dict[str, str]:
@@ -76,7 +76,7 @@ def rename_old_keys_in_content(file_content: dict[str, Any]) -> dict[str, str]:
     for old, new in OLD_NAMES.items():
         *sections, name = old.split(".")
         table = _find_table_of_content(file_content, sections)
-        # a key that became a section is old where it is a value
+        # a key that has become a section is the old one if it has a value
         if table is not None and not isinstance(table.get(name, {}), dict):
             taken.append((old, new, table.pop(name)))
     for old, new, value in taken:
@@ -98,7 +98,7 @@ def rename_old_keys_in_content(file_content: dict[str, Any]) -> dict[str, str]:
 
 
 def describe_renamed_keys_in_line(new_names: Mapping[str, str]) -> str:
-    """Say in one line which keys have which new names."""
+    """Say in one line which keys have new names."""
     pairs = [f"'{old}' is now '{new}'" for old, new in new_names.items()]
     more = len(pairs) - _MOST_NAMED
     return ", ".join(pairs[:_MOST_NAMED]) + (f" (and {more} more)" if more > 0 else "")
@@ -118,12 +118,12 @@ def migrate_toml_text(toml_text: str) -> MigratedText:
     `[settings.align]`, the key moves there, together with the comment lines directly above it.
 
     Returns:
-        Text, and present name by former name.
+        The text, and present names by former name.
 
     Raises:
-        OldKeyError: as `rename_old_keys_in_content`, or a key is written in a way that only a
-            person can rename, such as an inline table.
-        ValueError: it is not TOML.
+        OldKeyError: as from `rename_old_keys_in_content`; also if a key is written such that only a
+            person can rename it, as in an inline table.
+        ValueError: the text is not TOML.
     """
     wanted = tomllib.loads(toml_text)
     renamed = rename_old_keys_in_content(wanted)
@@ -153,7 +153,7 @@ def migrate_toml_file(path: Path) -> dict[str, str]:
         OutputError: it cannot be written.
     """
     try:
-        # bytes, so that line ends stay
+        # read as bytes, so that line ends are kept
         text, renamed = migrate_toml_text(path.read_bytes().decode("utf-8"))
     except OSError as fault:
         raise MachineError(f"{path}: cannot be read ({fault.strerror})") from None
@@ -164,7 +164,7 @@ def migrate_toml_file(path: Path) -> dict[str, str]:
     except ValueError as fault:
         raise MachineError(f"{path}: is not TOML: {fault}") from None
     if renamed:
-        target = path.resolve()  # a link stays one
+        target = path.resolve()  # a link remains a link
         mode = target.stat().st_mode
         with stage_output_file(target, force=True) as partial:
             partial.write_bytes(text.encode("utf-8"))
@@ -180,7 +180,7 @@ def _find_table_of_content(content: dict[str, Any], sections: list[str]) -> dict
 
 
 def rename_key_in_lines(lines: list[str], old_key: str, new_key: str) -> None:
-    """Rename one key, or move it to the table of its new name; do nothing if it is absent."""
+    """Rename a key in lines, or move it to the table of its new name; nothing if it is absent."""
     tables = list(_iter_tables_of_lines(lines))
     for table in tables:
         for at in range(table.first, table.last):
@@ -251,5 +251,5 @@ def _find_line_after_value(lines: list[str], line_index: int, last_line: int) ->
 
 
 def unquote_dotted_key(quoted_key: str) -> str:
-    """Dotted key without quotes and blanks."""
+    """Remove quotes and blanks from a dotted key."""
     return ".".join(part.strip().strip("\"'") for part in quoted_key.split("."))

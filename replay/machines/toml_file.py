@@ -27,9 +27,9 @@ _IN_TOML = {
     "dict_type": "input should be a table",
     "model_attributes_type": "input should be a table",
 }
-#: A number with a decimal comma behind a key.
+#: A number with a decimal comma as the value of a key.
 _DECIMAL_COMMA: Final = re.compile(r"^[^\[#\"=]*= *(-?\d+),(\d+) *(?:#.*)?$", re.M)
-#: The files of payscope in TOML, each with the tables that no other one has.
+#: Kinds of payscope's TOML files, each with the tables that only it has.
 _KINDS: Final = {
     "a machine file": ("channels",),
     "a campaign file of `payscope calibrate`": ("masses", "runs"),
@@ -37,7 +37,7 @@ _KINDS: Final = {
     "a scenario file of `payscope simulate`": ("sensors", "shift"),
     "a campaign file or a scenario file": ("campaign",),
 }
-#: Of 64 bits: compiled code counts no further, and Python's reader of TOML sets no bound.
+#: Largest signed integer of 64 bits, as compiled code requires; Python's TOML parser has no bound.
 LARGEST_INTEGER: Final = 2**63 - 1
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -46,11 +46,11 @@ def read_toml_file(path: Path, error_type: type[PayscopeError]) -> dict[str, Any
     """Read a TOML file, with former keys renamed to their present names.
 
     Warns:
-        OldNameWarning: one had its old name.
+        OldNameWarning: a key has its former name.
 
     Raises:
-        PayscopeError: as `error_type`, in one line: there is no such file, it is not TOML, or has a
-            key under its old and its new name.
+        PayscopeError: of type `error_type`, in one line: there is no such file, it is not TOML, or
+            it has a key under both its former and its present name.
     """
     text = ""
     try:
@@ -60,7 +60,7 @@ def read_toml_file(path: Path, error_type: type[PayscopeError]) -> dict[str, Any
         raise error_type(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
         raise error_type(f"{path}: is not TOML: not UTF-8") from None
-    except ValueError as fault:  # a TOMLDecodeError, or a number of thousands of digits
+    except ValueError as fault:  # a TOMLDecodeError, or an integer of thousands of digits
         comma = _DECIMAL_COMMA.search(text)
         remedy = f"; write {comma[1]}.{comma[2]}, with a decimal point" if comma else ""
         raise error_type(f"{path}: is not TOML: {fault}{remedy}") from None
@@ -81,11 +81,11 @@ def read_toml_file(path: Path, error_type: type[PayscopeError]) -> dict[str, Any
 def refuse_other_kind_of_file(
     path: Path, content: Mapping[str, Any], expected_kind: str, error_type: type[PayscopeError]
 ) -> None:
-    """Refuse another kind of payscope file, such as a campaign file given as a machine file.
+    """Raise an error for another kind of file, such as a campaign file given as a machine file.
 
     Raises:
-        PayscopeError: of type `error_type`; it names the kind, and the machine file that it refers
-            to.
+        PayscopeError: of type `error_type`; it states the kind of the file, and the machine file
+            that this names, if that is the expected one.
     """
     found = next((k for k, tables in _KINDS.items() if any(each in content for each in tables)), "")
     if not found or expected_kind in found:
@@ -102,12 +102,12 @@ def parse_toml_value(text: str) -> Any:
     """Parse a TOML value; a bare word is text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except ValueError:  # a TOMLDecodeError, or a number of thousands of digits
+    except ValueError:  # a TOMLDecodeError, or an integer of thousands of digits
         return text.strip()
 
 
 def format_toml(value: object) -> str:
-    """Format a value in TOML; numbers, texts and lists of them are the same in JSON."""
+    """Format a value as TOML; numbers, texts and lists of them are formatted as in JSON."""
     if isinstance(value, Mapping):
         inside = ", ".join(f"{key} = {format_toml(each)}" for key, each in value.items())
         return f"{{ {inside} }}"
@@ -120,8 +120,8 @@ def set_dotted_key_in_content(
     """Set `key=value` in `content`: a dotted key, and a TOML value or a bare word.
 
     Raises:
-        PayscopeError: as `error_type`: it is not written like that, or the key leads through a
-            value.
+        PayscopeError: of type `error_type`: the override has another form, or a parent of the key
+            is a value instead of a section.
     """
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
@@ -151,8 +151,8 @@ def validate_toml_content(
     """Validate the content of the file at `path` as `model`.
 
     Raises:
-        PayscopeError: as `error_type`, in one line: an unknown key (with the nearest known one), or
-            a value that does not fit.
+        PayscopeError: of type `error_type`, in one line: a key is unknown (with the nearest known
+            one), or a value is invalid.
     """
     for key, number in _iter_integers_by_dotted_key(values):
         if not -LARGEST_INTEGER <= number <= LARGEST_INTEGER:
@@ -180,7 +180,7 @@ def _iter_integers_by_dotted_key(content: Any, key: str = "") -> Iterator[tuple[
 def explain_validation_fault(validation_fault: ValidationError, model: type[BaseModel]) -> str:
     """State in one line which value is wrong, where it is, and the probable intention."""
     details = validation_fault.errors(include_url=False)
-    # a required key that is misspelt is missing as well
+    # a misspelt required key is also reported as missing
     first = next((each for each in details if each["type"] == "extra_forbidden"), details[0])
     location, kind, why = first["loc"], first["type"], first.get("ctx", {})
     steps, table = find_keys_and_model_of_location(
@@ -202,13 +202,13 @@ def explain_validation_fault(validation_fault: ValidationError, model: type[Base
     elif kind == "missing":
         text = f"{key}: is missing"
     else:
-        # what pydantic calls by Python's names
+        # messages in which pydantic uses Python's names
         message = _IN_TOML.get(kind, first["msg"])
         text = f"{key}: {message[:1].lower()}{message[1:]}, not {reprlib.repr(first['input'])}"
         if kind == "tuple_type" and isinstance(first["input"], str):
             text += f": write {format_toml([first['input']])}"
     others = len(details) - 1
-    # a quoted key may hold line breaks
+    # a quoted key may contain line breaks
     return " ".join(
         f"{text} (and {format_count(others, 'more fault')})".split() if others else text.split()
     )
@@ -224,19 +224,19 @@ class LocatedKeys(NamedTuple):
 def find_keys_and_model_of_location(
     model: type[BaseModel], location: Sequence[int | str]
 ) -> LocatedKeys:
-    """Keys of a location, without pydantic's union tags, and the model of that table."""
+    """Find the keys of an error's location, without pydantic's union tags, and the model there."""
     here: Any = model
     keys: list[str] = []
     for part in location:
         table = find_tagged_model_in_annotation(here, part)
         if table is not None and part not in table.model_fields:
-            here = table  # the tag that picked it
+            here = table  # `part` is the tag that selected this table
             continue
         keys.append(str(part))
         arguments = get_args(here)
         if table is not None:
             here = table.model_fields[str(part)].annotation
-        else:  # a list or tuple of tables, or a table of them
+        else:  # a list, tuple or table of tables
             here = (
                 (arguments[-1] if get_origin(here) is dict else arguments[0]) if arguments else None
             )
@@ -246,7 +246,7 @@ def find_keys_and_model_of_location(
 def find_tagged_model_in_annotation(
     annotation: Any, tag: int | str | None = None
 ) -> type[BaseModel] | None:
-    """Model in a type annotation; of a union, the one whose discriminator is `tag`; else None."""
+    """Find the model in a type annotation; in a union, that with discriminator `tag`; else None."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     if get_origin(annotation) is Annotated:

@@ -1,1 +1,1 @@
-"""Notary of a recorder's folder: signed, chained lists of its logs."""
+"""Notary of a recorder's folder, which keeps a signed and chained list of its logs."""

@@ -1,8 +1,8 @@
-"""File of a notary's list, which only one process appends to, in whole lines; and its verification.
+"""Append to a notary's list, by one process at a time and in whole lines, and verify lists.
 
-A line is written with its newline and flushed to the disc before the next. A killed process leaves
-at most a line without a newline, which the next process cuts off. The end of the list is kept a
-second time in the user's state folder; a list that ends earlier has been truncated.
+A line is written with its newline and flushed to disk before the next. A killed process leaves at
+most a line without a newline, which the next process cuts off. A second copy of the list's end is
+in the user's state folder; a list that ends earlier has been truncated.
 """
 
 import datetime as dt
@@ -36,11 +36,11 @@ from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import read_public_key_file
 
-#: The environment variable that names the folder of the second copy.
+#: Environment variable that names the folder of the second copy.
 STATE_VARIABLE: Final = "PAYSCOPE_NOTARY_STATE"
-#: No link is followed, where the system can refuse one.
+#: Flags to open a list; links are not followed if the system supports this.
 _FLAGS: Final = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0)
-#: What no check of a list can find.
+#: Statements of what no check of a list can find.
 UNSEEN = (
     "A log of a second recorder, or of another folder.",
     "A log that was deleted before it ended, or before the notary looked.",
@@ -53,7 +53,7 @@ UNSEEN = (
 
 @dataclass(frozen=True, slots=True)
 class NotaryListEnd:
-    """End of a list, as kept in the second place."""
+    """End of a list, as kept in the second copy."""
 
     head: str
     counter: int
@@ -62,13 +62,13 @@ class NotaryListEnd:
 
 @dataclass(slots=True)
 class OpenNotaryList:
-    """List that only this process may write.
+    """List that is locked for writing by this process.
 
     Attributes:
         path: path of the list.
         lines: lines of the list; empty if it is new.
-        cut_bytes: size of the torn tail that was cut off.
-        second: second place of the list's end; None if it cannot be written.
+        cut_bytes: bytes of an incomplete last line that were cut off.
+        second: path of the second copy of the list's end; None if it cannot be written.
     """
 
     path: Path
@@ -79,10 +79,10 @@ class OpenNotaryList:
     _size: int
 
     def append_line_durably(self, notary_line: NotaryLine) -> None:
-        """Append a line and flush it to the disc, whole or not at all.
+        """Append a line and flush it to disk, whole or not at all.
 
         Raises:
-            OutputError: the disc is full, or the list cannot be written; it is as it was before.
+            OutputError: the disk is full, or the list cannot be written; it is unchanged.
         """
         data = notary_line.data + b"\n"
         try:
@@ -101,7 +101,7 @@ class OpenNotaryList:
         self._write_second_copy_of_list_end()
 
     def _write_second_copy_of_list_end(self) -> None:
-        """Write the end of the list to the second place."""
+        """Write the end of the list to its second copy."""
         if self.second is None:
             return
         last = self.lines[-1]
@@ -119,19 +119,19 @@ class OpenNotaryList:
                 os.fsync(file.fileno())
             partial.replace(self.second)
         except OSError:
-            # the list itself is written: the second place is behind, and that is known from it
+            # the list itself is written, from which one can see that the second copy is outdated
             partial.unlink(missing_ok=True)
 
 
 @contextmanager
 def open_list_exclusively(path: Path) -> Generator[OpenNotaryList]:
-    """Open a list for this process alone, and compare it with its end at the last time.
+    """Context with a list locked for this process, and checked against the second copy of its end.
 
     The system releases the lock when the process ends, however it ends.
 
     Raises:
-        EvidenceError: it is not a list, was truncated or rewritten, or another process writes it.
-        OutputError: it cannot be written.
+        EvidenceError: it is not a list, was truncated or rewritten, or another process has it open.
+        OutputError: the list cannot be written.
     """
     import fcntl
 
@@ -178,10 +178,10 @@ def _read_bytes_from_descriptor(descriptor: int, byte_count: int) -> bytes:
 def refuse_altered_list(
     path: Path, lines: list[NotaryLine], kept_end: NotaryListEnd | None
 ) -> None:
-    """Check that a list contains its former lines and that its chain is intact.
+    """Raise an error unless the chain of a list is intact and includes its kept end.
 
     Raises:
-        EvidenceError: it does not.
+        EvidenceError: the list was altered or truncated.
     """
     for before, line in zip([None, *lines], lines, strict=False):
         entry, fault = line.content, ""
@@ -214,7 +214,7 @@ def refuse_altered_list(
 
 
 def find_path_of_second_copy(path: Path) -> Path | None:
-    """Path of the second copy of a list's end; None if it cannot be written."""
+    """Find the path of the second copy of a list's end; None if it cannot be written."""
     named = os.environ.get(STATE_VARIABLE)
     base = os.environ.get("XDG_STATE_HOME")
     try:
@@ -231,7 +231,7 @@ def read_kept_list_end(second_copy: Path | None) -> NotaryListEnd | None:
     """Read the kept end of a list; None if there is none.
 
     Raises:
-        EvidenceError: it is damaged.
+        EvidenceError: the copy is damaged.
     """
     if second_copy is None or not second_copy.exists():
         return None
@@ -254,7 +254,7 @@ class VerifiedNotaryList:
         findings: faults of the list.
         notes: further notes for the reader.
         logs: number of logs.
-        kept_by: owner of the key.
+        kept_by: signer of the list.
     """
 
     path: Path
@@ -265,17 +265,17 @@ class VerifiedNotaryList:
 
     @property
     def outcome(self) -> BundleOutcome | None:
-        """Exit status; None if nothing is wrong."""
+        """Outcome that is the exit status; None if nothing is wrong."""
         return find_most_severe_outcome(self.findings)
 
     @property
     def verdict(self) -> str:
-        """Outcome in one sentence."""
+        """The outcome as a sentence."""
         holds = f"{format_count(self.logs, 'log')} verified; {self.kept_by}"
         return format_bundle_verdict(self.path, self.findings, holds)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain values."""
+        """The fields as JSON-compatible values."""
         return {
             "list": str(self.path),
             "outcome": 0 if self.outcome is None else int(self.outcome),
@@ -296,11 +296,11 @@ def verify_notary_list(
     Args:
         path: path of the list.
         key_file: public key of the recorder.
-        is_signature_required: whether the list must be signed with that key, or one of the user's
+        is_signature_required: whether the list must be signed with that key, or one in the user's
             keyring.
 
     Raises:
-        EvidenceError: it, or the key, cannot be read.
+        EvidenceError: the list or the key cannot be read.
     """
     key = None if key_file is None else read_public_key_file(key_file)
     try:

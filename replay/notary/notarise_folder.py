@@ -25,18 +25,18 @@ from recordings.signatures.signing import KEY_VARIABLE, SigningKey, read_signing
 from replay.logs import open_log
 from replay.notary.list_file import OpenNotaryList, open_list_exclusively
 
-#: The list, where no other place is named.
+#: Name of the list in the folder, unless another path is given.
 LIST_NAME: Final = "notary.jsonl"
-#: Seconds that a log has to be left alone: recorders write at least once a minute.
+#: Seconds without a change after which a log is finished: recorders write at least once a minute.
 QUIET_S: Final = 60.0
-#: A log by its suffix; a recording is made of one.
+#: Suffixes of logs; a recording is derived from one and not listed.
 _SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
 _METADATA: Final = "metadata.yaml"
-#: Files of a folder that are looked at.
+#: Most folders that are searched for logs.
 _MOST_ENTRIES: Final = 1_000_000
-#: Characters of a machine's number.
+#: Characters kept of a machine's serial number.
 _LONGEST_ID: Final = 64
-#: Nanoseconds of a microsecond, to which file systems agree on times.
+#: Nanoseconds of a microsecond, the common resolution of times of files.
 _US: Final = 1000
 
 
@@ -48,7 +48,7 @@ class NotarisedFolder:
         path: path of the list.
         added: lines added.
         waiting: logs that are still being written.
-        last: counter of the last line.
+        last: counter of the list's last line.
         notes: notes for the keeper of the list.
     """
 
@@ -59,7 +59,7 @@ class NotarisedFolder:
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain values."""
+        """The fields as JSON-compatible values."""
         return {
             "list": str(self.path),
             "added": [each.model_dump(mode="json") for each in self.added],
@@ -71,7 +71,7 @@ class NotarisedFolder:
 
 @dataclass(frozen=True, slots=True)
 class CandidateLog:
-    """Log in the folder.
+    """A log in the folder.
 
     Attributes:
         name: path relative to the folder.
@@ -85,7 +85,7 @@ class CandidateLog:
 
     @property
     def modified_unix_s(self) -> float:
-        """Time of the last modification."""
+        """Unix time of the last modification of its files, in s."""
         return max(us for _, us in self.files.values()) / 1e6
 
 
@@ -107,8 +107,8 @@ def notarise_folder(
         quiet_s: seconds without changes after which a log is finished.
 
     Raises:
-        EvidenceError: no key, or another than the list's; the list was changed.
-        OutputError: the list cannot be written; the entries listed before that are kept.
+        EvidenceError: there is no key, it is not the list's, or the list was altered.
+        OutputError: the list cannot be written; entries added before that are kept.
     """
     if not folder.is_dir():
         raise EvidenceError(
@@ -134,7 +134,7 @@ def notarise_folder(
             before = known.get(log.name)
             if before is not None and _is_log_unchanged_since_entry(before, log):
                 continue
-            age_s = time.time() - log.modified_unix_s  # a log of the future has a wrong clock
+            age_s = time.time() - log.modified_unix_s  # negative if a clock is wrong
             is_quiet = age_s >= quiet_s or age_s < -NOTARY_LIMITS.clock_difference_s
             entry = make_list_entry_of_log(held, log, before) if is_quiet else None
             if entry is None:
@@ -209,14 +209,14 @@ def iter_logs_below_folder(folder: Path, list_path: Path) -> Iterator[CandidateL
 
 
 class SizeAndTime(NamedTuple):
-    """Size and modification time of a file."""
+    """Size of a file in bytes, and its modification time in µs."""
 
     size_bytes: int
     modified_us: int
 
 
 def read_size_and_modification_time(path: Path) -> SizeAndTime | None:
-    """Size and modification time in µs of a regular file; None for anything else."""
+    """Read size and modification time of a regular file; None for anything else."""
     try:
         held = path.lstat()
     except OSError:
@@ -233,7 +233,7 @@ def _is_log_unchanged_since_entry(entry: NotaryEntry, log: CandidateLog) -> bool
 def make_list_entry_of_log(
     open_list: OpenNotaryList, log: CandidateLog, previous_entry: NotaryEntry | None
 ) -> NotaryEntry | None:
-    """Line of the list for a log; None if the log changes meanwhile."""
+    """Make the entry of a log in the list; None if the log changes in the meantime."""
     inside = log.path if log.path.is_dir() else log.path.parent
     try:
         digests = {name: file_sha256(inside / name) for name in log.files}
@@ -263,7 +263,7 @@ def make_list_entry_of_log(
 
 
 class _LogSummary(NamedTuple):
-    """Begin, end and machine of a log as texts; "" for what is unknown."""
+    """Start, end and machine of a log as texts; "" for each that is unknown."""
 
     begin: str
     end: str
@@ -271,9 +271,9 @@ class _LogSummary(NamedTuple):
 
 
 def read_time_span_and_machine_of_log(log_path: Path) -> _LogSummary:
-    """Begin, end and machine of a log; "" for what is unknown.
+    """Read start, end and machine of a log; "" for each that is unknown.
 
-    A damaged log is listed as well.
+    A damaged log is no error, since it is listed as well.
     """
     try:
         with open_log(log_path) as log:
@@ -300,7 +300,7 @@ def _format_current_time_as_list_time() -> str:
 
 
 def _iter_notes_on_wrong_clock(open_list: OpenNotaryList, entry: NotaryEntry) -> Iterator[str]:
-    """Notes on a wrong clock; the log is listed anyway, and `verify` reports it."""
+    """Yield notes on a wrong clock; the log is listed nevertheless, and `verify` reports it."""
     last = open_list.lines[-1].content
     if isinstance(last, NotaryEntry) and entry.listed < last.listed:
         yield (

@@ -1,4 +1,4 @@
-"""Reproduce the paper's tables, figures and claims: simulate, replay, and make the items."""
+"""Reproduce the paper's tables, figures and claims from replays of simulated campaigns."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -22,7 +22,7 @@ from replay.pipeline import run
 
 
 class Reproduction:
-    """Plan of the work for some items: `repetitions` first, then `find`.
+    """Plan to reproduce some items: run `repetitions`, then `compute_paper_items`.
 
     Args:
         items: names from `recordings.paper.paper_items.ITEMS`.
@@ -44,7 +44,7 @@ class Reproduction:
             replay=replay_simulated_campaign_in_memory,
         )
         needs = [extract for item in self._items for extract in item.needs]
-        #: A simulation each: their number is the length of the progress.
+        #: one simulation each, which are counted as progress
         self.repetitions: tuple[Repetition, ...] = tuple(
             plan_repetitions(needs, study, self._digests)
         )

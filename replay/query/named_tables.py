@@ -1,4 +1,4 @@
-"""Tables of a query: topics of logs, frames of recordings, ledgers, results of a fleet."""
+"""Open the tables of a query: topics of logs, frames of recordings, ledgers, results of fleets."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -50,7 +50,7 @@ class NamedTables:
     def add_table_or_query_error_if_name_taken(
         self, name: str, table: Callable[[], pl.LazyFrame], origin: str
     ) -> None:
-        """Add a table under its name, which must be unique."""
+        """Add a table under its name; if that is taken, using it in a query raises an error."""
         if name in self.tables:
             fault = f"query: two tables are named '{name}', one of {origin}; query them separately"
 
@@ -78,16 +78,17 @@ class NamedTables:
 def open_named_tables(
     sources: Sequence[str], time_axis: TimeAxis | None = None, columns: Sequence[str] = ()
 ) -> NamedTables:
-    """Open the named files as tables; only indices are read.
+    """Open sources as tables; only their indexes are read.
 
     Args:
         sources: logs, folders and patterns of logs, recordings, reviews and ledgers, and the
             results of a fleet.
         time_axis: time axis of tables.
-        columns: columns named in the query; list elements among them (`effort[left]`) are read.
+        columns: columns named in the query; list elements among them (`effort[left]`) become
+            columns.
 
     Raises:
-        PayscopeError: one of them is not there, or nothing of these.
+        PayscopeError: a source does not exist, or is of none of these kinds.
     """
     recordings: list[Path] = []
     ledgers: list[Path] = []
@@ -168,12 +169,12 @@ class _TopicOptions:
     columns: tuple[str, ...]
 
     def choose_fields_of_topic(self, log: Log, topic: str) -> list[str] | None:
-        """All fields and the named list elements; None if no element is named."""
+        """All fields and the named list elements; None, for all fields, if none is named."""
         whole = [leaf.name for leaf in log.leaf_fields(topic)]
         picked: list[str] = []
         for name in self.columns:
             if "[" in name and name not in whole:
-                with suppress(LogError):  # of another topic
+                with suppress(LogError):  # an element in another topic
                     picked += [leaf.name for leaf in log.leaf_fields(topic, [name])]
         return [*whole, *picked] if picked else None
 
@@ -210,14 +211,14 @@ def _add_tables_of_topics(tables: NamedTables, logs: Sequence[str], options: _To
             topic, partial(rows_of_topic, topic, of_logs), str(of_logs[0])
         )
     for path in topics.get(TABLE, ()):
-        # tables go by their own names as well, alike or not
+        # tables of files can also be queried by the names of the files
         tables.add_table_or_query_error_if_name_taken(
             path.stem, partial(rows_of_topic, TABLE, [path]), str(path)
         )
 
 
 def add_start_time_column_in_unix_s(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
-    """Add the second for `fleet open --at` to a fleet's table, if its rows have one."""
+    """Add a column with the start time in s, for `fleet open --at`, if a fleet's table has one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():
         return rows

@@ -1,4 +1,4 @@
-"""Frames of a recording as lazy frames, of which only the needed columns are read."""
+"""Open frames of a recording as lazy frames, of which only the needed columns are read."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from recordings.rrd.stored_frames import StoredFrame
 from replay.frames.scan import make_lazy_frame_of_batches
 from replay.frames.topic_source import SOURCE
 
-#: Seconds since the start of the run, as `view --at` takes them.
+#: Column of the seconds since the start of the run, as `view --at` expects them.
 AT_S: Final = "at_s"
 _RAW: Final = "raw/"
 
@@ -25,7 +25,7 @@ class RecordingFrame:
     Attributes:
         recording: path of the recording.
         stored: description of the frame in the recording.
-        t0_unix_ns: unix time of the run's start.
+        t0_unix_ns: Unix time of the run's start.
         with_source: whether to add a column with the recording of each row.
     """
 
@@ -45,14 +45,14 @@ class RecordingFrame:
 
     @property
     def schema(self) -> pl.Schema:
-        """Columns: the source, the second of the run, then those of the frame."""
+        """Data types by column: source, seconds since the run's start, then the frame's columns."""
         own = {each.name: each.polars_dtype for each in self.stored.columns}
         source = {SOURCE: pl.String()} if self.with_source else {}
         second = {AT_S: pl.Float64()} if self.time_column else {}
         return pl.Schema({**source, **second, **own})
 
     def make_lazy_frame(self) -> pl.LazyFrame:
-        """Lazy frame, read when its rows are collected."""
+        """Make a lazy frame, which is read when its rows are collected."""
 
         def yield_selected_frame(
             columns: list[str] | None, predicate: pl.Expr | None, n_rows: int | None
@@ -72,7 +72,7 @@ class RecordingFrame:
         time = self.time_column
         if AT_S in needed_columns and time is not None and time not in read:
             read.append(time)
-        if not read:  # rows are counted by some column
+        if not read:  # any column serves to count the rows
             read = own[:1]
         with open_recording(self.recording) as held:
             rows = held.read_frame(self.stored.name, read)
@@ -85,10 +85,10 @@ class RecordingFrame:
 
 
 def open_recording_frames(path: Path, *, has_source_column: bool) -> dict[str, RecordingFrame]:
-    """Frames of a recording by name, in pipeline order.
+    """Open the frames of a recording, by name, in the order of the pipeline.
 
     Raises:
-        RecordingError: not a recording that keeps frames.
+        RecordingError: the file is not a recording with frames.
     """
     with open_recording(path) as held:
         held.refuse_without_frames()

@@ -1,4 +1,4 @@
-"""The command `query`: a SELECT over named sources, with its rows shown or written to a file."""
+"""The command `query`: run a SELECT over named sources, and show or write its rows."""
 
 import re
 import shlex
@@ -31,10 +31,10 @@ from replay.query.named_tables import NamedTables, open_named_tables
 from replay.query.recording_frames import AT_S
 
 _KEY: Final = "key"
-#: Digits of a key that name a recording of a fleet.
+#: Digits of a key that identify a recording of a fleet.
 _KEY_DIGITS: Final = 12
 OPENS: Final = "opens"
-#: How polars says that a Parquet file cannot be written; of other files it raises OSError.
+#: Polars' errors when a Parquet file cannot be written; for other files, it raises OSError.
 _WRITE_FAULT: Final = re.compile(r"(?:underlying IO error|Invalid thrift): (.+)")
 
 
@@ -68,7 +68,7 @@ class Query:
             force: whether to replace an existing file.
 
         Raises:
-            PayscopeError: a log cannot be read, the file cannot be written.
+            PayscopeError: a log cannot be read, or the file cannot be written.
         """
         refuse_input_as_output(path, self.named.recordings)
         require_writable_output(path, force=force)
@@ -94,10 +94,10 @@ class Query:
 
     @contextmanager
     def _convert_to_query_errors(self, output: Path | None = None) -> Generator[None]:
-        """Raise errors in computing rows, and in writing them, as payscope errors."""
+        """Convert errors of computing and writing rows to `PayscopeError`."""
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", LossWarning)  # the command says losses itself
+                warnings.simplefilter("ignore", LossWarning)  # the command reports losses itself
                 yield
         except pl.exceptions.PolarsError as error:
             failures = [each.failure for each in self.named.sources if each.failure]
@@ -112,15 +112,15 @@ class Query:
 def prepare_query_of_sources(
     sources: Sequence[str], sql: str, time_axis: TimeAxis | None = None
 ) -> Query:
-    """Prepare a query; only indices of the sources are read.
+    """Prepare a query; only the indexes of the sources are read.
 
     Args:
-        sources: sources as for `named_tables`.
+        sources: sources as for `open_named_tables`.
         sql: one SELECT statement.
         time_axis: time axis of tables.
 
     Raises:
-        PayscopeError: a source that cannot be opened, a statement that is not a SELECT over them.
+        PayscopeError: a source cannot be opened, or the statement is not a SELECT over them.
     """
     strip_statement_terminator(sql)  # before logs are opened
     named = open_named_tables(sources, time_axis, find_quoted_names(sql))
@@ -135,7 +135,8 @@ def merge_rows_near_in_time_with_open_commands(
     """Group rows that are close in time into moments.
 
     Args:
-        rows: rows with `at_s` or `log_time`; rows of several recordings with `source` or `key`.
+        rows: rows with `at_s` or `log_time`; those of several recordings also with `source` or
+            `key`.
         join_within_s: largest distance in seconds between rows of one moment.
         recordings: queried recordings.
         fleet: queried results of a fleet, if any.
@@ -184,7 +185,7 @@ def merge_rows_near_in_time_with_open_commands(
 def format_viewer_command_of_row(
     row: dict[str, Any], recordings: Sequence[Path], fleet: str | None
 ) -> str | None:
-    """Command that opens a row or moment; None if there is no recording of it."""
+    """Format the command that opens a row or moment; None if there is no recording of it."""
     at = next((row[n] for n in (AT_S, "from_s", LOG_TIME, "from") if row.get(n) is not None), None)
     if at is None:
         return None

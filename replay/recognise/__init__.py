@@ -1,1 +1,1 @@
-"""Recognition of a log's columns by names, units, ranges and correlations."""
+"""Recognise a log's columns by names, units, ranges and correlations."""

@@ -1,4 +1,4 @@
-"""Columns of a log: fields and elements of short lists, with units and meanings of their names."""
+"""List the columns of a log, with elements of short lists, units and the meanings of names."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -21,20 +21,20 @@ from replay.recognise.words import (
     move_trailing_side_to_front,
 )
 
-#: What a column is whose unit is of this dimension, whatever its name.
+#: Quantity of a column whose unit has this dimension, whatever its name.
 _QUANTITY_OF: Final = {
     "N": "force", "N*m": "torque", "W": "power", "A": "current", "Pa": "pressure",
     "m/s": "speed", "m/s**2": "acceleration",
 }  # fmt: skip
-#: Torque and energy have one dimension, so have turns and frequencies: the name tells.
+#: Units whose quantity only the name shows: revolutions and frequencies have the same dimension.
 TURN_UNITS: Final = ("rpm", "rad/s", "Hz", "deg/s")
-#: Columns that are called by their unit. (A column "min", "deg" or "hr" is something else.)
+#: Units that are used as names of columns. (A column "min", "deg" or "hr" is something else.)
 _CALLED_BY_UNIT: Final = {
     "rpm": "rpm", "drehzahl": "rpm", "kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W",
     "amps": "A", "nm": "N*m",
 }  # fmt: skip
-#: Units of signals that SAE J1939-71 and ISO 11783-7 define, by name in small letters: a decoded
-#: CAN log seldom states them.
+#: Units of signals that SAE J1939-71 and ISO 11783-7 define, by name in lower case, since decoded
+#: CAN logs seldom state them.
 _UNIT_OF_SIGNAL: Final = {
     "wheelbasedvehiclespeed": "km/h", "navigationbasedvehiclespeed": "km/h",
     "tachographvehiclespeed": "km/h", "frontaxlespeed": "km/h",
@@ -43,14 +43,14 @@ _UNIT_OF_SIGNAL: Final = {
     "transmissionoutputshaftspeed": "rpm", "transoutputshaftspeed": "rpm",
     "actualenginepercenttorque": "percent", "actualengpercenttorque": "percent",
 }  # fmt: skip
-#: Packages whose messages have one meaning: their types give channels, or none.
+#: Packages whose messages have a fixed meaning, so that their types determine any channels.
 _STANDARD_PACKAGES: Final = frozenset((
     "std_msgs", "foxglove", "sensor_msgs", "nav_msgs", "geometry_msgs", "tf2_msgs", "tf",
     "diagnostic_msgs",
     "rosgraph_msgs", "rcl_interfaces", "visualization_msgs", "actionlib_msgs", "bond",
     "dynamic_reconfigure", "builtin_interfaces", "statistics_msgs", "theora_image_transport",
 ))  # fmt: skip
-#: Messages of numbers alone, which their topics name.
+#: Messages of a single number, whose meaning is in the name of the topic.
 _NUMBERS: Final = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64")
 _MESSAGES_NAMED_BY_TOPIC: Final = frozenset(
     (*_NUMBERS, *(f"{each}MultiArray" for each in _NUMBERS))
@@ -67,23 +67,24 @@ _VECTOR_PATH: Final = re.compile(
     r"(?:^|[./])(?P<vector>linear|linear_acceleration|angular|angular_velocity)[./]"
     r"(?P<axis>[xyz])$"
 )
-#: Fields of a message that are no readings: its stamp, and lists of records.
+#: Fields of a message that are not readings: its stamp, and lists of records.
 _STAMPS_AND_RECORDS: Final = re.compile(
     r"(?:^|\.)(?:header|stamp|seq|n?secs?|nanosec|timestamp)\b|\[\]."
 )
-#: What the places of a list mean, by its length: a vector's axes, and the sides, which are asked.
+#: Meaning of the elements of a list by its length: axes of a vector; sides, which are asked for.
 _AXES_BY_LENGTH: Final = {3: ("x", "y", "z")}
 _SIDES_BY_LENGTH: Final = {2: ("left", "right")}
 
 
 def find_list_elements(log: Log, topic_row: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Elements of each short list of numbers in the first messages of a topic: `accel_g[0]`.
+    """Find the elements of each short list of numbers in a topic's first messages: `accel_g[0]`.
 
-    Lists that are empty there, that are long, as of a scanner, and lists of records have none.
+    Lists that are empty in these messages, long lists, as of a scanner, and lists of records are
+    absent.
 
     Args:
         log: an opened log.
-        topic_row: row of the topic, as `Log.topics` gives it; fields of lists end in `[]`.
+        topic_row: row of the topic in `Log.topics`; fields of lists end in `[]`.
     """
     start_ns, end_ns = topic_row["start_ns"], topic_row["end_ns"]
     looked_at = min(1.0, LIMITS.list_messages / max(topic_row["messages"], 1))
@@ -105,7 +106,7 @@ def find_list_elements(log: Log, topic_row: Mapping[str, Any]) -> dict[str, tupl
 
 
 def _read_elements(log: Log, topic: str, elements: Sequence[str], until_ns: int) -> pl.DataFrame:
-    """Those of the first elements that a list has; a list of fixed length refuses the others."""
+    """Read the elements that a list has; if its length is fixed, reading others is an error."""
     for count in range(len(elements), 0, -1):
         with suppress(LogError):
             return log.read(topic, elements[:count], end_ns=until_ns)
@@ -113,7 +114,7 @@ def _read_elements(log: Log, topic: str, elements: Sequence[str], until_ns: int)
 
 
 class _NamedField(NamedTuple):
-    """Field, the list that names it if it is an element, and what its place in the list means."""
+    """A field; for a list element also the list's name, and the element's side or axis."""
 
     field: str
     list_name: str | None = None
@@ -122,7 +123,7 @@ class _NamedField(NamedTuple):
 
 
 def _list_named_fields(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedField]:
-    """Fields of a topic that may be readings; short lists by their elements."""
+    """List the fields of a topic that may be readings; short lists by their elements."""
     names: list[str] = topic_row["fields"]
     if topic_row["topic"] == TABLE:
         elements = _group_elements_by_list(names)
@@ -142,7 +143,7 @@ def _list_named_fields(log: Log, topic_row: Mapping[str, Any]) -> list[_NamedFie
 
 
 def _group_elements_by_list(column_names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Columns that a program has made of lists, as `accel[0]` to `accel[2]`, by the list's name."""
+    """Group columns that a program made of lists, such as `accel[0]`, by the list's name."""
     known = frozenset(column_names)
     found: dict[str, tuple[str, ...]] = {}
     for name in column_names:
@@ -157,10 +158,10 @@ def _group_elements_by_list(column_names: Sequence[str]) -> dict[str, tuple[str,
 
 
 def list_columns_of_log(log: Log) -> list[LogColumn]:
-    """Columns of a log with their units and the meanings of their names.
+    """List the columns of a log with their units and the meanings of their names.
 
     Args:
-        log: an opened log; of messages, those whose fields their author has named.
+        log: an opened log; messages of standard types, whose fields have fixed names, are left out.
     """
     found: list[LogColumn] = []
     for row in log.topics().iter_rows(named=True):
@@ -202,7 +203,7 @@ def list_columns_of_log(log: Log) -> list[LogColumn]:
 
 
 def _can_message_have_own_field_names(message_type: str) -> bool:
-    """Whether the fields of a message may be named by who recorded them."""
+    """Whether the author of a message type or topic has named its fields."""
     package, *kinds = re.split(r"[/.]", message_type)
     kind = kinds[-1] if kinds else ""
     return package not in _STANDARD_PACKAGES or (
@@ -211,19 +212,19 @@ def _can_message_have_own_field_names(message_type: str) -> bool:
 
 
 def _choose_field_name_with_side_first(topic: str | None, field: str) -> str:
-    """Last part of a field's name, with its side in front; that of its topic if it has no other."""
+    """Last part of a field's name, or of its topic's, with a trailing side moved to the front."""
     if topic is None or field == "data":
         return move_trailing_side_to_front(
             field if topic is None else topic.rstrip("/").rpartition("/")[2]
         )
     *_, record, last = ["", *field.split(".")]
-    # of `torque_Nm.left` the record says what it is
+    # in `torque_Nm.left`, the record has the quantity
     whole = move_trailing_side_to_front(f"{record}.{last}")
     return last if whole.startswith(f"{record}.") else whole
 
 
 def _add_topic_meaning_to_field(column_meaning: ColumnMeaning, topic: str | None) -> ColumnMeaning:
-    """Complete the meaning of a field from the name of its topic."""
+    """Complete the meaning of a field by that of its topic's name."""
     for segment in reversed((topic or "").strip("/").split("/")[-2:]):
         around = interpret_column_name(segment)
         column_meaning = replace(
@@ -256,13 +257,13 @@ def interpret_vector_path(
 
 
 def _find_unit_of_standard_name(name: str) -> str | None:
-    """Unit of a column that is called by it, or that a standard defines."""
+    """Unit of a column that is named by its unit, or defined in a standard; None for others."""
     signal = "".join(letter for letter in name.lower() if letter.isalnum())
     return _CALLED_BY_UNIT.get(name.lower()) or _UNIT_OF_SIGNAL.get(signal)
 
 
 def strip_unit_from_name(name: str) -> str:
-    """Words of a name without its unit."""
+    """Remove the unit from a name."""
     cut = name
     for opening in "[(":
         cut = cut.partition(opening)[0] or cut
@@ -270,7 +271,7 @@ def strip_unit_from_name(name: str) -> str:
 
 
 def choose_quantity_permitted_by_unit(quantity_of_name: str | None, unit: str | None) -> str | None:
-    """Quantity that a name states, if its unit permits it."""
+    """Quantity that a name states if its unit permits it, else the quantity of the unit."""
     if unit is None or unit in TURN_UNITS or quantity_of_name is None:
         return quantity_of_name
     return find_quantity_of_unit(unit) or quantity_of_name
@@ -278,7 +279,7 @@ def choose_quantity_permitted_by_unit(quantity_of_name: str | None, unit: str | 
 
 @cache
 def find_quantity_of_unit(unit: str) -> str | None:
-    """Quantity that a unit alone determines."""
+    """Quantity that a unit alone determines; None if several are possible."""
     dimension = get_unit_registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():
         if get_unit_registry().parse_units(each).dimensionality == dimension:

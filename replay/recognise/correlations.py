@@ -1,4 +1,4 @@
-"""Checks of proposed columns against their readings: gravity, slopes and signs."""
+"""Check proposed columns by their readings: gravity, correlation with slopes, and signs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -43,7 +43,7 @@ _WRAPPED: Final = (
     "which numbers of '{0}' are negative: it jumps by 2^{1}; if those of the upper half are, "
     "where(x > {2}, x - {3}, x)"
 )
-#: Both sides of a machine, in m/s or as turns.
+#: Channels of the speed of a side, in m/s or as revolutions, with {} for the side.
 _OF_SIDES: Final = (
     *("speed_{}_m_s", "wheel_{}_rpm"),
     *("{}_motor_torque_N_m", "{}_torque_percent", "{}_motor_current_A"),
@@ -51,7 +51,7 @@ _OF_SIDES: Final = (
 
 
 def find_accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
-    """Three axes of the only accelerometer; empty if there are several or axes are missing."""
+    """Find the three axes of the only accelerometer; empty if there are several, or not three."""
     found = [
         c for c in columns if c.name_meaning.quantity == "acceleration" and c.name_meaning.axis
     ]
@@ -60,21 +60,21 @@ def find_accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
 
 
 class Readings(NamedTuple):
-    """Readings of a column at times."""
+    """Times of a column in s, and its readings at these times."""
 
     times_s: Floats
     readings: Floats
 
 
 class ColumnReader:
-    """Readings of a log's columns: each topic is decoded once, from its begin."""
+    """Reader of a log's columns, which decodes each topic once, from its start."""
 
     def __init__(self, log: Log, columns: Sequence[LogColumn]) -> None:
-        """Read columns of a log.
+        """Prepare to read columns of a log.
 
         Args:
             log: an opened log.
-            columns: those whose name or unit says what they measure are decoded together.
+            columns: columns of the log; columns of known quantity are decoded together.
         """
         self._log = log
         self._named = {
@@ -85,7 +85,7 @@ class ColumnReader:
         self._frames: dict[tuple[str | None, tuple[str, ...]], pl.DataFrame] = {}
 
     def read_times_and_readings(self, topic: str | None, field: str) -> Readings:
-        """Times in seconds from the first row, and numeric readings, of a column.
+        """Read a column: times in s from the first row, and finite readings.
 
         Raises:
             LogError: the column cannot be read.
@@ -102,7 +102,7 @@ class ColumnReader:
             try:
                 return self._read_fields(topic, tuple(named))
             except (LogError, pl.exceptions.PolarsError):
-                # another column of the topic may be what cannot be read: each by itself from now on
+                # another column of the topic may be unreadable: read each by itself from now on
                 self._named[topic] = []
         return self._read_fields(topic, (field,))
 
@@ -118,7 +118,7 @@ class ColumnReader:
 def guess_accelerometer_units(
     reader: ColumnReader, columns: Sequence[LogColumn]
 ) -> dict[LogColumn, tuple[str, str]]:
-    """Units, with reasons, of an accelerometer without stated units, if one axis shows gravity.
+    """Guess the unit of an accelerometer that states none, if one axis shows gravity.
 
     Args:
         reader: reader of the log's columns.
@@ -140,7 +140,7 @@ def guess_accelerometer_units(
 def find_accelerations_without_gravity(
     reader: ColumnReader, columns: Sequence[LogColumn]
 ) -> set[LogColumn]:
-    """Columns of an accelerometer without gravity on any axis: some program removed it."""
+    """Find the axes of an accelerometer whose gravity a program has removed; empty otherwise."""
     axes = [column for column in find_accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
         return set()
@@ -187,7 +187,10 @@ def _compute_median_of_column(reader: ColumnReader, column: LogColumn) -> float:
 def add_correlations_with_slope_as_remarks(
     reader: ColumnReader, columns: Sequence[LogColumn], recognition: Recognition
 ) -> Recognition:
-    """Add how forces and accelerations go with the slope of speed, and speeds with position."""
+    """Add remarks on correlations of forces and accelerations with the speed's slope.
+
+    The correlation of speeds with the slope of the position is added likewise.
+    """
     by_name = {each.column: each for each in recognition.channels if each.field}
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
     place = by_name.get("position_x_m") or next(
@@ -239,9 +242,9 @@ def add_correlations_with_slope_as_remarks(
 def add_question_if_side_turns_backwards(
     reader: ColumnReader, proposals_by_channel: dict[str, ChannelProposal], recognition: Recognition
 ) -> None:
-    """Ask which side turns backwards if two speeds of one machine have opposite signs.
+    """Ask which side turns backwards if the speeds of both sides have opposite signs.
 
-    A motor is often mounted mirrored; the mean of both sides would be zero.
+    Motors are often mounted mirror-inverted; the mean of both sides would then be zero.
     """
     for name in _OF_SIDES:
         left, right = (proposals_by_channel.get(name.format(side)) for side in ("left", "right"))
@@ -295,7 +298,7 @@ def add_question_if_units_contradict_derivative(
         )
 
 
-#: Units of channels of which one is the change of another.
+#: Units of channels, of which some are derivatives of others.
 _SI: Final = {
     "position_x_m": "m",
     "speed_x_m_s": "m/s",
@@ -326,7 +329,7 @@ def add_question_on_sign_of_nonnegative_force(
     speed_proposal: ChannelProposal,
     recognition: Recognition,
 ) -> None:
-    """Ask for the sign of a force that is never negative although the machine brakes with it."""
+    """Ask for the sign of a force that is never negative although it is large during braking."""
     (t, x), (at, y) = (
         read_times_and_readings_of_proposal(reader, force_proposal),
         read_times_and_readings_of_proposal(reader, speed_proposal),
@@ -350,7 +353,7 @@ def add_question_on_sign_of_nonnegative_force(
 def read_times_and_readings_of_proposal(
     reader: ColumnReader, proposal: ChannelProposal
 ) -> Readings:
-    """Times in seconds and readings of a proposal; empty if it has none."""
+    """Read times in s and readings of a proposed channel; empty if they cannot be read."""
     if proposal.field is None:
         return Readings(np.empty(0), np.empty(0))
     try:
@@ -360,7 +363,7 @@ def read_times_and_readings_of_proposal(
 
 
 def compute_slope_at_times(times_s: Floats, sample_times_s: Floats, samples: Floats) -> Floats:
-    """Slope of `samples`, sampled at `sample_times_s`, about each of the times `times_s`."""
+    """Change of `samples`, taken at `sample_times_s`, over a short span about each of `times_s`."""
     half = LIMITS.slope_span_s / 2
     return np.interp(times_s + half, sample_times_s, samples) - np.interp(
         times_s - half, sample_times_s, samples
@@ -383,8 +386,8 @@ def correlate_column_with_slope(
 
 
 def compute_correlation(first_series: Floats, second_series: Floats) -> float | None:
-    """Correlation of two series; None if one is constant or not finite."""
-    # what has a square beyond a float64 is scaled to 1 first
+    """Compute the correlation of two series; None if one is constant or not finite."""
+    # scaled to 1 first, since squares may exceed the range of a float64
     first_series, second_series = (
         each / (float(np.abs(each).max()) or 1.0) for each in (first_series, second_series)
     )

@@ -1,4 +1,4 @@
-"""Force derived from what a drive reports, with a gear ratio to be stated."""
+"""Propose a force derived from the outputs of a drive, for which the gear ratio is asked."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -21,7 +21,7 @@ _GEAR_RATIOS: Final = (
 )
 RADIUS_QUESTION: Final = "machine.wheel_radius_m"
 _EFFICIENCY: Final = "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive"
-#: What a motor reports: quantity, unit, name of its channel, and what makes a torque of it.
+#: Outputs of a motor: quantity, unit, name of the channel, and factor that gives the torque.
 _MOTOR_OUTPUTS: Final = (
     ("torque", "N*m", "motor_torque_N_m", ""),
     ("torque", "percent", "torque_percent", " * RATED_TORQUE [N*m]"),
@@ -30,7 +30,7 @@ _MOTOR_OUTPUTS: Final = (
 
 
 def propose_force_of_drives(columns: Sequence[LogColumn], recognition: Recognition) -> None:
-    """Propose a force from motors and wheels if no column holds one."""
+    """Propose a force from motors or wheels if no column contains one."""
     if (
         "force_x_N" in recognition.filled_or_proposed_channels
         or recognition.has_channel_of_both_sides("torque_{}_N_m")
@@ -50,14 +50,14 @@ def propose_force_of_drives(columns: Sequence[LogColumn], recognition: Recogniti
 
 
 def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Add the forces of the left and the right side, as of two tracks; whether there are any."""
+    """Add the forces of left and right side, as of two tracks; return whether there are any."""
     driving = find_columns_by_side_and_axle(
         c
         for c in columns
         if c.quantity == "force"
         and c.has_dimension_of_channel("force_x_N")
         and c.name_meaning.axis in (None, "x")
-        # a wheel's force is its load more often than what drives it
+        # the force of a wheel is more often its load than its traction
         and c.name_meaning.part != "wheel"
         and not (c.name_meaning.is_linkage or c.name_meaning.is_elsewhere)
     )
@@ -74,7 +74,7 @@ def add_forces_of_both_sides(columns: Sequence[LogColumn], recognition: Recognit
 
 
 def propose_torques_without_unit(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose the torques of both sides whose unit is not stated, if any."""
+    """Propose torques of both sides that state no unit; return whether there are any."""
     driving = find_columns_by_side_and_axle(
         c
         for c in columns
@@ -97,7 +97,7 @@ def propose_torques_without_unit(columns: Sequence[LogColumn], recognition: Reco
 def propose_force_from_unnamed_sides(
     columns: Sequence[LogColumn], recognition: Recognition
 ) -> bool:
-    """Propose a force from two wheel torques without a side; whether there are any."""
+    """Propose a force from two wheel torques without a side; return whether there are any."""
     torques = [
         c
         for c in columns
@@ -126,11 +126,11 @@ def propose_force_from_unnamed_sides(
 
 
 def is_drive_output(column: LogColumn, quantity: str, unit: str) -> bool:
-    """Whether a column is of this quantity and unit, and not what flows into a drive."""
-    # what flows into a drive is power over voltage, not torque
+    """Whether a column has this quantity and unit, and is not the supply of a drive."""
+    # the supply current of a drive is power over voltage, and not a measure of torque
     is_supply = quantity == "current" and column.name_meaning.is_of_supply
-    # a current is in amperes where nothing is stated, as motor controllers write it; a torque's
-    # unit is asked
+    # a current without a unit is in amperes, as motor controllers write it; the unit of a torque is
+    # asked for
     may_lack_unit = unit == "A" or (unit == "N*m" and column.name_meaning.part == "motor")
     has_unit = column.has_dimension_of_unit(unit) or (may_lack_unit and column.unit is None)
     return column.quantity == quantity and has_unit and not is_supply
@@ -139,7 +139,7 @@ def is_drive_output(column: LogColumn, quantity: str, unit: str) -> bool:
 def propose_motor_output(
     column: LogColumn, channel: str, reason: str, recognition: Recognition
 ) -> None:
-    """Propose a motor's torque or current as a source, and ask for a torque's unit."""
+    """Propose a motor's torque or current as a source; ask for the unit of a torque without one."""
     is_asked = column.unit is None and column.quantity == "torque"
     unit = "?" if is_asked else column.unit
     recognition.propose_source_of_derived_channel(column, channel, unit, reason)
@@ -150,13 +150,13 @@ def propose_motor_output(
 def propose_force_from_motors_of_both_sides(
     columns: Sequence[LogColumn], recognition: Recognition
 ) -> bool:
-    """Propose a force from the torques or currents of a left and a right motor, if any."""
+    """Propose a force from torques or currents of two motors; return whether there are any."""
     for quantity, unit, name, factor in _MOTOR_OUTPUTS:
         driving = find_columns_by_side_and_axle(
             c
             for c in columns
             if is_drive_output(c, quantity, unit)
-            # a current of a side is that of its motor, a torque more often that of its wheels
+            # the current of a side is its motor's, but its torque is more often that of its wheels
             and c.name_meaning.part in (("motor", None) if quantity == "current" else ("motor",))
         )
         if not driving:
@@ -176,7 +176,7 @@ def propose_force_from_motors_of_both_sides(
 
 
 def add_question_on_gear_ratios(columns: Sequence[LogColumn], recognition: Recognition) -> None:
-    """Ask for the ratio of each gear if a column has the number of the gear, but none its ratio."""
+    """Ask for the ratio of each gear if a column has the gear's number, but none has its ratio."""
     gear = next((each for each in columns if each.name_meaning.quantity == "gear"), None)
     in_front_of_gearbox = "force_x_N" not in recognition.recognised_channels
     if gear and in_front_of_gearbox and "gear_ratio_1" not in recognition.recognised_channels:
@@ -184,11 +184,11 @@ def add_question_on_gear_ratios(columns: Sequence[LogColumn], recognition: Recog
 
 
 def add_questions_on_gear_and_motor_factor(recognition: Recognition, factor: str) -> None:
-    """Ask for what makes a force of a motor's output.
+    """Ask for the gear ratio, the factor and the wheel radius that convert a motor's output.
 
     Args:
-        recognition: of the log.
-        factor: what makes a torque of it, as in a derivation: " * NAME [unit]", or empty.
+        recognition: recognition to add to.
+        factor: factor that gives the torque, as in a derivation: " * NAME [unit]", or empty.
     """
     recognition.add_question_of_subject("gear", GEAR_QUESTION.format("force_x_N"))
     if factor:
@@ -200,7 +200,7 @@ def add_questions_on_gear_and_motor_factor(recognition: Recognition, factor: str
 
 
 def propose_force_from_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose a force from a motor's torque or current; whether there is any."""
+    """Propose a force from a motor's torque or current; return whether there is one."""
     for quantity, unit, name, factor in _MOTOR_OUTPUTS:
         fitting = [
             c for c in columns if is_drive_output(c, quantity, unit) and c.name_meaning.side is None
@@ -236,7 +236,7 @@ def propose_force_from_motor(columns: Sequence[LogColumn], recognition: Recognit
 
 
 def _propose_force_from_engine(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose a force from an engine's power over the speed, whatever its gear, if any."""
+    """Propose a force from an engine's power over the speed, independent of the gear, if any."""
     engine = [c for c in columns if c.name_meaning.part == "motor"]
     torque = next((c for c in engine if (c.quantity, c.unit) == ("torque", "percent")), None)
     turns = next((c for c in engine if c.quantity == "speed" and c.unit in TURN_UNITS), None)
@@ -260,7 +260,7 @@ def _propose_force_from_engine(columns: Sequence[LogColumn], recognition: Recogn
 
 
 def propose_force_from_pressures(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose a force from a hydrostatic drive's pressures, not boom's or bucket's, if any."""
+    """Propose a force from pressures of a hydrostatic drive; return whether there are any."""
     drive = [
         c for c in columns if c.quantity == "pressure" and c.unit and not c.name_meaning.is_linkage
     ] or find_pressure_port_pair(columns)
@@ -290,9 +290,9 @@ def propose_force_from_pressures(columns: Sequence[LogColumn], recognition: Reco
 
 
 def find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
-    """The two columns in a unit of pressure whose names differ in one letter, such as p_a and p_b.
+    """Find the only two columns in a unit of pressure whose names differ in a letter: p_a and p_b.
 
-    No name says that they are pressures; one alone may be that of a tyre or of oil.
+    Their names do not say that they are pressures; a single one may be that of a tyre or of oil.
     """
     unnamed = [c for c in columns if c.quantity is None and c.has_dimension_of_unit("Pa")]
     pairs = [
@@ -305,7 +305,7 @@ def find_pressure_port_pair(columns: Sequence[LogColumn]) -> list[LogColumn]:
 
 
 def _propose_force_from_power(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose a force from power, or current and voltage, over the speed, if any."""
+    """Propose a force from power, or current times voltage, over speed; return whether it can."""
     current = next(
         (c for c in columns if c.name_meaning.is_of_supply and c.has_dimension_of_unit("A")), None
     )
@@ -339,6 +339,6 @@ def _propose_force_from_power(columns: Sequence[LogColumn], recognition: Recogni
 
 
 def _make_force_from_power_formula(power_formula: str) -> str:
-    """Formula of the force of a power that reaches the wheels."""
+    """Make the formula of a force from power, with the drive's efficiency and the speed."""
     moving = f"abs(speed_x_m_s) > {LIMITS.power_min_speed_m_s} [m/s]"
     return f"where({moving}, {power_formula} * EFFICIENCY / speed_x_m_s)"

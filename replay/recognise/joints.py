@@ -1,8 +1,8 @@
-"""Channels of a JointState: wheels by their names, or the single axis of a rig.
+"""Recognise channels in a JointState: wheels by their names, or the single axis of a rig.
 
 sensor_msgs/JointState is in N·m and rad/s for rotating joints; some programs send m/s. Wheels are
-assumed to rotate, which the draft asks to confirm; joints named only by a side are taken as the
-machine's.
+assumed to rotate, which the draft asks to confirm; joints named only by a side are assumed to drive
+the machine.
 """
 
 from collections.abc import Sequence
@@ -59,13 +59,13 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
             for field in select_array_fields_with_values(log, topic, array, names, start_ns):
                 _fill_channel_with_joint_field(recognition, column, topic, field)
     for part in ("boom", "bucket"):
-        # what a cylinder has is a length
+        # the position of a cylinder is a length, not an angle
         joints = [
             name
             for name in names
             if interpret_column_name(name).quantity == part and "cyl" not in name.lower()
         ]
-        # several are the links of an arm
+        # several joints are the links of an arm
         if len(joints) == 1:
             angles = select_array_fields_with_values(log, topic, "position", joints, start_ns)
             for field in angles:
@@ -73,7 +73,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, recognition: Recogniti
 
 
 def list_joint_fields_with_values(log: Log, topic: str, start_ns: int) -> list[str]:
-    """Fields such as `effort[left]` of all readings in the first message."""
+    """List the fields with values in the first message, such as `effort[left]`."""
     places = [f"name[{place}]" for place in range(LIMITS.max_joints)]
     names = list(
         dict.fromkeys(str(n) for n in read_first_message(log, topic, places, start_ns) if n)
@@ -94,14 +94,14 @@ class WheelJoints(NamedTuple):
 
 
 def find_wheel_joints_by_side(joint_names: Sequence[str]) -> WheelJoints:
-    """Joints of each side, if both have equally many, and whether their names imply rotation."""
+    """Find the joints of each side, if both have equally many."""
     said: dict[str, ColumnMeaning] = {name: interpret_column_name(name) for name in joint_names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
     wheels = {name: each for name, each in drives.items() if each.part == "wheel"}
     chosen = wheels or drives
     by_side = {side: [n for n, each in chosen.items() if each.side == side] for side in _SIDES}
     counts = {len(joints) for joints in by_side.values()}
-    # of joints without a word for a wheel, one a side is a drive; more are a robot's limbs
+    # joints not named as wheels are a drive if there is one per side; more are a robot's limbs
     alike = len(counts) == 1 and (counts == {1} or (bool(wheels) and counts != {0}))
     return WheelJoints(by_side if alike else {}, bool(wheels))
 
@@ -116,7 +116,7 @@ def _propose_torque_and_speed_of_side(
     *,
     is_rotating: bool,
 ) -> None:
-    """Fill torque and speed of one side from its joints."""
+    """Propose torque and speed of one side from its joints."""
     efforts = select_array_fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in recognition.recognised_channels:
@@ -180,7 +180,7 @@ def _propose_formula_as_comment(
 def select_array_fields_with_values(
     log: Log, topic: str, array_name: str, joints: Sequence[str], start_ns: int
 ) -> list[str]:
-    """Fields of an array that have values in the first message."""
+    """Select the fields of an array, of the given joints, that have values in the first message."""
     fields = [f"{array_name}[{joint}]" for joint in joints]
     values = read_first_message(log, topic, fields, start_ns)
     return [field for field, value in zip(fields, values, strict=False) if value is not None]
@@ -189,7 +189,7 @@ def select_array_fields_with_values(
 def read_first_message(
     log: Log, topic: str, fields: Sequence[str], start_ns: int
 ) -> tuple[Any, ...]:
-    """Values of these fields in a topic's first message; empty if there is no message."""
+    """Read fields in a topic's first message; empty if there are no fields or no message."""
     if not fields:
         return ()
     first = log.read(topic, fields, end_ns=start_ns).head(1)

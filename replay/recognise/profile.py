@@ -1,4 +1,4 @@
-"""Profile of every field of a log: unit, rate, range, and a sparkline."""
+"""Profile every field of a log: unit, rate, range, and a sparkline."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -17,7 +17,7 @@ from replay.recognise.joints import list_joint_fields_with_values
 from replay.recognise.recognise_limits import LIMITS
 
 _BARS: Final = "▁▂▃▄▅▆▇█"
-#: Names of stamps, which are no readings.
+#: Fields of headers, which are not readings.
 _NO_READINGS: Final = ("header.stamp", "header.seq", "header.frame_id")
 _EFFORT_UNIT: Final = (
     "is effort a torque in N·m, or a motor current in A? where it is a current, scale = the torque "
@@ -66,7 +66,7 @@ class FieldProfile:
 
 
 def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
-    """Profiles of all fields with single values, in the log's order.
+    """Profile all fields with single values, in the log's order.
 
     Args:
         log: an opened log.
@@ -92,7 +92,7 @@ def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldP
             except LogError:
                 continue
             t = frame["log_time_ns"].to_numpy()
-            # a column of its own costs a call of numpy each, which thousands of them feel
+            # profiled together, since a numpy call per column is slow for thousands of them
             whole = [n for n in part if frame[n].dtype.is_float() or frame[n].dtype.is_integer()]
             x = frame.select(pl.col(whole).cast(pl.Float64)).to_numpy(order="fortran")
             known = np.isfinite(x).all(axis=0) if x.size else np.zeros(len(whole), dtype=bool)
@@ -125,7 +125,7 @@ class ColumnProfile(NamedTuple):
 
 
 def profile_columns_without_gaps(values: Floats) -> list[ColumnProfile]:
-    """Smallest, median and largest value and sparkline of columns (rows, columns) without gaps."""
+    """Profile columns of finite values (rows, columns)."""
     if not values.size:
         return []
     low, high, middle = values.min(axis=0), values.max(axis=0), np.median(values, axis=0)
@@ -143,7 +143,7 @@ def profile_columns_without_gaps(values: Floats) -> list[ColumnProfile]:
 def profile_column_with_gaps(
     topic: str, field: str, unit: str | None, rate_hz: float | None, cells: pl.Series
 ) -> FieldProfile:
-    """Profile of a column with gaps or without numbers."""
+    """Profile a column that has gaps or is not numeric."""
     numeric = cells.dtype.is_numeric() or cells.dtype == pl.Boolean
     present = cells.count()
     if not numeric:
@@ -167,7 +167,7 @@ def profile_column_with_gaps(
 
 
 def draw_sparkline_text(bin_means: Floats, low: float, high: float) -> str:
-    """Sparkline: the mean of each sixteenth of the log as a bar between `low` and `high`."""
+    """Draw a sparkline: the mean of each sixteenth of the log as a bar between `low` and `high`."""
     drawn = ""
     for part in np.array_split(bin_means, min(LIMITS.sparkline_characters, bin_means.size)):
         known = part[np.isfinite(part)]
@@ -183,7 +183,7 @@ def draw_sparkline_text(bin_means: Floats, low: float, high: float) -> str:
 def ask_about_joint_efforts(
     used_fields: Collection[tuple[str, str]], field_profiles: Sequence[FieldProfile]
 ) -> list[str]:
-    """Questions about units of joint efforts used as torques, and notes on efforts without sign.
+    """Ask about units of joint efforts used as torques, and note efforts without a sign.
 
     Args:
         used_fields: topic and field of each channel.

@@ -12,13 +12,13 @@ from replay.recognise.words import ColumnMeaning
 
 SIDES: Final = ("left", "right")
 AXLES: Final = ("front", "rear")
-#: What the answer needs and no column tells, in the order that it is asked in.
+#: Kinds of questions about what no column states, in the order in which they are asked.
 ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
 
 
 @dataclass(frozen=True, slots=True)
 class LogColumn:
-    """Column of a log: topic (None for the only one), stated unit, and words of its name.
+    """Column of a log: topic (None for a table's only one), field, unit, and meaning of its name.
 
     `quantity` is the quantity of the name that the unit permits: a column in N is not a torque.
     """
@@ -31,7 +31,7 @@ class LogColumn:
 
     @property
     def source_text(self) -> str:
-        """Field as text, with its topic if there are several."""
+        """Field as text, after its topic if it has one."""
         return format_field_and_topic(self.topic, self.field)
 
     def has_dimension_of_channel(self, channel: str) -> bool:
@@ -39,16 +39,16 @@ class LogColumn:
         return self.has_dimension_of_unit(find_unit_in_name(channel))
 
     def has_dimension_of_unit(self, unit: str) -> bool:
-        """Whether the unit has the dimension of another; percent is not an angle."""
+        """Whether the unit has the dimension of another; percent matches only percent."""
         is_alike = self.unit == unit or "percent" not in (self.unit, unit)
         return self.unit is not None and is_alike and has_same_dimension(self.unit, unit)
 
 
 def find_columns_by_side_and_axle(columns: Iterable[LogColumn]) -> dict[str, LogColumn]:
-    """The columns of both sides, or of four wheels, by place: `left`, or `front_left`.
+    """Assign columns to both sides or to four wheels, by position: `left`, or `front_left`.
 
     Returns:
-        A column a place; empty unless each place has exactly one.
+        A column for each position; empty unless each has exactly one.
     """
     columns = [*columns]
     sides = {side: [c for c in columns if c.name_meaning.side == side] for side in SIDES}
@@ -61,7 +61,7 @@ def find_columns_by_side_and_axle(columns: Iterable[LogColumn]) -> dict[str, Log
 def _split_by_axle(
     side: str, columns: Sequence[LogColumn]
 ) -> Iterator[tuple[str, list[LogColumn]]]:
-    """Two columns of a side by their axles; otherwise all of them."""
+    """Yield two columns of a side by their axles, or another number of columns together."""
     if len(columns) != len(AXLES):
         yield side, [*columns]
         return
@@ -80,7 +80,7 @@ def has_same_dimension(unit_a: str, unit_b: str) -> bool:
 
 
 def format_field_and_topic(topic: str | None, field: str) -> str:
-    """Field as text, with its topic if there are several."""
+    """Format a field, after its topic if it has one."""
     return f"{topic} {field}" if topic else field
 
 
@@ -90,11 +90,11 @@ class ChannelProposal:
 
     Attributes:
         column: name of the channel.
-        topic: topic of the field; None for the table's only one.
+        topic: topic of the field; None for a table's only one.
         field: source field; None if the channel is derived.
         unit: unit of the field; None for SI, "?" if it must be stated.
         reason: reason for the proposal.
-        derive: arithmetic of a derived channel.
+        derive: formula of a derived channel; None for others.
         is_comment: whether it is written as a comment because information is missing.
     """
 
@@ -108,13 +108,13 @@ class ChannelProposal:
 
     @property
     def source_text(self) -> str:
-        """Source field as text, with its topic if there are several."""
+        """Source field as text, after its topic if it has one."""
         return format_field_and_topic(self.topic, str(self.field))
 
 
 @dataclass(slots=True)
 class Recognition:
-    """Proposed channels, and questions by kind."""
+    """Proposed channels of a log, and questions by kind."""
 
     channels: list[ChannelProposal] = field(default_factory=list)
     kinds_and_questions: list[tuple[str, str]] = field(default_factory=list)
@@ -127,12 +127,12 @@ class Recognition:
 
     @property
     def recognised_channels(self) -> set[str]:
-        """Channels that are filled."""
+        """Names of the channels that are filled."""
         return {each.column for each in self.channels if not each.is_comment}
 
     @property
     def filled_or_proposed_channels(self) -> set[str]:
-        """Channels that are filled or proposed as comments."""
+        """Names of the channels that are filled or proposed as comments."""
         return {each.column for each in self.channels}
 
     def has_channel_of_both_sides(self, channel: str) -> bool:
@@ -146,7 +146,7 @@ class Recognition:
     def fill_channel_if_empty(
         self, column: LogColumn, channel: str, reason: str, unit: str | None = None
     ) -> None:
-        """Fill a channel unless an earlier column has filled it."""
+        """Fill a channel with a column unless it is filled already."""
         if channel in self.recognised_channels:
             return
         stated = drop_unit_if_si(unit or column.unit, channel)
@@ -178,14 +178,14 @@ class Recognition:
     def propose_source_of_derived_channel(
         self, column: LogColumn, channel: str, unit: str | None, reason: str
     ) -> None:
-        """Add the source channel of a proposed derivation."""
+        """Add the source channel of a proposed derivation, as a comment."""
         self.channels.append(
             ChannelProposal(channel, column.topic, column.field, unit, reason, is_comment=True)
         )
 
 
 def drop_unit_if_si(unit: str | None, channel: str) -> str | None:
-    """Unit that a channel must state; None if it is SI."""
+    """Return the unit that a channel must state; None if it is that of the channel's name."""
     if unit is None:
         return None
     return (

@@ -12,65 +12,64 @@ class RecogniseLimits:
     """
 
     # columns
-    #: Elements of a list whose elements are columns, at most: four wheels, three axes; a matrix has
+    #: Most elements of a list whose elements become columns: four wheels, three axes; a matrix has
     #: nine, a scan hundreds.
     list_max_elements: int = 4
-    #: Messages whose lists are looked at: the first ones may be empty.
+    #: Number of first messages in which lists are examined: in some, they may be empty.
     list_messages: int = 50
 
     # correlations
-    #: Rows that correlations are taken over at most,
+    #: Most rows over which correlations are computed.
     correlation_max_rows: int = 200_000
-    #: and time in ns: of half an hour a loader drives enough,
+    #: Longest time in ns over which correlations are computed: in half an hour, a loader drives
+    #: enough.
     correlation_span_ns: int = 1800 * 10**9
-    #: and time in s over which a slope is taken.
+    #: Time in s over which a slope is computed.
     slope_span_s: float = 0.2
     #: Fewest rows of a correlation.
     correlation_min_rows: int = 100
-    #: Difference of two columns, over what they vary by, below which they read the same: a GPS and
-    #: a wheel.
+    #: Standard deviation of the difference of two columns, over that of one, below which they have
+    #: the same readings, such as the speeds by GPS and by a wheel.
     same_reading_fraction: float = 0.1
-    #: Correlation that says something.
+    #: Smallest correlation that is evidence.
     clear_correlation: float = 0.5
-    #: Correlation that a force and a speed of one machine exceed, whatever the ground and the
-    #: driver do.
+    #: Correlation that force and acceleration of a machine exceed on any ground, with any driver.
     absent_correlation: float = 0.1
-    #: Change of one column over the readings of another between which their units hold,
+    #: Range of the ratio of a column's derivative to another column in which their units agree.
     unit_ratio_range: tuple[float, float] = (0.6, 1.7)
-    #: if they correlate by so much: those of a position change with the speed, not with noise.
+    #: Smallest correlation with which this ratio is judged, so that noise does not determine it.
     unit_min_correlation: float = 0.9
-    #: Gravity on an axis of an accelerometer, in m/s²: what it shows on a machine that may stand on
-    #: a slope of 15 degrees, with the gain errors of a cheap one,
+    #: Range of gravity on an axis of an accelerometer, in m/s²: on slopes of up to 15 degrees, with
+    #: the gain errors of a cheap sensor.
     gravity_m_s2: tuple[float, float] = (9.3, 10.2)
-    #: and where the unit is g.
+    #: The same range in g.
     gravity_g: tuple[float, float] = (0.95, 1.04)
-    #: Bits of integers whose sign is lost.
+    #: Bits of integers whose sign a reader may have lost.
     wrapped_bits: tuple[int, int] = (16, 32)
-    #: Size of a force without a sign where the machine brakes, over that at starts, at least; what
-    #: brakes by friction shows none there.
+    #: Smallest ratio of an unsigned force at braking to that at starts; friction brakes show none.
     unsigned_braking_fraction: float = 0.25
-    #: Fraction of its largest by which noise takes a force without a sign below 0.
+    #: Fraction of its maximum by which noise may take an unsigned force below 0.
     unsigned_noise_fraction: float = 0.05
 
     # drives
-    #: Speed in m/s below which power over speed is the losses of a drive that hardly moves.
+    #: Speed in m/s below which power over speed is dominated by losses of the drive.
     power_min_speed_m_s: float = 0.3
 
     # joints
-    #: Joints of a message that are looked at.
+    #: Most joints of a message that are read.
     max_joints: int = 64
 
     # profile
-    #: Characters of a course, and the bars it is drawn with.
+    #: Characters of a sparkline.
     sparkline_characters: int = 16
-    #: Values that are read in one pass, 64 MB of them: bounds the memory of a table of thousands of
-    #: columns;
+    #: Values that are read in one pass, 64 MB, which bounds the memory for a table of thousands of
+    #: columns.
     values_per_pass: int = 8_000_000
-    #: and fields at least, which bounds the passes of a long one.
+    #: Fewest fields that are read in one pass, which bounds the number of passes over a long table.
     fields_per_pass: int = 16
 
     # words
-    #: Letters beyond which a word may be a part of a compound: Zugkraft, Motordrehzahl.
+    #: Letters beyond which a word may be part of a compound: Zugkraft, Motordrehzahl.
     part_word_min_letters: int = 4
 
 

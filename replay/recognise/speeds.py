@@ -1,4 +1,4 @@
-"""Speed derived from what turns: wheels, motors and encoders, with what is to be stated."""
+"""Propose a speed derived from wheels, motors or encoders, and ask for what it needs."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -11,7 +11,7 @@ _TURNING: Final = ("speed", "angular speed")
 
 
 def propose_speed_of_drives(columns: Sequence[LogColumn], recognition: Recognition) -> None:
-    """Propose a speed from wheels, motors or encoders if no column holds one."""
+    """Propose a speed from wheels, motors or encoders if no column contains one."""
     if (
         "speed_x_m_s" in recognition.filled_or_proposed_channels
         or "position_x_m" in recognition.recognised_channels
@@ -32,7 +32,7 @@ def propose_speed_of_drives(columns: Sequence[LogColumn], recognition: Recogniti
 
 
 def _choose_both_sides_or_first(columns: Sequence[LogColumn]) -> list[LogColumn]:
-    """The first column of the left and of the right side; without both, the first alone."""
+    """Choose the first column of each side; if a side has none, only the first column."""
     by_side = {c.name_meaning.side: c for c in reversed(columns)}
     is_of_both = set(SIDES) <= set(by_side)
     return [by_side[side] for side in SIDES] if is_of_both else [*columns[:1]]
@@ -52,14 +52,14 @@ def _is_encoder_of_drive(column: LogColumn) -> bool:
 
 
 def _find_turn_unit(column: LogColumn) -> str | None:
-    """Unit of a column that turns: rad/s of an angular speed that states none."""
+    """Unit of a column of revolutions, or of angular speed (by default rad/s); None for others."""
     if column.unit is None and column.quantity == "angular speed":
         return "rad/s"
     return column.unit if column.unit in TURN_UNITS else None
 
 
 def propose_speed_from_encoders(encoders: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose the position of wheels from ticks of their encoders; whether there are any."""
+    """Propose positions of wheels from encoder ticks; return whether there are any."""
     encoders = _choose_both_sides_or_first(encoders)
     if not encoders:
         return False
@@ -84,7 +84,7 @@ def propose_speed_from_encoders(encoders: Sequence[LogColumn], recognition: Reco
 
 
 def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose speeds from revolutions of both sides or of one wheel; whether there are any."""
+    """Propose speeds from revolutions of both sides or one wheel; return whether there are any."""
     wheels = [
         c
         for c in columns
@@ -113,12 +113,12 @@ def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recogni
 
 
 def propose_speed_from_motor(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose a speed from revolutions of a motor; whether there are any."""
+    """Propose a speed from revolutions of a motor; return whether there are any."""
     turning = [c for c in columns if c.quantity in _TURNING]
     candidates = (
         *(c for c in columns if c.quantity == "erpm"),
         *(c for c in turning if c.unit in TURN_UNITS),
-        # a unit that is guessed is one of a motor
+        # the unit is guessed only for a motor
         *(c for c in turning if _find_turn_unit(c) and c.name_meaning.part == "motor"),
     )
     turns = next(iter(candidates), None)

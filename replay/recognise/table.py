@@ -1,8 +1,8 @@
-"""Channels recognised in a table's columns, with reasons, and open questions.
+"""Recognise the channels of a table's columns, with reasons, and list open questions.
 
 A column is proposed if its name states a quantity that fits its unit, or if its unit alone
-determines the quantity; its correlation with other columns is added. What the answer needs but no
-column states becomes a question: gear ratio, radius, side, unit, sign.
+determines the quantity; its correlation with other columns is added. Anything needed that no column
+states becomes a question: gear ratio, radius, side, unit, sign.
 """
 
 from collections import Counter, defaultdict
@@ -28,10 +28,10 @@ from replay.recognise.drives import add_question_on_gear_ratios, propose_force_o
 from replay.recognise.proposals import AXLES, LogColumn, Recognition
 from replay.recognise.speeds import propose_speed_of_drives
 
-#: A column that may fill a channel, why, and the unit that it is in.
+#: Column that may fill a channel, the reason, and its unit.
 Claim = tuple[LogColumn, str, str | None]
 
-#: Channels that sum over wheels; of others the mean is taken.
+#: Quantities that are summed over wheels; others are averaged.
 _ADD_UP: Final = ("force", "torque")
 
 _KNOWN: Final = frozenset(column.name for column in CHANNEL_COLUMNS)
@@ -47,11 +47,11 @@ def recognise_channels_of_table(log: Log) -> Recognition:
 
 
 def recognise_fields_of_messages(log: Log, recognition: Recognition) -> Recognition:
-    """Recognise channels by the names of fields and topics if the messages' types give no force.
+    """Recognise channels by names of fields and topics if the message types determine no force.
 
     Args:
         log: an opened log of messages.
-        recognition: channels that the types give.
+        recognition: channels that the message types determine.
     """
     filled = recognition.recognised_channels
     if "force_x_N" in filled or {"torque_left_N_m", "torque_right_N_m"} <= filled:
@@ -64,7 +64,7 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
     reader = ColumnReader(log, columns)
     known = Counter(column.field for column in columns if column.field in _KNOWN)
     for column in columns:
-        # of several topics' forces, or of a command, words decide
+        # fields of that name in several topics, and commands, are excluded
         if known[column.field] == 1 and not column.name_meaning.is_no_reading:
             recognition.fill_channel_if_empty(
                 column, column.field, "its name", find_unit_in_name(column.field)
@@ -88,7 +88,7 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
             unit, reason = by_gravity.get(
                 column, (column.unit, "its name and unit" if column.unit else "its name")
             )
-            # an axis of an accelerometer claims its channel in the turn of each quantity
+            # an axis of an accelerometer comes up for several quantities: claim its channel once
             if all(column != claimed for claimed, *_ in claims[channel]):
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
@@ -108,7 +108,7 @@ def fill_only_candidate_or_add_question(
 ) -> None:
     """Fill a channel with the only candidate column, or ask if there are several.
 
-    Of several columns with equal readings the first is taken, except for forces, which add up.
+    Of several columns with equal readings, the first is used, except for forces, which add up.
     """
     if channel in recognition.recognised_channels:
         return
@@ -133,9 +133,9 @@ def fill_only_candidate_or_add_question(
 def add_wheels_of_both_axles(
     channel: str, candidate_columns: Sequence[Claim], recognition: Recognition
 ) -> bool:
-    """Derive a side's channel from its front and its rear wheel; whether it has one of each.
+    """Derive a side's channel from its front and rear wheel; return whether it has one of each.
 
-    Torques add up; of speeds the mean is taken.
+    Torques are summed, speeds averaged.
     """
     by_axle = {
         column.name_meaning.axle: claim for claim in candidate_columns for column in claim[:1]
@@ -189,7 +189,7 @@ def _add_question_if_list_order_gives_side(recognition: Recognition) -> None:
 
 
 def _match_speed_channel(column: LogColumn) -> str | None:
-    # what is in m/s is no turning of a motor
+    # a column in m/s is not the revolutions of a motor
     if column.name_meaning.axis in ("y", "z"):
         return None
     name = f"speed_{column.name_meaning.side}_m_s" if column.name_meaning.side else "speed_x_m_s"
@@ -260,7 +260,7 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
 
 
 def propose_columns_by_unit(columns: Sequence[LogColumn], recognition: Recognition) -> None:
-    """Propose columns with meaningless names that alone have a unit of force or speed."""
+    """Propose columns with uninformative names, if only one has a unit of force or of speed."""
     own = [each for each in columns if each.unit and not each.name_meaning.is_elsewhere]
     units = Counter(choose_quantity_permitted_by_unit("", column.unit) for column in own)
     for column in own:
@@ -276,7 +276,7 @@ def propose_columns_by_unit(columns: Sequence[LogColumn], recognition: Recogniti
             )
 
 
-#: Channels of quantities that one column holds for the whole machine.
+#: Channel of each quantity that one column may give for the whole machine.
 _WITHOUT_UNIT: Final = {
     "force": "force_x_N",
     "speed": "speed_x_m_s",
@@ -287,7 +287,7 @@ _WITHOUT_UNIT: Final = {
 def add_proposals_for_columns_without_unit(
     columns: Sequence[LogColumn], recognition: Recognition
 ) -> None:
-    """Propose columns whose names state a quantity but which have no unit."""
+    """Propose columns whose names state a quantity but that state no unit."""
     given = {each.column for each in recognition.channels}
     for quantity, channel in _WITHOUT_UNIT.items():
         if channel in given or (quantity == "speed" and "speed_left_m_s" in given):

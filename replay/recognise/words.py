@@ -1,4 +1,4 @@
-"""Words of column names: quantity, part, side, axle and axis."""
+"""Interpret the words of column names: quantity, part, side, axle and axis."""
 
 import re
 from collections.abc import Collection
@@ -9,7 +9,7 @@ from typing import Final
 
 from replay.recognise.recognise_limits import LIMITS
 
-#: Beginnings of words of a name, by quantity; the first that fits.
+#: First letters of words in a name, by quantity; the first match counts.
 _QUANTITIES: Final = (
     ("erpm", ("erpm",)),
     ("gear ratio", ("gearratio", "driveratio", "übersetzung", "getriebeübersetzung")),
@@ -60,7 +60,7 @@ _SUPPLY: Final = ("battery", "batt", "input", "in", "supply", "bus", "dc", "pack
 _WITHOUT_GRAVITY: Final = ("linear", "gps", "calculated", "calc", "derived", "without", "kinematic")
 _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
 
-#: What was wanted or allowed, or an end of an interval: no reading of a sensor.
+#: Words for setpoints, limits and ends of intervals, which are not readings of a sensor.
 _NO_READING: Final = frozenset((
     "goal", "setpoint", "setpt", "soll", "sollwert", "target", "demand", "demanded", "desired",
     "wanted", "command", "commanded", "cmd", "request", "requested", "reference", "ref",
@@ -68,7 +68,7 @@ _NO_READING: Final = frozenset((
     "error", "std", "deviation", "covariance", "cov", "variance", "var", "sigma",
     "grenze", "grenzwert",
 ))  # fmt: skip
-#: Beginnings of words for what is not the machine's motion nor what moves it: wind, brakes, tools.
+#: First letters of words for things other than the machine's motion and drive: wind, brakes, tools.
 _ELSEWHERE: Final = re.compile(
     r"\b(?:wind|air\b|fan\b|lüfter|blower|pump|compressor|turbo|alternator|generator|brak|brems"
     r"|frein|fren[oa]|pedal|steer|lenk|vertical|normal\b|preload|spring|damper|suspension|seat|door"
@@ -78,7 +78,7 @@ _ELSEWHERE: Final = re.compile(
 
 
 def _compile_pattern_of_long_words(words: tuple[str, ...]) -> re.Pattern[str] | None:
-    """Pattern of the long words; None without any."""
+    """Compile a pattern of the words that are long enough for parts of compounds, or None."""
     long = [word for word in words if len(word) > LIMITS.part_word_min_letters]
     return re.compile("|".join(long)) if long else None
 
@@ -87,12 +87,12 @@ _KNOWN: Final = tuple(
     (name, frozenset(words), _compile_pattern_of_long_words(words)) for name, words in _QUANTITIES
 )
 
-#: A letter before a capital: the type of a variable (rSpeed is a REAL) more often than a side.
+#: Prefix l or r before a capital, more often a variable's type (rSpeed is a REAL) than a side.
 _PREFIX: Final = re.compile(r"(?:(?<=[^A-Za-z])|^)[lr](?=[A-Z])")
 
 
 def is_side_prefix_confirmed(name: str, all_names: Collection[str]) -> bool:
-    """Whether a name's side is real: a prefix `r` is one only if a name with `l` exists.
+    """Whether a prefix `l` or `r` of a name, if any, is a side: the other one must exist too.
 
     Args:
         name: name of a column.
@@ -106,7 +106,7 @@ def is_side_prefix_confirmed(name: str, all_names: Collection[str]) -> bool:
 
 
 def move_trailing_side_to_front(column_name: str) -> str:
-    """The name with a side at its end put in front, so that a unit is last: `torque_nm.left`."""
+    """Move a side at a name's end to its front, so that a unit is last, as in `torque_nm.left`."""
     *rest, last = re.split(r"[._ ](?=[^._ ]*$)", column_name)
     is_side = any(last.lower() in words for words in _SIDES.values())
     return f"{last}_{rest[0]}" if rest and rest[0] and is_side else column_name
@@ -114,7 +114,7 @@ def move_trailing_side_to_front(column_name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ColumnMeaning:
-    """Meaning of a column's name; None for what it does not state."""
+    """Meaning of a column's name; attributes that the name does not state are None."""
 
     quantity: str | None
     side: str | None
@@ -130,7 +130,7 @@ class ColumnMeaning:
 
 @lru_cache(maxsize=1 << 12)
 def interpret_column_name(column_name: str) -> ColumnMeaning:
-    """Meaning of a column's name.
+    """Interpret the words of a column's name.
 
     Args:
         column_name: name without its unit.
@@ -157,7 +157,7 @@ def interpret_column_name(column_name: str) -> ColumnMeaning:
         word in starts for q, starts in _QUANTITIES if q in ("boom", "bucket") for word in words
     )
     without = any(word in _WITHOUT_GRAVITY for word in words)
-    # the input of a gear is its shaft, that of a current the supply
+    # the input of a gear is a shaft, but an input current is that of the supply
     of_motor = any(word.startswith("mot") for word in words)
     supply = not of_motor and any(word in _SUPPLY for word in words)
     no_reading = not own.isdisjoint(_NO_READING)

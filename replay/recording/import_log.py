@@ -1,4 +1,4 @@
-"""Importer for the Rerun viewer: replays a log if it has a machine file, otherwise shows it raw."""
+"""Importer of the Rerun viewer, which replays a log with a machine file, and shows others raw."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,9 +22,9 @@ from replay.machines.machine_file import (
 from replay.pipeline import run
 from replay.recording.importer_files import VARIABLE, find_machine_file_of_log
 
-#: Elements of a list without names that are drawn.
+#: Most elements of a list without names that are drawn.
 _ELEMENTS: Final = 12
-#: Numbers that say nothing over time.
+#: Fields with numbers that are not worth plotting over time.
 _LEFT_OUT: Final = ("header.", "covariance")
 
 
@@ -62,7 +62,7 @@ def stream_log_to_viewer(log: Path, request: ViewerRequest) -> str | None:
 
 
 def iter_readable_topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
-    """Yield every readable topic in order of time: unix_ns, and the fields worth plotting."""
+    """Yield each readable topic with its rows in order of time: `unix_ns`, and fields to plot."""
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
@@ -72,7 +72,7 @@ def iter_readable_topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
         try:
             frame = log.read(row["topic"], fields)
         except LogError:
-            continue  # a topic that cannot be decoded costs that topic
+            continue  # if a topic cannot be decoded, only that topic is missing
         placed, _, _ = assign_timestamps({row["topic"]: frame})
         yield row["topic"], placed[row["topic"]]
 

@@ -1,18 +1,18 @@
-"""Files that the importer of the Rerun viewer accepts; checked for every opened file."""
+"""Decide which files the importer of the Rerun viewer accepts, for every file that it opens."""
 
 import os
 from pathlib import Path
 from typing import Final
 
-#: Names the machine file of the logs that are opened.
+#: Environment variable that names the machine file of the logs that are opened.
 VARIABLE: Final = "PAYSCOPE_MACHINE"
-#: Logs that the viewer opens by itself not at all. It reads .mcap and .parquet.
+#: Suffixes of logs that the viewer cannot open itself; it reads .mcap and .parquet.
 _ALONE: Final = (".bag", ".db3", ".csv")
 _WITH_MACHINE: Final = (*_ALONE, ".mcap", ".parquet")
 
 
 def find_machine_file_of_log(log: Path) -> Path | None:
-    """Machine file of a log: that of `PAYSCOPE_MACHINE`, or `shift.toml` beside `shift.bag`.
+    """Find the machine file of a log: `PAYSCOPE_MACHINE`, or `shift.toml` beside `shift.bag`.
 
     Returns:
         None if neither exists.

@@ -1,4 +1,4 @@
-"""The command `show`: rows of a recording's frame between two times of the run."""
+"""The command `show`: read rows of a recording's frame between two times of the run."""
 
 import math
 from dataclasses import dataclass, replace
@@ -25,8 +25,8 @@ class RecordedStage:
         recording: path of the recording.
         name: name of the frame.
         rows: rows as stored.
-        t0_unix_ns: unix time of the run's start.
-        timezone: timezone in which times are displayed.
+        t0_unix_ns: Unix time of the run's start.
+        timezone: time zone in which times are displayed.
     """
 
     recording: Path
@@ -40,7 +40,7 @@ class RecordedStage:
         """Read a frame of a recording.
 
         Raises:
-            RecordingError: no recording, or it has no such frame.
+            RecordingError: the file is not a recording, or has no such frame.
         """
         held = list_columns_by_frame(recording)
         if frame_name not in held:
@@ -63,7 +63,7 @@ class RecordedStage:
         """Calibrate the masses of the frame `loads`.
 
         Raises:
-            RecordingError: the stage is another frame than `loads`.
+            RecordingError: the frame is not `loads`.
             EvidenceError: the evidence is refused.
         """
         if self.name != "loads":
@@ -83,10 +83,10 @@ class RecordedStage:
         )
 
     def select_rows_between(self, start_s: float | None, end_s: float | None) -> Self:
-        """Rows between two seconds of the run, both included.
+        """Select the rows between two times of the run in s, including both.
 
         Raises:
-            RecordingError: the frame has no time, or the stretch is invalid.
+            RecordingError: the frame has no time, or the range is invalid.
         """
         if start_s is None and end_s is None:
             return self
@@ -101,17 +101,17 @@ class RecordedStage:
         return replace(self, rows=rows)
 
     def select_rows_at_second(self, second: float) -> Self:
-        """Rows at a second of the run: those whose span contains it, otherwise the last before.
+        """Select the rows at a time of the run in s: whose span contains it, else the last before.
 
         Raises:
-            RecordingError: the frame has no time, or the second is invalid.
+            RecordingError: the frame has no time, or the time is invalid.
         """
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; give seconds since the start")
         column = self._require_time_column()
         begin = self._make_time_since_start_expression(column) / 1e9
         if "end_t_ns" in self.rows.columns:
-            # without a begin or an end it is of the whole log
+            # a row without a start or an end is about the whole log
             inside = (begin <= second).fill_null(True) & (
                 pl.col("end_t_ns") / 1e9 >= second
             ).fill_null(True)
@@ -122,7 +122,7 @@ class RecordedStage:
         return replace(self, rows=held.tail(1))
 
     def make_frame_with_readable_times(self) -> pl.DataFrame:
-        """Rows with readable times: seconds, and local time if they are dates."""
+        """Rows with readable times: seconds since the start, and local time if the log is dated."""
         column = self.time_column
         if column is None:
             return self.rows
@@ -145,5 +145,5 @@ class RecordedStage:
         return column
 
     def _make_time_since_start_expression(self, column: str) -> pl.Expr:
-        """Time since the first sample, from a stamp or a grid time."""
+        """Make the expression of the time in ns since the first sample, from stamp or grid time."""
         return pl.col(column) - (self.t0_unix_ns if column == "log_time_ns" else 0)

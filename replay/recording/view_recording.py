@@ -15,19 +15,19 @@ from recordings.rrd.recording_window import read_run_of_time_range
 from recordings.rrd.viewer import open_recording_in_viewer, take_screenshots_of_recording
 from recordings.rrd.writer import SUFFIX
 
-#: What is drawn around a moment, in s either way.
+#: Time in s that is drawn before and after a moment.
 AROUND_S: Final = 15.0
 
 
 def parse_moment_of_run_s(recording: Path, text: str) -> float:
-    """Second of a recording's run that a text denotes.
+    """Parse a moment of a recording's run, in s since its start.
 
     Args:
         recording: the recording.
         text: seconds since the start, or a time in ISO 8601, in UTC without a zone.
 
     Raises:
-        RecordingError: it is neither, or the recording cannot be read.
+        RecordingError: the text is neither, or the recording cannot be read.
     """
     try:
         return float(text)
@@ -40,7 +40,7 @@ def parse_moment_of_run_s(recording: Path, text: str) -> float:
             f"--at {text}: is not a time; give seconds since the start, or 2026-11-23T06:12:03Z"
         ) from None
     moment = time if time.tzinfo else time.replace(tzinfo=UTC)
-    # in whole microseconds: a float of seconds since 1970 has steps of a quarter of one
+    # as integer microseconds: a float of seconds since 1970 resolves only a quarter of one
     since_epoch_us = (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1)
     return (since_epoch_us * 1000 - read_provenance(recording).t0_unix_ns) / 1e9
 
@@ -58,17 +58,17 @@ def view_recording(
 
     Args:
         recording: the recording.
-        from_s: start of the shown stretch, in seconds since the start.
-        to_s: end of the shown stretch.
+        from_s: start of the shown stretch, in seconds since the run's start.
+        to_s: end of the shown stretch, likewise.
         at_s: time of the cursor.
         screenshot: folder for screenshots; None opens the viewer.
-        tab_title: the only tab to write.
+        tab_title: title of the only tab to write; None writes all.
 
     Returns:
         Paths of the screenshots.
 
     Raises:
-        PayscopeError: no such recording, nothing in that stretch, no viewer, no such tab.
+        PayscopeError: the recording, the viewer or the tab does not exist, or the stretch is empty.
     """
     if tab_title is not None and screenshot is None:
         raise OutputError(
@@ -78,7 +78,7 @@ def view_recording(
         raise RecordingError(f"--at {at_s}: is not a time; give seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
         raise OutputError(f"{screenshot}: is a file; give a folder for the pictures")
-    # the viewer has read a stretch when it is opened, and needs it no more
+    # once it is open, the viewer has read the stretch and no longer needs the file
     with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
         shown = recording
         if from_s is not None or to_s is not None:
@@ -109,12 +109,13 @@ def plot_recording(
         picture_path: path of the picture; its suffix sets the format.
         figure_name: one of `recordings.plots.run_plots.FIGURES`.
         at_s: moment to mark; without a stretch, `AROUND_S` on either side is drawn.
-        from_s: start of the stretch, in seconds since the start.
-        to_s: end of the stretch.
+        from_s: start of the stretch, in seconds since the run's start.
+        to_s: end of the stretch, likewise.
         force: whether to replace an existing picture.
 
     Raises:
-        PayscopeError: no such recording, nothing in that stretch, or the picture cannot be written.
+        PayscopeError: the recording does not exist, the stretch is empty, or the picture cannot be
+            written.
     """
     require_writable_picture(picture_path, force=force)
     if at_s is not None:

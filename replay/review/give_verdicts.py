@@ -1,7 +1,7 @@
-"""Verdicts and labels of a review, which is recounted with them and without its logs.
+"""Add verdicts and labels to a review, and recount it without replaying its logs.
 
-A reviewer gives them on the command line; text topics of the logs say who drove and what was
-loaded.
+A reviewer gives verdicts on the command line; text topics of the logs give labels, such as the
+operator and the product.
 """
 
 import datetime as dt
@@ -53,7 +53,7 @@ from replay.review.write_review import (
 
 _MODEL_KEYS: Final = {"id", "author", "time"}
 _CHANNEL: Final = re.compile(r"(?P<label>\w+)=(?P<topic>.+):(?P<field>[^:]+)")
-#: Author of what the logs say.
+#: Author of the labels that come from the logs.
 BY_LOGS: Final = "the logs"
 
 
@@ -62,11 +62,11 @@ class RequestedVerdicts:
     """Verdicts of a reviewer from the command line.
 
     Attributes:
-        reject: cycles to exclude from the count; `find_ledger_row_of_cycle` describes their names.
-        accept: cycles to include again.
-        cycles: cycles that the note and labels apply to.
-        note: note on these cycles.
-        labels: labels by name (`LABELS`), of these cycles or, without cycles, of the whole shift.
+        reject: cycles to exclude from the count, named as `find_ledger_row_of_cycle` describes.
+        accept: rejected cycles to count again.
+        cycles: further cycles that the note and labels apply to.
+        note: note on the named cycles.
+        labels: labels by name (`LABELS`), of the named cycles or, without any, of the whole shift.
         spans: labels of parts of the shift, from the logs.
         begin: local time from which labels of the shift apply.
         end: local time up to which labels of the shift apply.
@@ -103,7 +103,7 @@ class RequestedVerdicts:
         return {name: text for name, text in self.labels.items() if text}
 
     def refuse_incomplete_verdicts(self) -> None:
-        """Refuse incomplete verdicts.
+        """Raise an error for incomplete verdicts.
 
         Raises:
             ReviewError: the verdicts are incomplete; one line.
@@ -138,11 +138,11 @@ class RequestedVerdicts:
         state: ReviewState,
         review_folder: Path,
     ) -> list[CycleVerdict | ShiftVerdict]:
-        """Verdicts that change something compared with the earlier ones.
+        """List the verdicts that are not in the file of verdicts yet.
 
         Args:
-            earlier_verdicts: earlier verdicts.
-            ledger_rows: the ledger.
+            earlier_verdicts: contents of that file.
+            ledger_rows: rows of the ledger.
             state: state of the review.
             review_folder: folder of the review.
         """
@@ -181,7 +181,7 @@ class RequestedVerdicts:
                 )
             return [said]
         if not self.rejection_of_each_named_cycle:
-            # labels of a part of the shift may say otherwise: the later one counts
+            # labels of a part of the shift may differ: the later verdict counts
             in_parts = any(each.begin or each.end for each in earlier_verdicts.shift)
             said = {
                 name: text
@@ -216,7 +216,7 @@ def recount_review_with_verdicts(folder: Path, verdicts: RequestedVerdicts) -> S
     """Add verdicts to a review's file, and rewrite its ledger and page.
 
     Raises:
-        ReviewError: no review is there, it is of another version, or a cycle is not there.
+        ReviewError: the folder has no review, another version wrote it, or it has no such cycle.
     """
     verdicts.refuse_incomplete_verdicts()
     state = read_review_state(folder)
@@ -239,7 +239,7 @@ def recount_review_with_verdicts(folder: Path, verdicts: RequestedVerdicts) -> S
             ) from None
         before = read_verdict_text(folder)
         added = verdicts.list_changed_verdicts(parse_verdicts(before, folder), rows, state, folder)
-        # what a person wrote stays as it is
+        # entries written by a person stay as they are
         text = "\n".join(
             filter(None, (before and f"{before.rstrip()}\n", format_verdicts_as_toml(added)))
         )
@@ -256,7 +256,7 @@ def recount_review_with_verdicts(folder: Path, verdicts: RequestedVerdicts) -> S
 
 
 class LabelChannel(NamedTuple):
-    """Source of a label, written `operator=/shift/operator:data`."""
+    """Topic and field that a label comes from, written `operator=/shift/operator:data`."""
 
     label: str
     topic: str
@@ -267,7 +267,7 @@ def parse_label_channel(text: str) -> LabelChannel:
     """Parse `LABEL=TOPIC:FIELD`.
 
     Raises:
-        ReviewError: it is written otherwise, or no label is called so.
+        ReviewError: the text has another form, or there is no label of that name.
     """
     match = _CHANNEL.fullmatch(text.strip())
     if match is None:
@@ -283,15 +283,15 @@ def parse_label_channel(text: str) -> LabelChannel:
 def read_label_spans(
     paths: Sequence[Path], channels: Sequence[LabelChannel], machine: Machine
 ) -> list[ShiftVerdict]:
-    """Labels of loads in the logs, each valid until the next different message.
+    """Read labels of loads from topics of the logs, each valid until a message with another text.
 
     Args:
         paths: logs of the review; all must be dated or share one time line.
-        channels: sources of labels.
+        channels: topic and field of each label.
         machine: machine file with the time format of tables.
 
     Raises:
-        LogError: no log has a topic, or its field.
+        LogError: no log has the topic or the field of a label.
     """
     found: list[ShiftVerdict] = []
     with ExitStack() as stack:
@@ -317,7 +317,7 @@ def read_label_spans(
 def iter_verdicts_of_label_spans(
     channel: LabelChannel, topic_frame: pl.DataFrame
 ) -> Iterable[ShiftVerdict]:
-    """Yield a verdict for each stretch with the same text."""
+    """Yield a verdict for each run of consecutive messages with the same text."""
     texts = [_format_label_value(each) for each in topic_frame[channel.field]]
     times = topic_frame["log_time_ns"].to_list()
     changes = [k for k, text in enumerate(texts) if k == 0 or text != texts[k - 1]]
@@ -343,5 +343,5 @@ def _format_label_value(value: object) -> str:
 
 
 def _round_unix_time_to_second(unix_ns: int) -> dt.datetime:
-    """Round to a second, as verdicts are written."""
+    """Round a Unix time in ns down to a second, as times of verdicts are stored."""
     return dt.datetime.fromtimestamp(int(unix_ns // NS_PER_S), dt.UTC)

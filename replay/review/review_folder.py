@@ -1,4 +1,4 @@
-"""Folder of a review: locked for one review at a time, and without other files."""
+"""Folder of a review: locked for one review at a time, and refused if it holds other files."""
 
 import shutil
 from collections.abc import Generator, Sequence
@@ -14,7 +14,7 @@ from replay.logs import Log
 
 _LOCK: Final = ".lock"
 _STAGE: Final = ".payscope-"
-#: Every rosbag2 directory has a file of this name.
+#: Name of a file of every rosbag2 directory, which therefore identifies none.
 _ROSBAG2_METADATA: Final = "metadata.yaml"
 
 
@@ -51,10 +51,10 @@ def lock_review_folder(folder: Path) -> Generator[None]:
 
 
 def refuse_unsuitable_review_folder(folder: Path) -> None:
-    """Refuse an unsuitable folder before the review is computed.
+    """Raise an error for a folder that holds other files, before the review is computed.
 
     Raises:
-        ReviewError: it holds other files and no review.
+        ReviewError: the folder holds other files and no review.
     """
     if not folder.is_dir() or any((folder / n).is_file() for n in (STATE, PARQUET, RECORDING)):
         return
@@ -69,15 +69,15 @@ def refuse_unsuitable_review_folder(folder: Path) -> None:
 def refuse_review_of_other_shift(
     folder: Path, review: ReviewState, opened_logs: Sequence[Log]
 ) -> None:
-    """Refuse to replace the review of another shift.
+    """Raise an error if the folder holds the review of another shift, which is not to be replaced.
 
     Args:
         folder: folder of the review.
-        review: its state.
-        opened_logs: logs that are reviewed now, with their digests.
+        review: state of the review in that folder.
+        opened_logs: logs of the new review, with their digests.
 
     Raises:
-        ReviewError: no log of the review is among them, neither by name nor by content.
+        ReviewError: no log of the earlier review is among the new ones, by name or by content.
     """
     names = {file.name for log in opened_logs for file in log.files} - {_ROSBAG2_METADATA}
     digests = {digest for log in opened_logs for digest in log.digests}

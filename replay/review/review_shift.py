@@ -1,4 +1,4 @@
-"""The command `review`: logs of a shift in, its ledger, recording and page out."""
+"""The command `review`: write ledger, recording and page of a shift from its logs."""
 
 import hashlib
 import json
@@ -63,15 +63,15 @@ from replay.review.write_review import (
     write_review_files,
 )
 
-#: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
+#: The recording of a shift keeps one row in this many of the frames that it thins.
 _THINNED: Final = 10
 _OF_THE_GRID: Final = ("excitation", "gate")
-#: Frames that a shift's recording has whole.
+#: Frames that a shift's recording keeps unthinned.
 _WHOLE: Final = (
     *("digging", "segments", "loads", "manoeuvres", "cycles", "shift", "findings"),
     *("nuisances", "responses", "learnt_errors", "budget", "masses", "verdict"),
 )
-#: What readers say of a file that ends before it was closed.
+#: Phrases by which readers report a file that ends before it was closed.
 _TORN: Final = (
     *("breaks off", "did not finish it", "bytes at the end are lost", "incomplete chunk"),
     "is cut off and was not read",
@@ -83,12 +83,12 @@ class ReviewOptions:
     """Options of a review.
 
     Attributes:
-        overrides: `key=value`, of the machine file.
+        overrides: `key=value` overrides of the machine file.
         calibration: request for calibrated masses.
         target_kg: target mass of a load.
-        full: whether the recording keeps every sample and every intermediate.
+        full: whether the recording keeps every sample of every frame.
         decimal_comma: whether ledger_table.csv is for a locale with decimal commas.
-        replaces_other_shift: whether a review of entirely other logs in the folder is replaced.
+        replaces_other_shift: whether to replace a review in the folder that is of other logs.
     """
 
     overrides: Sequence[str] = ()
@@ -108,14 +108,14 @@ def review_shift(
 ) -> ShiftReview:
     """Review a shift.
 
-    All logs form one time line with one fit, so that the whole shift determines friction and
-    nuisances. A log that is added, or that changes by a byte, makes a new fit of all logs. An
-    unchanged shift is not replayed again, and decoded logs are kept in the folder.
+    All logs are on one time line and fitted together, so that the whole shift determines friction
+    and nuisances. If a log is added or changes by a byte, all logs are replayed and fitted again;
+    an unchanged shift is not. Decoded logs are kept in the folder.
 
     Args:
         logs: logs of the shift, in any order; a folder means all logs in it.
         machine_file: the machine file, or the name of a shipped one.
-        folder: folder to write; an earlier review of these logs, or of some, is replaced.
+        folder: folder to write; an earlier review of any of these logs is replaced.
         options: see `ReviewOptions`.
         on_stage: called with the name of each stage as it begins.
 
@@ -131,7 +131,7 @@ def review_shift(
     logs = expand_log_folders(logs)
     with lock_review_folder(folder), ExitStack() as stack:
         verdicts = read_verdict_text(folder)
-        parse_verdicts(verdicts, folder)  # what is wrong in it is said before the logs are read
+        parse_verdicts(verdicts, folder)  # errors in it are raised before the logs are read
         on_stage("open")
         opened = sort_logs_by_first_message(
             [
@@ -187,7 +187,7 @@ def review_shift(
 
 @dataclass(frozen=True)
 class ReplayedShift:
-    """Replay of a shift, or as much of it as was kept."""
+    """Replay of a shift, or what an earlier review has kept of it."""
 
     cycles: pl.DataFrame
     shift: pl.DataFrame
@@ -226,7 +226,7 @@ def _replay_opened_shift(
 
 
 def make_empty_mass_warning(run: Run, opened_logs: list[Log], machine: Machine) -> str:
-    """Warning that the logs may be of two machines, or that the empty mass steps; else empty."""
+    """Warn of logs that may be of two machines, or of a step of the empty mass; "" if neither."""
     begins = compute_log_starts_ns(
         opened_logs, list_channel_fields(machine), run.provenance.t0_unix_ns
     )
@@ -238,7 +238,7 @@ def make_empty_mass_warning(run: Run, opened_logs: list[Log], machine: Machine) 
 
 
 def _compute_shift_energy_of_run(run: Run, machine: Machine) -> ShiftEnergy:
-    """Energy of the shift, by the settings of its replay."""
+    """Compute the energy of the shift with the settings of its replay."""
     frames, settings = run.frames, run.provenance.settings
     gaps = find_spans_of_missing_channels_ns(frames["excitation"], frames["aligned"])
     return compute_shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
@@ -247,7 +247,7 @@ def _compute_shift_energy_of_run(run: Run, machine: Machine) -> ShiftEnergy:
 def read_replay_of_earlier_review(
     folder: Path, earlier_review: ReviewState | None, inputs_digest: str
 ) -> ReplayedShift | None:
-    """Read the replay of an earlier review of the same logs and settings; None if there is none."""
+    """Read what an earlier review kept of its replay; None if its logs or settings differ."""
     recording = folder / RECORDING
     if earlier_review is None or earlier_review.key != inputs_digest or not recording.is_file():
         return None
@@ -262,7 +262,7 @@ def read_replay_of_earlier_review(
 
 
 def select_frames_for_recording(run: Run, *, is_full_recording: bool) -> Run:
-    """Frames for the recording of a shift."""
+    """The run with the frames that the recording of a shift keeps, thinned unless it is full."""
     if is_full_recording:
         return run
     frames: dict[str, pl.DataFrame] = {}
@@ -290,7 +290,7 @@ def sort_logs_by_first_message(logs: list[Log]) -> list[Log]:
 
 
 def read_frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
-    """Frames needed for calibration, from the replay or its recording."""
+    """Frames that calibrating the masses needs, from the replay or its recording."""
     if shift.run is not None:
         return shift.run.frames
     there = list_columns_by_frame(folder / RECORDING)
@@ -300,7 +300,7 @@ def read_frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[s
 
 
 def digest_replay_inputs(logs: list[Log], machine: Machine, *, is_full_recording: bool) -> str:
-    """Digest of everything that a replay and its recording depend on."""
+    """SHA-256 in hex of everything that a replay and its recording depend on."""
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in list_input_files(log)],
@@ -315,7 +315,7 @@ def digest_replay_inputs(logs: list[Log], machine: Machine, *, is_full_recording
 def _convert_review_inputs_to_dict(
     machine: Machine, options: ReviewOptions, calibration: MachineCalibration | None
 ) -> dict[str, Any]:
-    """Everything but the logs that a review depends on."""
+    """Everything that a review depends on besides its logs, as JSON values by name."""
     return {
         **convert_machine_without_settings_to_dict(machine),
         "settings": machine.settings.model_dump(mode="json"),

@@ -36,9 +36,9 @@ from recordings.review.shift_ledger import (
     write_ledger_parquet_and_csv,
 )
 
-#: What a review writes besides its recording.
+#: Files that a review writes besides its recording.
 OUTPUTS: Final = (PARQUET, CSV, XLSX, TABLE_CSV, PAGE, STATE)
-#: Points of the track.
+#: Points that the track of positions is thinned to.
 _TRACK_POINTS: Final = 400
 
 
@@ -66,7 +66,7 @@ class ShiftReview:
 
     @property
     def missing_tonnes_reason(self) -> str:
-        """Why no cycle counts; empty if one does."""
+        """Reason why no cycle is counted; empty if at least one is."""
         return explain_why_no_cycle_is_counted(self.state, self.ledger)
 
     def to_dict(self) -> dict[str, Any]:
@@ -88,7 +88,7 @@ class ShiftReview:
     def from_replay(
         cls, folder: Path, page: ReviewPage, *, is_newly_replayed: bool
     ) -> "ShiftReview":
-        """Review from the contents of a page."""
+        """Make the result of a review from the contents of its page."""
         shown = (page.state, page.calibration, page.target)
         return cls(folder, page.ledger, dict(page.shift), *shown, is_newly_replayed)
 
@@ -127,10 +127,10 @@ class ShiftCount:
             summary: frame `shift` of the replay.
             t0_unix_ns: origin of times.
             verdict_text: text of the file of verdicts.
-            folder: folder of that file.
+            folder: folder of that file, for error messages.
 
         Raises:
-            ReviewError: the file says something else, or a verdict is about no cycle.
+            ReviewError: the file of verdicts is invalid, or a verdict names a cycle that is absent.
         """
         verdicts = parse_verdicts(verdict_text, folder)
         by_row = assign_verdicts_to_rows(verdicts, make_cycle_ids(cycles, t0_unix_ns), folder)
@@ -153,7 +153,7 @@ class ShiftCount:
         input_changes: list[ChangedSetting] | None,
         track: pl.DataFrame | None,
     ) -> ReviewPage:
-        """Page of the review; arguments as for `ReviewPage`."""
+        """Make the page of the review; arguments as for `ReviewPage`."""
         target_kg = state.resolved["target_kg"]
         counted = self.rows.filter("counted")
         return ReviewPage(
@@ -186,7 +186,7 @@ def write_review_files(review_page: ReviewPage, folder: Path) -> None:
 
 
 def decimate_position_track(aligned: pl.DataFrame) -> pl.DataFrame | None:
-    """Thinned positions of the frame `aligned`; None if it has none."""
+    """Thin the positions of the frame `aligned` to a track; None if it has no positions."""
     names = ("latitude_deg", "longitude_deg")
     if not set(names) <= set(aligned.columns):
         return None

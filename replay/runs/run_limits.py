@@ -12,15 +12,16 @@ class RunLimits:
     """
 
     # run_logs
-    #: Interval in s between checks of the file, within which an editor writes it.
+    #: Interval in s between checks of the machine file, longer than an editor takes to write it.
     check_interval_s: float = 0.2
     #: Checks after which a missing file counts as removed; an editor replaces a file faster.
     checks_until_removed: int = 10
 
     # sweep_settings
-    #: Points beyond which a grid is a slip of the pen: days of replays.
+    #: Most points of a grid: more would take days of replays, and are a mistake.
     max_grid_points: int = 10_000
-    #: Fewest loads of a calibration campaign: with fewer, raw masses are held against the truth.
+    #: Fewest loads of a calibration campaign: with fewer, only raw masses are compared with the
+    #: truth.
     calibration_min_loads: int = 3
 
 

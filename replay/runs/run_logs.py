@@ -67,7 +67,7 @@ def replay_and_record_logs(
         logs: the logs.
         machine_file: the machine file, or the name of a shipped one.
         output: recording to write.
-        overrides: `key=value`, of the machine file.
+        overrides: `key=value` overrides of the machine file.
         strict: whether to refuse logs with any loss.
         calibration: request for calibrated masses.
         on_stage: called with the name of each of `STEPS` as it begins.
@@ -78,7 +78,7 @@ def replay_and_record_logs(
     machine = load_machine(machine_file, overrides)
     by: MachineCalibration | None = None
     if calibration is not None:
-        # a run begins without what it may not need
+        # imported only when needed, so that a run begins sooner
         from replay.calibration.apply_evidence import load_and_verify_calibration
 
         by = load_and_verify_calibration(calibration)
@@ -88,7 +88,7 @@ def replay_and_record_logs(
     if output.path is not None:
         recordings.require_writable_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
-    # before the work: without a screen there is nothing to wait for
+    # opened before the work, so that a missing display is reported at once
     viewer = open_requested_live_viewer(output)
     with ExitStack() as stack:
         on_stage("open")
@@ -135,23 +135,23 @@ def watch_machine_file(
 ) -> None:
     """Replay now and after each change of the machine file, until interrupted.
 
-    A viewer stays open in between: it keeps its tabs and the place of its time cursor, and holds
-    the replay before the last one as well.
+    A viewer stays open in between: it keeps its tabs and its time cursor, and also shows the
+    previous replay.
 
     Args:
         machine_file: file to watch.
         output: recording, replaced by each replay.
-        overrides: `key=value`, with precedence over the file.
+        overrides: `key=value` overrides of the file.
         replay: function that replays once and records as requested.
         on_answer: called with each answer and the keys changed since the previous replay.
         on_error: called with the error in a changed file; watching continues.
 
     Raises:
-        PayscopeError: the first replay failed.
+        PayscopeError: the first replay failed; raised as from `replay`.
     """
     from recordings.rrd.viewer import list_ids_of_shown_recordings, replace_recording_in_viewer
 
-    # a file that is gone is not the shipped one of its name
+    # absolute, so that a removed file is not replaced by the shipped one of that name
     path = find_machine_file_or_shipped_one(machine_file).absolute()
     view = open_requested_live_viewer(output)
     last: Machine | None = None
@@ -173,7 +173,7 @@ def watch_machine_file(
             on_error(error)
             continue
         last, failed = machine, False
-        # what we have written ourselves may be replaced, and the viewer knows the layout
+        # our own recording may be replaced, and the viewer has its layout already
         output = replace(output, force=True)
         view = view and replace(view, laid_out=True)
         on_answer(answer, changed)
@@ -188,7 +188,7 @@ def iter_machine_file_changes(path: Path) -> Iterator[None]:
         now = read_file_time_size_and_inode(path)
         missed = missed + 1 if now is None else 0
         if missed == LIMITS.checks_until_removed:
-            seen = None  # the same file again is a change
+            seen = None  # if the same file reappears, it has changed
             yield
         if now in (None, seen):
             continue

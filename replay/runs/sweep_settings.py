@@ -34,9 +34,9 @@ _HOW = "write it as KEY=FROM:TO:STEP or KEY=A,B,C, as settings.gate.threshold_na
 class SweepRow:
     """Result for one combination: its overrides, the answer, and the answer's errors.
 
-    `errors` holds by name and method: `error_kg`, the log's mass less a reference; with the truth
-    next to the logs `rmse_kg`, of the runs' raw masses; with three loads or more also
-    `calibrated_rmse_kg` and `left_out_rmse_kg`, of the runs' masses after (19) with and without the
+    `errors` has by name and method: `error_kg`, the log's mass minus the reference; with the truth
+    beside the logs, `rmse_kg` of the runs' raw masses; with three loads or more, also
+    `calibrated_rmse_kg` and `left_out_rmse_kg` of the runs' masses after (19), with and without the
     run's own load in the fit. None if the log cannot weigh.
     """
 
@@ -58,13 +58,13 @@ def sweep_setting_combinations(
     """Replay logs on one time line for each combination; each topic is decoded once.
 
     Args:
-        logs: logs; errors are given if the truth is next to each log.
+        logs: logs; errors are computed if the truth is beside each log.
         machine_file: the machine file.
         overrides: `key=value` for every combination.
         grid: combinations of further overrides (`list_value_combinations`).
         reference_kg: true mass, if known.
-        calibration: evidence that calibrates the masses of the combinations that it is of; the
-            others give the reason why they have none.
+        calibration: evidence that calibrates the masses of combinations with its settings; the
+            other answers state why their masses are not calibrated.
         on_stage: called with each combination as it begins.
 
     Returns:
@@ -76,7 +76,7 @@ def sweep_setting_combinations(
     machines = [load_machine(machine_file, [*overrides, *each]) for each in grid]
     by: MachineCalibration | None = None
     if calibration is not None:
-        # a sweep begins without what it may not need
+        # imported only when needed, so that a sweep begins sooner
         from replay.calibration.apply_evidence import load_and_verify_calibration
 
         by = load_and_verify_calibration(calibration)
@@ -141,7 +141,7 @@ def _replay_and_name_settings_in_errors(
 def compute_rms_errors_of_masses(
     replayed_run: Run, true_trials: pl.DataFrame, *, can_weigh: bool
 ) -> dict[str, dict[str, float | None]]:
-    """Root mean square errors of the runs' masses, by name and method."""
+    """Compute root mean square errors of the runs' masses in kg, by name and method."""
     estimates = average_masses_by_method_and_run(replayed_run, true_trials)
     errors = add_calibrated_mass_error_columns(estimates).with_columns(
         raw_kg=pl.col("mass_kg") - pl.col("reference_kg")
@@ -167,13 +167,13 @@ def _compute_rms_error(errors: pl.Series) -> float | None:
 
 
 def list_value_combinations(options: Sequence[str]) -> list[tuple[str, ...]]:
-    """Every combination of the requested values.
+    """List every combination of the requested values.
 
     Args:
         options: `key=from:to:step` (both ends included) or `key=a,b,c`.
 
     Returns:
-        Each as overrides of a machine file, `key=value`, in the order of `options`; the last varies
+        Combinations, each as overrides `key=value` in the order of `options`; the last varies
         fastest.
 
     Raises:
@@ -196,7 +196,7 @@ def list_value_combinations(options: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def parse_swept_option(option: str) -> list[str]:
-    """Overrides of one --over option."""
+    """Parse an --over option to its overrides, `key=value`."""
     key, equals, text = (part.strip() for part in option.partition("="))
     if not (key and equals and text):
         raise MachineError(f"--over {option}: {_HOW}")
@@ -207,7 +207,7 @@ def parse_swept_option(option: str) -> list[str]:
 
 
 def parse_swept_range(option: str, text: str) -> list[str]:
-    """Decimal numbers of the range `from:to:step`, as text."""
+    """List the decimal numbers of the range `from:to:step`, as text."""
     try:
         first, last, step = (Decimal(part.strip()) for part in text.split(":"))
         steps = (last - first) / step

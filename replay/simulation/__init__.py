@@ -1,1 +1,1 @@
-"""The command `simulate`: logs with known truth."""
+"""The command `simulate`: make logs with known truth."""

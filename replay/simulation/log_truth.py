@@ -1,4 +1,4 @@
-"""Truth beside a simulated log (`LOG.truth.json`), for judging a replay."""
+"""Write and read the truth of a simulated log (`LOG.truth.json`), to judge a replay."""
 
 import json
 from collections.abc import Sequence
@@ -20,13 +20,13 @@ def make_truth_path_of_log(log: Path) -> Path:
 
 
 def write_truth_of_log(simulated_log: SimulatedLog, log: Path) -> None:
-    """Write the truth of a simulated log next to it."""
+    """Write the truth of a simulated log beside it."""
     truth = {
         "log": log.name,
         "load_kg": simulated_log.load_kg,
-        # the log's own times are unix times less this
+        # the log's own times are Unix times minus this
         "time_zero_unix_ns": simulated_log.origin_unix_ns if log.suffix == ".csv" else 0,
-        # first sample of each topic since the log's beginning
+        # time of each topic's first sample, from the start of the log
         "phase_s": dict(simulated_log.phase_s),
         "runs": simulated_log.trials.to_dicts(),
         "manoeuvres": simulated_log.manoeuvres.to_dicts(),
@@ -38,7 +38,7 @@ def write_truth_of_log(simulated_log: SimulatedLog, log: Path) -> None:
 def write_truth_of_shift(
     truth: "ShiftTruth", scenario: Scenario, logs: Sequence[Path], path: Path
 ) -> None:
-    """Write the truth of a whole shift: cycles, dumps, standstills and logs, in unix ns."""
+    """Write the truth of a whole shift: cycles, dumps, standstills and logs, times in Unix ns."""
     named = truth.logs.insert_column(0, pl.Series("log", [log.name for log in logs]))
     whole = {
         "cycles": truth.cycles.to_dicts(),
@@ -51,7 +51,7 @@ def write_truth_of_shift(
 
 
 def do_logs_have_truth_of_trials(logs: Sequence[Path]) -> bool:
-    """Whether every log has the truth of its trials next to it; a shift has no trials."""
+    """Whether every log has the truth of its trials beside it; a shift has no trials."""
     return all(
         make_truth_path_of_log(log).is_file()
         and does_truth_file_have_trials(make_truth_path_of_log(log))
@@ -60,22 +60,22 @@ def do_logs_have_truth_of_trials(logs: Sequence[Path]) -> bool:
 
 
 def read_true_trials_of_logs(logs: Sequence[Path]) -> pl.DataFrame:
-    """True values of every trial, in the logs' order, by the logs' own clock.
+    """Read the true values of every trial, in the logs' order, with times by the logs' own clock.
 
     Args:
-        logs: simulated logs, with the truth next to each.
+        logs: simulated logs, with the truth beside each.
 
     Returns:
         One row per trial: `start_ns`, `end_ns`, `load_kg`, `mass_kg`, and other true values.
 
     Raises:
-        LogError: a truth file cannot be read, or is not one.
+        LogError: a truth file cannot be read, or is invalid.
     """
     return pl.concat([_read_trials_of_truth_file(make_truth_path_of_log(log)) for log in logs])
 
 
 def does_truth_file_have_trials(path: Path) -> bool:
-    """Whether a truth file is of trials; `read_true_trials_of_logs` reports unreadable files."""
+    """Whether a truth file has trials; also True if unreadable, which its reader then reports."""
     try:
         return json.loads(path.read_text(encoding="utf-8")).get("runs") != []
     except (OSError, ValueError, AttributeError):

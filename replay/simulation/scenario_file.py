@@ -24,12 +24,12 @@ def load_scenario_file(path: Path | str | None, overrides: Iterable[str] = ()) -
     """Read a scenario file; omitted keys are as in the paper's campaign.
 
     Args:
-        path: a TOML file; without one, the paper's machine without load, one run.
+        path: a TOML file; None for the paper's machine without load, and one run.
         overrides: `key=value` with dotted keys, values as TOML writes them.
 
     Raises:
-        ScenarioError: in one line: the file, the key and its fault; also where the machine cannot
-            be driven as asked (`analysis.simulation.trials.trial_limits`).
+        ScenarioError: in one line: the file, the key and its fault; also if the machine cannot be
+            driven as requested (`analysis.simulation.trials.trial_limits`).
     """
     content: dict[str, Any] = {"campaign": {"loads_kg": [0.0], "runs": 1}}
     if path is not None:
@@ -50,13 +50,13 @@ def load_scenario_file(path: Path | str | None, overrides: Iterable[str] = ()) -
 
 
 def format_scenario_file(scenario: Scenario) -> str:
-    """Text of a scenario file with the values that differ from the defaults."""
+    """Format a scenario file with the values that differ from the defaults."""
     sections = scenario.model_dump(mode="json", exclude_defaults=True)
     manoeuvres = [each.model_dump(exclude_none=True) for each in scenario.campaign.manoeuvres]
     blocks: list[str] = []
     for name, section in sections.items():
         section.pop("manoeuvres", None)
-        # a shift is one by its section alone
+        # an empty section makes a scenario a shift
         if section or name == "shift":
             blocks.append(_format_toml_table(f"[{name}]", section))
     blocks += [_format_toml_table("[[campaign.manoeuvres]]", each) for each in manoeuvres]
@@ -67,7 +67,7 @@ def write_scenario_file(scenario: Scenario, path: Path, *, force: bool = False) 
     """Write a scenario file that `simulate` accepts.
 
     Raises:
-        OutputError: the file is there already, or its folder cannot be written to.
+        OutputError: the file exists, or its folder cannot be written to.
     """
     with stage_output_file(path, force=force) as partial:
         partial.write_text(format_scenario_file(scenario), encoding="utf-8")

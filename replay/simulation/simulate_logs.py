@@ -1,4 +1,4 @@
-"""Simulate a scenario as logs of any format, each with its truth."""
+"""Simulate a scenario, and write its logs in any format, each with its truth."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -21,11 +21,11 @@ from replay.simulation.log_truth import (
 
 
 def write_log_as_csv(log: SimulatedLog, path: Path) -> None:
-    """Write `log` as CSV at `path`, where nothing is yet.
+    """Write `log` as CSV at `path`, which must not exist.
 
-    `time_s` counts from the start of the campaign, so that the tables of all loads make one time
-    line and every time is exact to the nanosecond, which unix seconds in a double are not. The
-    other columns are the machine file's channels, numbers written so that they read back exactly.
+    `time_s` counts from the start of the campaign, so that the tables of all loads are on one time
+    line, and every time is exact to the nanosecond, unlike Unix seconds in a double. The other
+    columns are the machine file's channels, with numbers that read back exactly.
     """
     topics = (frame.drop("log_time_ns") for frame in log.topics.values())
     table = next(topics)
@@ -37,7 +37,7 @@ def write_log_as_csv(log: SimulatedLog, path: Path) -> None:
     ).write_csv(path)
 
 
-#: A rosbag2 directory has no suffix.
+#: Function that writes a log, by suffix of its path; a rosbag2 directory has none.
 WRITERS: Final[dict[str, Callable[[SimulatedLog, Path], None]]] = {
     ".bag": write_bag,
     ".mcap": write_mcap,
@@ -54,14 +54,14 @@ def write_logs_and_truths(
     force: bool = False,
     further_files: Mapping[Path, Callable[[Path], None]] = MappingProxyType({}),
 ) -> None:
-    """Write each log to its target and its truth to `TARGET.truth.json`, all of them or none.
+    """Write each log to its target, and its truth to `TARGET.truth.json`: all of them or none.
 
     Args:
         logs: one log per target.
         targets: paths in one folder; the suffix sets the format.
         force: whether to replace existing outputs.
-        further_files: further files in that folder, each with the function that writes it; they
-            follow the logs.
+        further_files: further files in that folder, each with the function that writes it, called
+            after the logs are written.
 
     Raises:
         OutputError: no format has that suffix, an output is there already, or the folder cannot
@@ -90,7 +90,7 @@ def truncate_log_file(log: Path, fraction: float) -> None:
 
     Args:
         log: file, or rosbag2 directory with one storage file.
-        fraction: share to cut off, from 0 to 1.
+        fraction: fraction of its bytes to cut off, from 0 to 1.
     """
     if log.is_dir():
         (log / METADATA).unlink()
@@ -114,12 +114,12 @@ def simulate_scenario_to_logs(
         force: whether to replace existing logs.
 
     Returns:
-        Paths of the logs, in order of loads or of time; they share one time line.
+        Paths of the logs, in order of loads or of time; all logs are on one time line.
 
     Raises:
         OutputError: no format has that suffix, an output is there already, or the folder cannot
             be written to.
-        ScenarioError: the machine cannot be driven as asked.
+        ScenarioError: the machine cannot be driven as requested.
     """
     targets = make_paths_of_simulated_logs(scenario, output)
     if scenario.shift is None:
@@ -143,15 +143,15 @@ def simulate_scenario_to_logs(
 
 
 def make_shift_truth_path(output: Path) -> Path:
-    """Path of the truth of a simulated shift."""
+    """Make the path of the truth of a simulated shift."""
     return output.with_name(f"{output.stem}.cycles.json")
 
 
 def make_paths_of_simulated_logs(scenario: Scenario, output: Path) -> list[Path]:
-    """Paths of the logs that `simulate` writes.
+    """Make the paths of the logs that `simulate` writes.
 
     Raises:
-        OutputError: the output has no name.
+        OutputError: the output is a folder, without the name of a log.
     """
     if not output.name:
         raise OutputError(f"{output}: is a folder; give a log in it, such as '{output}/log.mcap'")
@@ -177,5 +177,5 @@ def _make_numbered_paths(output: Path, path_count: int) -> list[Path]:
 
 
 def _format_load_for_file_name(load_kg: float) -> str:
-    # a point would start a suffix
+    # a point would begin a suffix
     return f"{load_kg:03.0f}" if load_kg.is_integer() else str(load_kg).replace(".", "_")

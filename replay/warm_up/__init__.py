@@ -1,1 +1,1 @@
-"""Compilation of all loops ahead of the first run."""
+"""The command `warm-up`: compile all loops before the first run."""

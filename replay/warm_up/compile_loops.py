@@ -1,4 +1,4 @@
-"""Compile in advance what runs, reviews and simulations need, by running small ones.
+"""Compile in advance the loops of runs, reviews and simulations, by running small ones.
 
 Compiled code depends on the types of arrays and on the container of a log, not on its length.
 """
@@ -21,14 +21,14 @@ from replay.runs.run_logs import replay_and_record_logs
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 
 _CONTAINERS: Final = (".bag", ".mcap", ".db3")
-#: What `on_stage` is told, in order.
+#: Names with which `on_stage` is called, in order.
 STEPS: Final = (
     *("simulate", *(each[1:] for each in _CONTAINERS)),
     *("rates", "turns", "follow", "review"),
 )
 _MACHINE: Final = Path("cat262c.toml")
 _ALL_METHODS: Final = f"settings.trace.methods={format_toml([*METHODS])}"
-#: Two starts in half a minute, at half the usual rate: as little as a fit needs.
+#: Two starts in half a minute, at half the usual rate: the least that a fit needs.
 _STRAIGHT: Final = {
     "campaign": {
         "loads_kg": [150],
@@ -40,12 +40,13 @@ _STRAIGHT: Final = {
     },
     "sensors": {"rate_hz": 50.0},
 }
-#: The same where the wheels are slower than the grid, and where all is faster: both are averaged.
+#: The same with wheels slower than the grid, and with all channels faster, so that both are
+#: averaged.
 _OTHER_RATES: Final = {
     "slow": {**_STRAIGHT, "sampling": {"torque_rate_hz": 8.0, "speed_rate_hz": 8.0}},
     "fast": {**_STRAIGHT, "sensors": {"rate_hz": 400.0}},
 }
-#: A start each way, a spin and an arc, with samples that were dropped.
+#: A start in each direction, a spin and an arc, with dropped samples.
 _TURNING: Final = {
     "campaign": {
         "loads_kg": [250],

@@ -1,1 +1,1 @@
-"""A page that checks evidence in a browser, by a program that is not ours of Python."""
+"""A page that checks evidence in a browser, by a program independent of this one in Python."""

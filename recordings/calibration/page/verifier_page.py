@@ -1,7 +1,7 @@
-"""The page that checks a bundle in a browser: one file, built from the parts in this folder.
+"""Build the page that checks a bundle in a browser: one file, from the parts in this folder.
 
-It computes digests, signature, line and uncertainty by itself, in JavaScript, without a network.
-The same bytes come out for every bundle, so that its digest can be published.
+The page checks digests and signature, and computes line and uncertainty, in JavaScript and without
+a network. It has the same bytes for every bundle, so that its digest can be published.
 """
 
 import base64
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 NAME: Final = "payscope-verifier.html"
-#: In the order in which they need each other.
+#: Scripts, each after those that it needs.
 _SCRIPTS: Final = (
     "bytes.js",
     "sha2.js",
@@ -35,7 +35,7 @@ _STYLE: Final = "verifier.css"
 
 
 def build_verifier_page() -> bytes:
-    """The page; a given version always makes the same bytes."""
+    """Build the page; a given version always makes the same bytes."""
     style = f"\n{_read_page_source(_STYLE)}"
     script = "\n".join(('"use strict";', *(_read_page_source(name) for name in _SCRIPTS)))
     page = _read_page_source(_PAGE)
@@ -52,7 +52,7 @@ def build_verifier_page() -> bytes:
 
 
 def compute_verifier_page_sha256() -> str:
-    """SHA-256 of the page, in hexadecimal digits."""
+    """Compute the SHA-256 of the page, in hex."""
     return hashlib.sha256(build_verifier_page()).hexdigest()
 
 
@@ -61,5 +61,5 @@ def _read_page_source(file_name: str) -> str:
 
 
 def _compute_content_security_digest(text: str) -> str:
-    """Content-security digest that lets this text run on the page, and no other."""
+    """Compute the digest of a text by which the content security policy permits only this text."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

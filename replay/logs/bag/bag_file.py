@@ -39,7 +39,7 @@ from replay.logs.blocks import (
 from replay.logs.messages.broken_bytes import KIND_BYTES, describe_file_of_other_format
 from replay.logs.storage import Connection
 
-#: By a field that it must have: a chunk whose op is damaged must not be passed over in silence.
+#: Field that each kind of record must have, so that a chunk with a damaged op is not ignored.
 _KNOWN: Final = {
     BAG_HEADER: b"index_pos",
     INDEX_DATA: b"conn",
@@ -109,7 +109,7 @@ class BagFile(BlockFile):
             block = make_block_of_chunk_record(
                 self._file, offset, read_bag_record(self._file, offset)
             )
-            # the index stands behind all chunks, so that the end of the file tears none of them
+            # the index follows all chunks, so that the end of the file cannot truncate a chunk
             if block is None or (block.is_truncated and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
                 self._store.damage.note_lost_block(
@@ -160,7 +160,7 @@ class BagFile(BlockFile):
 
 
 def parse_connection_record(header_fields: dict[bytes, bytes], data: bytes) -> Connection | None:
-    """Connection from a record's header fields and data; None if damaged."""
+    """Make a connection from a record's header fields and data; None if damaged."""
     inner = parse_header_fields(data) or {}
     key, topic = (
         header_fields.get(b"conn", b""),
@@ -180,15 +180,15 @@ def parse_connection_record(header_fields: dict[bytes, bytes], data: bytes) -> C
 
 @dataclass(slots=True)
 class BagWalk:
-    """Reports connections outside chunks, and yields the chunks."""
+    """Walk over the records of a file, which processes connections and yields the chunks."""
 
     store: BlockStore
-    #: offset at which the last whole record ends
+    #: offset at which the last complete record ends
     end: int
     describe: Describe
 
     def iter_chunks_of_file(self) -> Iterator[Block]:
-        """Every chunk, including one cut off by the end of the file."""
+        """Yield every chunk, including one cut off by the end of the file."""
         file = self.store.file
         stretches = UnchunkedRecords(self.store)
         at = self.end

@@ -10,9 +10,9 @@ from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
 from replay.logs.blocks import CountAndStop, RecordFinders
 from replay.logs.decoding.bytes_at import estimate_scan_iterations, load32, load64
 
-#: Where records are looked for after damage.
+#: Most bytes of a record's header in the search for records after damage.
 _USUAL_HEADER: Final = 1024
-#: So many records must follow each other for bytes to be taken for records again.
+#: Number of consecutive records by which bytes are recognised as records again.
 _PROVEN: Final = 3
 #: Names of fields with their equals sign, as little-endian numbers of 3 and of 5 bytes.
 _OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=", b"time="))
@@ -20,7 +20,7 @@ _OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=
 _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
-#: Opcode, connection, time in ns, begin of the data, and end of a record.
+#: Opcode, connection, time in ns, start of the data, and end of a record.
 BagRecordParts: TypeAlias = tuple[int, int, int, int, int]
 
 
@@ -28,7 +28,7 @@ BagRecordParts: TypeAlias = tuple[int, int, int, int, int]
 def parse_bag_record(
     data: NDArray[np.uint8], offset: int, end: int, max_bytes: int
 ) -> BagRecordParts:
-    """Parse the record at `offset`: op, connection, time, begin of the data, and end of the record.
+    """Parse the record at `offset`: op, connection, time, start of the data, and end of the record.
 
     The op is -1 if there is no record.
     """
@@ -85,7 +85,7 @@ def scan_bag_records(
 
 @compiled_for_many_iterations(estimate_scan_iterations)
 def _find_next_bag_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
-    """Offset from which several records follow each other; -1 if none."""
+    """Find the first offset from which several records follow each other; -1 if none."""
     for first in range(begin, end - 7):
         at = first
         links = 0
@@ -96,7 +96,7 @@ def _find_next_bag_record(data: NDArray[np.uint8], begin: int, end: int, limit: 
                 break
             at = stop
             links += 1
-        # a chain may end with the bytes at hand
+        # a sequence of records may end with the available bytes
         if links:
             return first
     return -1

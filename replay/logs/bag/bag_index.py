@@ -1,4 +1,4 @@
-"""The index of a ROS 1 bag: connections and chunks at its end, message times after each chunk."""
+"""Read the index of a ROS 1 bag: connections and chunks at its end, times after each chunk."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -19,9 +19,9 @@ from replay.logs.storage import FileBytes, ReadBuffer
 
 #: seconds, nanoseconds, offset in the chunk
 _ENTRY: Final = np.dtype([("s", "<u4"), ("ns", "<u4"), ("offset", "<u4")])
-#: What the header of a record takes, a little more than recorders write.
+#: Bytes allowed for the header of a record, a little more than recorders write.
 _HEADER_BYTES: Final = 256
-#: What is read of an index at once; a larger one goes on record by record.
+#: Most bytes of an index that are read at once; the rest of a larger one is read by record.
 _MOST_INDEX_BYTES: Final = 64 * 2**20
 _COUNT: Final = np.dtype([("connection", "<u4"), ("messages", "<u4")])
 
@@ -32,14 +32,14 @@ class BagIndex:
 
     #: the records of connections: header and data
     connections: tuple[tuple[BagRecord, bytes], ...]
-    #: messages by connection, by the offset of the chunk's record
+    #: number of messages by connection, by the offset of the chunk's record
     chunks: dict[int, dict[int, int]]
 
 
 def read_bag_index(
     file: FileBytes, index_offset: int, connection_count: int, chunk_count: int
 ) -> BagIndex | None:
-    """Index at `index_offset`; None if it is incomplete."""
+    """Read the index at `index_offset`; None if it is incomplete."""
     described: list[tuple[BagRecord, bytes]] = []
     counts: dict[int, dict[int, int]] = {}
     at = index_offset
@@ -65,10 +65,10 @@ def read_bag_index(
 def make_block_of_chunk_record(
     file: FileBytes, offset: int, record: BagRecord | None
 ) -> Block | None:
-    """Chunk whose record begins at `offset`; None if there is none.
+    """Describe the chunk whose record begins at `offset`; None if there is no chunk.
 
-    A chunk that extends beyond the end of the file is torn. So is a chunk of size 0 in a longer
-    file, since the recorder writes the size when the chunk is full.
+    A chunk that extends beyond the end of the file is truncated. So is a chunk of size 0 that is
+    not empty, since the recorder writes the size when the chunk is full.
     """
     if record is None or record.opcode != CHUNK:
         return None
@@ -94,7 +94,7 @@ def make_block_of_chunk_record(
 def read_indexed_log_times(
     file: FileBytes, block: Block, message_counts: dict[int, int]
 ) -> dict[int, NDArray[np.int64]] | None:
-    """Log times in ns by connection, from the index records after a chunk; None if incomplete."""
+    """Read log times in ns by connection from the index after a chunk; None if incomplete."""
     times: dict[int, NDArray[np.int64]] = {}
     at = block.offset + block.stored_bytes
     expected = _ENTRY.itemsize * sum(message_counts.values()) + _HEADER_BYTES * (

@@ -1,8 +1,8 @@
-"""The records of a ROS 1 bag (wiki.ros.org/Bags/Format/2.0): a header of named fields, then data.
+"""Parse records of a ROS 1 bag (wiki.ros.org/Bags/Format/2.0): a header of named fields, then data.
 
     length u32, fields (length u32, name=value) ..., length u32, data
 
-The fields come in any order; `op` says what a record is.
+The fields may be in any order; `op` is the kind of record.
 """
 
 import struct
@@ -22,7 +22,7 @@ CHUNK_INFO: Final = 6
 CONNECTION: Final = 7
 
 _U32: Final = struct.Struct("<I")
-#: A header holds a few numbers and the name of a topic.
+#: Most bytes of a header, which has a few numbers and the name of a topic.
 LONGEST_HEADER: Final = 65_536
 
 
@@ -54,7 +54,7 @@ class BagRecord(NamedTuple):
 
 
 def parse_header_fields(header: bytes) -> dict[bytes, bytes] | None:
-    """Fields of a header; None if it is invalid."""
+    """Parse the fields of a header; None if it is invalid."""
     fields: dict[bytes, bytes] = {}
     at = 0
     while at < len(header):
@@ -70,7 +70,7 @@ def parse_header_fields(header: bytes) -> dict[bytes, bytes] | None:
 
 
 def read_bag_record(file: FileBytes | ReadBuffer, offset: int) -> BagRecord | None:
-    """Record at `offset`; None if there is none. Its data may extend beyond the file."""
+    """Read the header of the record at `offset`; None without one. Its data may be truncated."""
     head = file.read_bytes(offset, 256)
     if len(head) < 4:
         return None

@@ -1,4 +1,4 @@
-"""The tail of a ROS 1 bag that is still being written (`.bag.active`, or under its own name)."""
+"""Read a ROS 1 bag that is still being written (`.bag.active`, or under its final name)."""
 
 from estimators.errors import LogError
 from replay.logs.bag.bag_file import parse_connection_record
@@ -20,7 +20,7 @@ _HEAD = MAGIC + VERSION
 
 
 class BagTail(GrowingBlockFile):
-    """A growing bag; it is finished when its index position is written.
+    """A growing bag; it is finished when the recorder has written the position of its index.
 
     A chunk without a size is open: rosbag writes the size when the chunk is full.
     """
@@ -43,7 +43,7 @@ class BagTail(GrowingBlockFile):
             return None
         if record.opcode == CHUNK:
             block = make_block_of_chunk_record(file, self._at, record)
-            # nothing behind an empty chunk yet: it may be one that has just been opened
+            # nothing follows an empty chunk yet: it may have just been opened
             if (
                 block is None
                 or block.is_truncated
@@ -62,7 +62,7 @@ class BagTail(GrowingBlockFile):
         return []
 
     def _read_first_line_if_complete(self) -> list[RawBatch] | None:
-        """Check the first line of the file, as soon as it is complete."""
+        """Check the first line of the file; None while it is incomplete."""
         head = self._file.read_bytes(0, len(_HEAD))
         if not _HEAD.startswith(head):
             raise LogError(
@@ -75,7 +75,7 @@ class BagTail(GrowingBlockFile):
         return None
 
     def _read_index_offset(self) -> int:
-        """Offset of the index; 0 until the recorder has written it."""
+        """Read the offset of the index; 0 until the recorder has written it."""
         header = read_bag_record(self._file, len(_HEAD))
         if header is None or header.opcode != BAG_HEADER or b"index_pos" not in header.fields:
             return 0

@@ -1,4 +1,4 @@
-"""Code shared by bags and MCAP: files that store records in blocks, mostly compressed chunks."""
+"""Code shared by bags and MCAP files, which store records in blocks, mostly compressed chunks."""
 
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_file import BlockFile

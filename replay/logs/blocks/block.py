@@ -10,42 +10,42 @@ from numpy.typing import NDArray
 
 from replay.logs.storage import LARGEST_BYTES, FileBytes
 
-#: Beyond this size no chunk may declare more than so many times what is stored of it: images that
-#: are all black are packed a thousandfold, a bomb thirty thousandfold.
+#: Unpacked bytes beyond which a chunk's ratio of unpacked to stored bytes is limited: black images
+#: are compressed a thousandfold, a decompression bomb thirty thousandfold.
 _ANY_BYTES: Final = 64 * 2**20
 _MOST_GROWTH: Final = 2000
-#: What a torn chunk of unknown size is given room for, in multiples of what is stored of it.
+#: Assumed most unpacked bytes of a truncated chunk, in multiples of its stored bytes.
 _TORN_RATIO: Final = 64
 _TORN_STEP: Final = 65_536
-#: A frame of zstd to be skipped (RFC 8878, 3.1.2), empty. The decompressor does not say whether the
-#: frame before has its end; if not, this is taken for it, and refused.
+#: An empty skippable frame of zstd (RFC 8878, 3.1.2). The decompressor does not report that the
+#: preceding frame is incomplete; with this one after it, it does.
 _NOTHING: Final = bytes.fromhex("502a4d1800000000")
 _NO_COUNTS: Final[dict[int, int]] = {}
 
 
 class DamagedBlockError(Exception):
-    """A block cannot be used; the text gives the reason."""
+    """Raised if a block cannot be used; the text is the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
     """Position of stored records, and their description by an index or a scan."""
 
-    #: what a person finds it by: where its record begins
+    #: offset at which its record begins, as losses state it
     record_offset: int
     offset: int
     stored_bytes: int
     #: `zstd`, `lz4`, `bz2`, or empty
     compression: str
-    #: as declared; what is unpacked may not differ. Of no meaning where nothing is compressed
+    #: declared size, which the unpacked bytes must have; meaningless without compression
     unpacked_bytes: int
-    #: of the unpacked bytes; 0 says that none was written
+    #: CRC-32 of the unpacked bytes; 0 if none was written
     crc: int = 0
-    #: the file ends inside it: what can be unpacked of it counts
+    #: whether the file ends inside it; the part that can be unpacked is used
     is_truncated: bool = False
-    #: messages by connection
+    #: number of messages by connection
     counts: Mapping[int, int] = field(default_factory=lambda: _NO_COUNTS)
-    #: log times of its messages, both inclusive
+    #: first and last log time of its messages in ns
     first_ns: int = 0
     last_ns: int = -1
 
@@ -64,8 +64,8 @@ def unpack_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8
     """Unpack a block into `out_bytes` (block.max_unpacked_bytes,), and return the number of bytes.
 
     Raises:
-        DamagedBlockError: it is implausibly large, cannot be unpacked, has another size than it
-            declares, or its CRC is wrong.
+        DamagedBlockError: the block is implausibly large, cannot be unpacked, differs in size from
+            what it declares, or its CRC is wrong.
     """
     if block.max_unpacked_bytes > LARGEST_BYTES:
         raise DamagedBlockError(
@@ -95,7 +95,7 @@ def unpack_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8
 
 
 def _read_zstd_block_with_end_frame(block: Block, file: FileBytes) -> memoryview:
-    """Stored bytes of a block, followed by an end frame unless the block is torn."""
+    """Read the stored bytes of a block, and append an empty frame unless it is truncated."""
     room = max(0, min(block.stored_bytes, file.size - block.offset))
     stored = np.empty(room + len(_NOTHING), np.uint8)
     done = file.read_into(block.offset, stored[:room])
@@ -106,13 +106,13 @@ def _read_zstd_block_with_end_frame(block: Block, file: FileBytes) -> memoryview
 
 
 def _decompress_block_into(block: Block, file: FileBytes, out_bytes: NDArray[np.uint8]) -> int:
-    import pyarrow as pa  # slow to import, and an index makes it unnecessary
+    import pyarrow as pa  # slow to import, and not needed to describe a log by its index
     import zstandard
 
     view, done = out_bytes.data, 0
-    # the decompressor says at its end that the stream broke off, not how much came before
+    # the decompressor reports a truncated stream, but not how much it has produced before
     step = _TORN_STEP if block.is_truncated else max(len(view), 1)
-    if block.compression == "zstd":  # by itself: Arrow's takes a detour through a buffer
+    if block.compression == "zstd":  # with its own library: Arrow copies through a buffer
         frames = _read_zstd_block_with_end_frame(block, file)
         stream = zstandard.ZstdDecompressor().stream_reader(frames, read_across_frames=True)
     else:

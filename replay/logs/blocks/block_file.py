@@ -15,7 +15,7 @@ from replay.logs.storage import BatchGroup, Connection, FileBytes
 
 
 class BlockFile(ABC):
-    """A container over a store of blocks, which the format's subclass fills."""
+    """A container with a store of blocks, which the subclass for each format fills."""
 
     def __init__(self, path: Path) -> None:
         self.files: tuple[Path, ...] = (path,)
@@ -40,7 +40,7 @@ class BlockFile(ABC):
     @staticmethod
     @abstractmethod
     def _import_record_finders() -> RecordFinders:
-        """Functions that find its records in bytes."""
+        """Import the functions that find records of the format in bytes."""
 
     @abstractmethod
     def _process_non_message_record(self, opcode: int, content: bytes, offset: int) -> None:
@@ -50,7 +50,7 @@ class BlockFile(ABC):
         return BlockStore(self._file, self._import_record_finders, self._process_non_message_record)
 
     def _make_second_pass_store(self) -> BlockStore:
-        """Store for a second pass over the file, with shared damage notes."""
+        """Make a store for a second pass over the file, which shares the notes of damage."""
         store = self._make_store()
         store.damage = self._store.damage
         return store
@@ -58,7 +58,7 @@ class BlockFile(ABC):
     def _note_blocks_missed_by_first_pass(
         self, chunks: Iterable[Block], unchunked_store: BlockStore
     ) -> None:
-        """Note the chunks and unchunked messages that the first pass missed."""
+        """Note chunks, and messages outside chunks, that the first pass missed, as damage."""
         found = [chunk.record_offset for chunk in chunks]
         self._store.note_blocks_missing_from_store(
             [*found, *unchunked_store.offsets_of_blocks_with_messages]
@@ -80,7 +80,7 @@ class BlockFile(ABC):
     def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
-        """Messages in file order; a damaged chunk is skipped."""
+        """Read messages in file order; damaged chunks are skipped."""
         return self._store.read_message_groups(connection_ids, start_ns, end_ns)
 
     def log_time_lower_bound_ns(self) -> int:

@@ -1,4 +1,4 @@
-"""Messages of a file of blocks: connection, log time and bytes of each."""
+"""Read the messages of a file of blocks: connection, log time and bytes of each."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -30,14 +30,14 @@ from replay.logs.storage import (
     make_empty_log_times,
 )
 
-#: The last log time, ns.
+#: Latest possible log time in ns.
 _INT64_MAX: Final = 2**63 - 1
 
-#: Reads the log times (as 64 bits) by connection that an index gives of a block; None where it is
-#: not whole.
+#: Function that reads the log times (as 64 bits) of a block by connection from its index; None if
+#: the index is incomplete.
 ReadTimes = Callable[[], Mapping[int, NDArray[np.int64]] | None]
-#: (opcode, bytes, offset): of what records say of the same thing, what stands first counts. They
-#: come in another order, and what an index repeats may be damaged.
+#: (opcode, bytes, offset): process a record that is not a message. Records arrive in any order; of
+#: several about the same thing, the first in the file counts, since repetitions may be damaged.
 Describe = Callable[[int, bytes, int], None]
 
 
@@ -54,7 +54,7 @@ class BlockStore:
 
         Args:
             file: file that contains the blocks.
-            load_finders: loads what finds its records; compiled code, not needed with an index.
+            load_finders: function that loads the compiled record finders, not needed with an index.
             describe: called with each record that is not a message.
         """
         self.file = file
@@ -65,10 +65,10 @@ class BlockStore:
         self._times: dict[int, list[NDArray[np.int64]]] = {}
         self._late: dict[int, int] = {}
         self._counts: Counter[int] = Counter()
-        #: blocks whose log times an index has, which are read when someone asks for them
+        #: blocks whose log times are in an index, from which they are read when requested
         self._unread: list[tuple[Block, ReadTimes]] = []
         self._reading = Lock()
-        #: the CRCs that agree, by where their blocks begin
+        #: offsets of the blocks whose CRCs agree
         self._sealed: set[int] = set()
         self._topics: Mapping[int, str] = {}
 
@@ -108,7 +108,7 @@ class BlockStore:
         return (block.record_offset for block in self._blocks if block.counts)
 
     def note_blocks_missing_from_store(self, offsets: Iterable[int]) -> None:
-        """Note the blocks at these offsets that the store lacks."""
+        """Note as damage the blocks at these offsets that the store lacks."""
         known = {block.record_offset for block in self._blocks}
         for offset in offsets:
             if offset not in known and not self.damage.is_block_lost(offset):
@@ -128,7 +128,7 @@ class BlockStore:
             self._times.setdefault(key, []).append(values)
 
     def add_block_with_unread_times(self, block: Block, read_times: ReadTimes) -> None:
-        """Add a block with known counts and time span, but unknown single times."""
+        """Add a block with known counts and time span, whose log times are read when requested."""
         self._blocks.append(block)
         self._counts.update(block.counts)
         self._unread.append((block, read_times))
@@ -141,7 +141,7 @@ class BlockStore:
         self.damage.note_lost_block(described, reason)
 
     def add_unindexed_blocks(self, blocks: Iterable[Block]) -> None:
-        """Add blocks without an index, which are unpacked to find their messages."""
+        """Add blocks without an index, by unpacking them to find their messages."""
         for group in iter_unpacked_block_groups(self.file, blocks, self.record_finders):
             for block, why in group.damaged:
                 self.damage.note_lost_block(block, why)
@@ -153,7 +153,7 @@ class BlockStore:
     def add_scanned_block(
         self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]
     ) -> None:
-        """Add a block with the rows found by scanning it."""
+        """Add a block with the rows (4, n) found by scanning it."""
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
             content = data[offset : offset + length].tobytes()
             self._process_non_message_record(-1 - key, content, block.record_offset)
@@ -162,7 +162,7 @@ class BlockStore:
         )
 
     def sort_blocks_and_note_losses(self, topics: Mapping[int, str]) -> None:
-        """Sort the blocks by file order after all were added, and note unusable messages.
+        """Sort the blocks by offset once all are added, and note messages that cannot be used.
 
         Args:
             topics: topic of each described connection.
@@ -182,12 +182,12 @@ class BlockStore:
                 )
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """Log times of a connection, (n,) in ns."""
+        """Log times of a connection, (n,) in ns, in any order."""
         self._load_times_of_indexed_blocks()
         return np.concatenate([make_empty_log_times(), *self._times.get(connection_id, [])])
 
     def count_messages_of_connection(self, connection_id: int) -> int:
-        """Number of log times of a connection."""
+        """Number of messages of a connection with usable log times."""
         return self._counts[connection_id] - self._late.get(connection_id, 0)
 
     def _load_times_of_indexed_blocks(self) -> None:
@@ -241,7 +241,7 @@ class BlockStore:
             yield BatchGroup(found, int(floors[done]))
 
     def _compare_blocks_with_index(self, group: UnpackedBlockGroup) -> None:
-        """Compare the blocks of a group with what their index promises."""
+        """Note as damage where the blocks of a group differ from their index."""
         for block, why in group.damaged:
             self.damage.note_lost_block(block, why)
         blocks = [block for block, *_ in group.parts]
@@ -269,7 +269,7 @@ class BlockStore:
 
     def _note_times_outside_index(self, block: Block, chunk_stats: ChunkStats) -> None:
         """Note a block with messages outside its indexed times, which time ranges would miss."""
-        # some may be known to be beyond the year 2262
+        # messages beyond the year 2262 may be noted already
         unknown = chunk_stats.late > 0 and not any(self._late.values())
         in_time = chunk_stats.first_ns <= chunk_stats.last_ns
         if unknown or (
@@ -304,9 +304,9 @@ class TimedBlock(NamedTuple):
 def complete_block_by_log_times(
     block: Block, log_times: Mapping[int, NDArray[np.int64]]
 ) -> TimedBlock:
-    """The block with its counts and time span, and the usable log times.
+    """Fill in the counts and time span of a block, and select its usable log times.
 
-    Times beyond the year 2262 are unusable; their 64 bits are negative here.
+    Times beyond the year 2262 are unusable: as signed 64-bit integers, they are negative.
     """
     everything = np.concatenate([make_empty_log_times(), *log_times.values()])
     counts = _count_messages_by_connection(log_times)
@@ -321,7 +321,7 @@ def complete_block_by_log_times(
 
 
 def do_indexed_times_match_block(block: Block, log_times: Mapping[int, NDArray[np.int64]]) -> bool:
-    """Whether an index lists as many messages as its block holds, all within its time span."""
+    """Whether an index has the block's message counts, and times within the block's time span."""
     whole = np.concatenate([make_empty_log_times(), *log_times.values()])
     in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True
     return bool(in_span) and _count_messages_by_connection(log_times) == block.counts

@@ -1,4 +1,4 @@
-"""Common code of growing bags and MCAP files: blocks and loose records that are complete."""
+"""Common code of growing bags and MCAP files, which are read up to the last complete record."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ from replay.logs.storage import (
     group_rows_by_connection,
 )
 
-#: Bytes of records outside chunks that are taken at once.
+#: Bytes of records outside chunks that are read at once.
 _LOOSE_BYTES: Final = 4 * 2**20
-#: A poll ends with the chunk that brings its messages to so many bytes.
+#: Bytes of messages at which a poll ends, with the chunk that exceeds them.
 _POLL_BYTES: Final = 16 * 2**20
 
 
@@ -46,15 +46,15 @@ class GrowingBlockFile(ABC):
         self.read_error = ""
         self._file = FileBytes(path)
         self._losses = LossList()
-        #: where the first record begins that is not taken yet; 0 before the head of the file
+        #: offset of the first record not read yet; 0 before the file's header is read
         self._at = 0
-        #: whether the last poll came to something that is not whole
+        #: whether the last poll ended at an incomplete record
         self._is_truncated = False
 
     @staticmethod
     @abstractmethod
     def _import_record_finders() -> RecordFinders:
-        """Functions that find its records in bytes."""
+        """Import the functions that find records of the format in bytes."""
 
     @abstractmethod
     def _process_non_message_record(self, opcode: int, content: bytes) -> None:
@@ -62,7 +62,7 @@ class GrowingBlockFile(ABC):
 
     @abstractmethod
     def _read_next_record_batches(self) -> list[RawBatch] | None:
-        """Process the record at `_at` and advance; None if it is incomplete."""
+        """Process the record at `_at` and advance; return its messages, None if incomplete."""
 
     @property
     def losses(self) -> Sequence[Loss]:
@@ -94,7 +94,7 @@ class GrowingBlockFile(ABC):
         self._file.close()
 
     def _unpack_messages_of_chunk(self, block: Block) -> list[RawBatch]:
-        """Messages of a complete chunk; a damaged one is a loss."""
+        """Unpack the messages of a complete chunk; a damaged chunk becomes a loss."""
         try:
             if block.max_unpacked_bytes > LARGEST_BYTES:
                 raise DamagedBlockError(
@@ -111,14 +111,14 @@ class GrowingBlockFile(ABC):
         return batches
 
     def _take_unchunked_messages(self, first_record_bytes: int) -> list[RawBatch]:
-        """Messages outside chunks, from `_at` on, where the first one is complete."""
+        """Read messages outside chunks from `_at` on, of which the first is complete."""
         data = self._file.read_byte_array(self._at, max(first_record_bytes, _LOOSE_BYTES))
         batches, whole = self._split_complete_records(data)
         self._at += max(whole, first_record_bytes)
         return batches
 
     def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
-        """Messages in some bytes (n,), and offset of the first incomplete record."""
+        """Find messages in bytes (n,), and the offset of the first incomplete record."""
         finders = self._import_record_finders()
         _, whole = finders.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = MessageRowIndex(finders, data, 0)

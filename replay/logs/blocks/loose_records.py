@@ -1,4 +1,4 @@
-"""Records outside chunks or in chunks with a damaged begin, and resynchronisation."""
+"""Read records outside chunks, or in chunks with a damaged header, and resynchronise."""
 
 from typing import Final
 
@@ -9,20 +9,20 @@ from replay.logs.blocks.block_messages import BlockStore
 from replay.logs.blocks.slabs import UNPACKED_GROUP_BYTES, Find, MessageRowIndex
 from replay.logs.storage import LARGEST_BYTES, FileBytes
 
-#: Bytes that are read at first; a longer record widens them.
+#: Bytes of the first read; they grow for a longer record.
 _SMALLEST_WINDOW: Final = 65_536
 
 
 class UnchunkedRecords:
-    """Adds records outside chunks to a store, as blocks of bounded size."""
+    """Scanner that adds records outside chunks to a store, as blocks of bounded size."""
 
     def __init__(self, store: BlockStore) -> None:
         self._store = store
-        # grows while records go on, since where they do not most of a large read is for nothing
+        # grows while records continue: if they soon end, most of a large read is wasted
         self._window = _SMALLEST_WINDOW
 
     def scan_records_up_to_next_chunk(self, offset: int, first_record_bytes: int) -> int:
-        """Add records from `offset` on; returns their end, at a chunk or at invalid bytes.
+        """Add records from `offset` on; return their end, at a chunk or at invalid bytes.
 
         Args:
             offset: offset of the first record.
@@ -42,14 +42,14 @@ class UnchunkedRecords:
         return offset + stop
 
 
-#: The first look is short, since damage mostly is: many small faults must not cost a large read
-#: each. It is long enough for a few records, and so is what two looks share.
+#: Bytes of the first read after damage, which mostly is short: many small faults must not cost a
+#: large read each. Half of it, by which reads overlap, is enough for a few records.
 _SHORTEST: Final = 16_384
 _LONGEST: Final = 8 * 2**20
 
 
 def find_records_after_damage(file: FileBytes, damage_offset: int, find_record: Find) -> int | None:
-    """Offset after damage at which records continue; None if there is none."""
+    """Find the offset after damage at which records continue; None if they do not."""
     at, size = damage_offset + 1, _SHORTEST
     while at < file.size:
         data = np.frombuffer(file.read_bytes(at, size), np.uint8)

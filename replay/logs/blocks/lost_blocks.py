@@ -1,4 +1,4 @@
-"""Damaged blocks of a file, and the gaps between blocks."""
+"""Report damaged blocks of a file, and gaps between blocks."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
@@ -7,7 +7,7 @@ from estimators.errors import format_count
 from replay.logs.blocks.block import Block
 from replay.logs.storage import FileDamage
 
-#: More damaged blocks than this are told in one sentence.
+#: Most damaged blocks that are reported in a sentence each; more are summed up in one.
 _MOST_SINGLE: Final = 20
 
 
@@ -16,9 +16,9 @@ class BlockDamage(FileDamage):
 
     def __init__(self, source: str) -> None:
         super().__init__(source)
-        #: by where the block begins
+        #: block and reason, by the offset of its record
         self._blocks: dict[int, tuple[Block, str]] = {}
-        #: stretches that hold no records: from, to
+        #: end of each stretch without records, by its start
         self._gaps: dict[int, int] = {}
 
     def note_lost_block(self, block: Block, reason: str) -> None:
@@ -26,7 +26,7 @@ class BlockDamage(FileDamage):
         self._blocks[block.record_offset] = (block, reason)
 
     def note_unreadable_bytes(self, start: int, end: int) -> None:
-        """Note that nothing can be read between two offsets."""
+        """Note that the bytes between two offsets contain no readable records."""
         self._gaps[start] = end
 
     def is_block_lost(self, offset: int) -> bool:
@@ -35,7 +35,7 @@ class BlockDamage(FileDamage):
 
     @property
     def lost_message_count(self) -> int | None:
-        """Number of messages in the unused blocks; None if one is unknown."""
+        """Number of messages in the lost blocks; None if that of a block is unknown."""
         counts = [sum(block.counts.values()) for block, _ in self._blocks.values()]
         return sum(counts) if all(counts) else None
 
@@ -79,12 +79,12 @@ class BlockDamage(FileDamage):
 
 
 def format_log_time(log_time_ns: int) -> str:
-    """Log time in the format of `info`, to the ns so that it can be searched for."""
+    """Format a log time as `info` does, to the ns so that it can be searched for."""
     return f"{log_time_ns // 10**9}.{log_time_ns % 10**9:09} s"
 
 
 def make_last_log_time_clause(last_ns: int | None) -> str:
-    """Clause that states up to which time everything was read."""
+    """Clause that states the log time of the last message that was read."""
     return "" if last_ns is None else f", the last at log time {format_log_time(last_ns)}"
 
 
@@ -93,7 +93,7 @@ def make_incomplete_end_clause(truncated_bytes: int, truncated_message_count: in
 
     Args:
         truncated_bytes: number of bytes.
-        truncated_message_count: number of messages read from a torn chunk there.
+        truncated_message_count: number of messages read from a truncated chunk there.
     """
     if truncated_message_count:
         return (
@@ -108,7 +108,7 @@ def make_incomplete_end_clause(truncated_bytes: int, truncated_message_count: in
 
 
 def describe_block_contents(blocks: list[Block], topic_of_connection: Mapping[int, str]) -> str:
-    """Contents of damaged blocks, as far as an index gives them."""
+    """Describe the messages in damaged blocks, as far as an index gives them."""
     counts: dict[str, int] = {}
     for block in blocks:
         for key, count in block.counts.items():

@@ -1,6 +1,6 @@
-"""Groups of blocks unpacked in parallel ahead of the consumer, with their records.
+"""Unpack groups of blocks in parallel, ahead of the consumer, and find their records.
 
-Messages of a group are selected by connection and log time, and the contents of chunks counted.
+Messages of a group are selected by connection and log time, and the messages of each chunk counted.
 """
 
 import os
@@ -21,16 +21,16 @@ from replay.logs.storage import KEY, LARGEST_BYTES, LENGTH, OFFSET, TIME, FileBy
 
 #: Number of rows found, and offset of the first incomplete record.
 CountAndStop: TypeAlias = tuple[int, int]
-#: (data, begin, end, rows, row) -> (rows found, where the first record begins that is not whole):
+#: (data, begin, end, rows, row) -> (rows found, offset of the first incomplete record):
 #: scan [begin, end) of a group, and fill rows from `row` on, as many as there is room for.
 Scan = Callable[
     [NDArray[np.uint8], int, int, NDArray[np.int64], int],
     CountAndStop,
 ]
-#: (data, begin, end, limit) -> where in [begin, end) records go on after damage, or -1: a few in a
-#: row are no accident. `limit` is where the last of them may end, at or behind `end`.
+#: (data, begin, end, limit) -> offset in [begin, end) at which records continue after damage, or
+#: -1. Several must follow each other, the last of which may end at `limit`, at or after `end`.
 Find = Callable[[NDArray[np.uint8], int, int, int], int]
-#: Later than any log time, ns.
+#: Latest possible log time in ns.
 _INT64_MAX: Final = 2**63 - 1
 
 
@@ -46,15 +46,15 @@ class UnpackedBlockGroup:
     """Several unpacked blocks and their records."""
 
     data: NDArray[np.uint8]
-    #: (4, n): connection, log time (its 64 bits), offset and length of the message in `data`
+    #: (4, n): connection, log time (as 64 bits), offset and length of the message in `data`
     rows: NDArray[np.int64]
-    #: a block, its first row, the row behind its last, and its bytes that are no records
+    #: each block, its first row, the row after its last, and its number of bytes outside records
     parts: tuple[tuple[Block, int, int, int], ...]
     damaged: tuple[tuple[Block, str], ...]
 
 
 class SpanRows(NamedTuple):
-    """Rows found in a span of bytes, and its bytes outside records."""
+    """First and end row found in a span of bytes, and its number of bytes outside records."""
 
     first_row: int
     end_row: int
@@ -62,14 +62,14 @@ class SpanRows(NamedTuple):
 
 
 class _SpanScan(NamedTuple):
-    """Number of rows found in a span of bytes, and its bytes outside records."""
+    """Number of rows found in a span of bytes, and its number of bytes outside records."""
 
     row_count: int
     unread_bytes: int
 
 
 class MessageRowIndex:
-    """Rows of a group, found block by block while each is in the processor's cache."""
+    """Index of the rows of a group, made block by block while each is in the processor's cache."""
 
     def __init__(self, finders: RecordFinders, data: NDArray[np.uint8], expected: int) -> None:
         """Create an empty index.
@@ -90,7 +90,7 @@ class MessageRowIndex:
         return np.ascontiguousarray(self._rows[:, : self._count])
 
     def add_rows_of_span(self, begin_offset: int, end_offset: int) -> SpanRows:
-        """Add the rows of a span; returns first row, end row and bytes outside records."""
+        """Find and add the rows of a span of bytes."""
         first = self._count
         count, unread = self._scan_span_into_rows(begin_offset, end_offset)
         if first + count > self._rows.shape[1]:
@@ -102,7 +102,7 @@ class MessageRowIndex:
         return SpanRows(first, self._count, unread)
 
     def _scan_span_into_rows(self, begin_offset: int, end_offset: int) -> _SpanScan:
-        """Index the records in a range of bytes; returns their number and the bytes not read."""
+        """Find the rows of a span, and store as many as there is room for."""
         row, unread, at = self._count, end_offset - begin_offset, begin_offset
         while 0 <= at < end_offset:
             count, stop = self._finders.scan(self._data, at, end_offset, self._rows, row)
@@ -116,24 +116,23 @@ class MessageRowIndex:
         return _SpanScan(row - self._count, unread)
 
 
-#: Blocks are unpacked side by side up to this size, since who reads them pays by the group.
+#: Most unpacked bytes of a group of several blocks: the consumer has an overhead for each group.
 UNPACKED_GROUP_BYTES: Final = 8 * 2**20
-#: The first is small, so that there are rows soon, and each has so many times the bytes of the one
-#: before; until they have their size, one alone is prepared ahead.
+#: Bytes of the first group, which is small, so that the first rows come soon.
 _FIRST_BYTES: Final = UNPACKED_GROUP_BYTES // 32
-#: Bytes of a group over those of the group before, at most.
+#: Largest ratio of the size of a group to the size of the previous one.
 _GROWTH: Final = 4
-#: Groups below their size.
+#: Number of first, smaller groups, during which only one is prepared ahead.
 _GROWING: Final = 3
 _WORKERS: Final = min(4, os.cpu_count() or 1)
-#: Groups that wait; each block larger than a group has one of its own, and then fewer wait.
+#: Most bytes of groups that wait; a block larger than a group is one by itself, and fewer wait.
 _MOST_WAITING_BYTES: Final = (_WORKERS + 1) * UNPACKED_GROUP_BYTES
 
 
 def iter_unpacked_block_groups(
     file: FileBytes, blocks: Iterable[Block], finders: RecordFinders
 ) -> Iterator[UnpackedBlockGroup]:
-    """Unpack and scan blocks in order.
+    """Yield groups of unpacked and scanned blocks, in order.
 
     A group's memory is reused once the next group is requested.
     """
@@ -172,12 +171,12 @@ def _yield_and_reuse_oldest_group(
 
 
 def _count_unpacked_bytes(block: Block) -> int:
-    # a block that nobody believes takes no room; unpacking it says why
+    # a block of implausible size takes no room; unpacking it raises the error
     return block.max_unpacked_bytes if block.max_unpacked_bytes <= LARGEST_BYTES else 0
 
 
 def _iter_groups_of_blocks(blocks: Iterable[Block]) -> Iterator[list[Block]]:
-    """Group blocks that fit into one group; the first groups are small."""
+    """Divide blocks into groups of bounded size; the first groups are smaller."""
     group: list[Block] = []
     size, most = 0, _FIRST_BYTES
     for block in blocks:
@@ -262,10 +261,10 @@ def group_messages_by_connection(
 
     Args:
         rows: (4, n) records.
-        connection_indices: (n,) index of the requested connection of each message, or -1 if not
+        connection_indices: (n,) in: index of the requested connection of each message, or -1 if not
             requested; out: -1 also for messages outside the interval.
-        first: first log time.
-        last: last log time.
+        first: first log time in ns.
+        last: last log time in ns.
         group_ends: (connections,) in: zeros; out: end of each connection's messages in
             `out_messages`.
         out_messages: (3, n) output.
@@ -304,7 +303,7 @@ def _replace_values_by_indices(
     first = sorted_keys[0] if sorted_keys.size else 0
     for row in range(values_to_indices.size):
         key = values_to_indices[row]
-        # recorders number connections one after another
+        # recorders number connections consecutively
         near = key - first
         if 0 <= near < sorted_keys.size and sorted_keys[near] == key:
             index_of_key[row] = near
@@ -320,23 +319,23 @@ def _replace_values_by_indices(
 
 
 class ChunkStats(NamedTuple):
-    """Statistics of a block."""
+    """Message counts and log times of a block."""
 
-    #: by connection, in the order of the keys that were asked for; then those of all others
+    #: number of messages by requested connection, in order; then of all other connections
     counts: list[int]
-    #: log times in ns, of those that are none of the year 2262 and later
+    #: first and last log time in ns, except times after the year 2262
     first_ns: int
     last_ns: int
-    #: messages of such times
+    #: number of messages after the year 2262
     late: int
 
 
 def count_messages_of_chunks(group: UnpackedBlockGroup, sorted_ids: Ints) -> list[ChunkStats]:
-    """Count the contents of each of `group.parts`; `sorted_ids` (connections,) are ascending."""
+    """Count the messages of each of `group.parts`; `sorted_ids` (connections,) are ascending."""
     bounds = np.array([part[1:3] for part in group.parts], np.int64).reshape(-1, 2)
     counts = np.zeros((len(bounds), sorted_ids.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))
-    # -1, of a key that nobody asked for, is the last: that of all others
+    # the index -1, of connections that were not requested, is the last: that of all others
     _count_messages_per_block(
         group.rows,
         bounds,

@@ -1,6 +1,6 @@
-"""Converted logs: a folder of Parquet by topic, and the description that makes it a log again."""
+"""Converted logs: a folder with Parquet files by topic, and a description that makes it a log."""
 
 from typing import Final
 
-#: Written last: a folder with it is whole.
+#: File that is written last, so that a folder with it is complete.
 DESCRIPTION: Final = "payscope-log.json"

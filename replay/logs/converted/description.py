@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict
 from analysis.model.loss import Loss
 
 LOG_TIME: Final = "log_time_ns"
-#: Raised whenever what is written changes its meaning.
+#: Version of the description, raised whenever the meaning of its content changes.
 FORMAT: Final = 1
 
 
@@ -27,7 +27,7 @@ class ConvertedField(_Record):
     """Metadata of a column in addition to its Parquet type."""
 
     name: str
-    #: of the lists on the way, from the outside in; None where a length varies
+    #: lengths of the nested lists, from the outside in; None if a length varies
     lengths: tuple[int | None, ...] = ()
     value_names: tuple[tuple[int, str], ...] = ()
     is_stamp: bool = False
@@ -35,13 +35,13 @@ class ConvertedField(_Record):
 
 
 class ConvertedPart(_Record):
-    """A Parquet file of one topic, in log-time order after the part before."""
+    """A Parquet file with rows of one topic, whose log times follow those of the previous part."""
 
     file: str
     rows: int
     size_bytes: int
     sha256: str
-    #: log times of its first and last row; None where it has none
+    #: log times of its first and last row in ns; None without rows
     start_ns: int | None
     end_ns: int | None
 
@@ -51,7 +51,7 @@ class ConvertedTopic(_Record):
 
     #: its row of `Log.topics()`
     summary: dict[str, Any]
-    #: why nothing of it could be read; empty where something could
+    #: why no message of it could be read; empty if at least one was
     fault: str = ""
     folder: str = ""
     fields: tuple[ConvertedField, ...] = ()
@@ -59,7 +59,7 @@ class ConvertedTopic(_Record):
 
 
 class ConvertedDescription(_Record):
-    """A converted log."""
+    """Description of a converted log."""
 
     format: int = FORMAT
     payscope: str

@@ -1,4 +1,4 @@
-"""Arrow arrays over gathered memory, without copies."""
+"""Make Arrow arrays of gathered values, without copying them."""
 
 from typing import Any, Final, TypeAlias
 
@@ -13,13 +13,13 @@ Array: TypeAlias = Any
 Flags = NDArray[np.bool_]
 
 _INT64: Final[Any] = pa.int64()
-#: What 64 gathered bits are, by kind; all others are integers with a sign.
+#: Arrow type of 64 gathered bits, by kind; other kinds are signed integers.
 _TYPES: Final[dict[str, Any]] = {
     "float32": pa.float64(),
     "float64": pa.float64(),
     "uint64": pa.uint64(),
 }
-#: What elements of lists are, which keep their size.
+#: Arrow type of list elements, which keep their size, by kind.
 ELEMENT_TYPES: Final[dict[str, Any]] = {
     "byte": pa.int8(),
     "char": pa.uint8(),
@@ -32,7 +32,7 @@ ELEMENT_TYPES: Final[dict[str, Any]] = {
 
 
 def make_value_array(bits: Ints, value_type: str, is_absent: Flags | None = None) -> Array:
-    """Single values (n,) from their 64-bit representation; null where absent."""
+    """Make an array of values (n,) from their 64-bit patterns; null where absent."""
     if value_type == "bool":
         return pa.array(bits != 0, mask=is_absent)
     validity = _make_validity_bitmap(is_absent)
@@ -42,7 +42,7 @@ def make_value_array(bits: Ints, value_type: str, is_absent: Flags | None = None
 
 
 def make_element_array(numbers: NDArray[Any], element_type: str) -> Array:
-    """List elements (n,), in their original size."""
+    """Make an array of list elements (n,), in their original size."""
     if element_type == "bool":
         return pa.array(numbers != 0)
     return pa.Array.from_buffers(
@@ -51,14 +51,14 @@ def make_element_array(numbers: NDArray[Any], element_type: str) -> Array:
 
 
 def make_time_array(times_ns: Ints) -> Array:
-    """Times (n,) in ns."""
+    """Make an array of times (n,) in ns."""
     return pa.Array.from_buffers(_INT64, times_ns.size, [None, pa.py_buffer(times_ns)])
 
 
 def make_string_array(
     views: NDArray[np.uint32], long_text: NDArray[np.uint8], is_absent: Flags | None = None
 ) -> Array:
-    """Strings (n,) from their views (n, 4) and the text of the long ones."""
+    """Make an array of strings (n,) from their views (n, 4) and the text of long ones."""
     buffers = [
         _make_validity_bitmap(is_absent),
         pa.py_buffer(views),
@@ -68,7 +68,7 @@ def make_string_array(
 
 
 def make_list_array(counts: Ints, elements: Array) -> Array:
-    """Lists with the given numbers of elements (n,); null where the number is -1."""
+    """Make an array of lists (n,) with the given numbers of elements; null where it is -1."""
     ends = np.zeros(counts.size + 1, np.int64)
     absent = counts < 0
     np.cumsum(np.maximum(counts, 0), out=ends[1:])

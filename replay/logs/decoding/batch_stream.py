@@ -1,7 +1,7 @@
-"""Streams of batches through decoders: small batches are joined, large ones split.
+"""Feed batches to decoders: small batches are joined, large ones split.
 
-Recorders write messages slightly out of order. Sorting a whole log for that would copy every
-column; here only overlapping rows are moved, and all others stay where they were decoded.
+Recorders write messages slightly out of order. Sorting a whole log would copy every column; here,
+only rows of batches that overlap in time are sorted, and all others stay where they were decoded.
 """
 
 import os
@@ -22,9 +22,9 @@ from replay.logs.decoding.decoder import (
 from replay.logs.decoding.gather_values import concatenate_byte_ranges
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
-#: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
+#: Number of messages below which the overhead of a batch exceeds the cost of joining it to others.
 _FEW_ROWS: Final = 2048
-#: The other half of the cores unpacks.
+#: Threads that decode: half of the cores, while the other half decompresses.
 _WORKERS: Final = max(1, min(4, (os.cpu_count() or 1) // 2))
 
 
@@ -36,15 +36,15 @@ class TopicStream:
         self._decoder = decoder
         self._empty = pl.DataFrame(schema=schema)
         self._frames = [self._empty]
-        #: put aside until they are worth the overhead of a batch
+        #: small batches kept until together they are worth the overhead of one
         self._few: list[RawBatch] = []
         self._rows = self._bytes = 0
         self._begun: list[Callable[[], DecodedBatch]] = []
-        #: the log time of the last message, by connection: slabs hold several side by side
+        #: log time of the last message in ns, by connection: a slab holds several connections
         self._last: dict[int, int] = {}
 
     def submit_batch(self, batch: RawBatch, submit: Submit) -> None:
-        """Take the next messages; their memory may be reused after `finish_decoding`."""
+        """Start decoding the next messages; their memory may be reused after `finish_decoding`."""
         self._note_decreasing_times(batch)
         for part in batch.split_to_bounded_batches():
             if part.message_count < _FEW_ROWS:
@@ -58,7 +58,7 @@ class TopicStream:
                 self._submit_batch_of_any_size(part, submit)
 
     def finish_decoding(self) -> None:
-        """Finish decoding the messages taken so far."""
+        """Wait until the messages submitted so far are decoded."""
         for finish in self._begun:
             decoded = finish()
             self.tally.rows += decoded.frame.height
@@ -74,7 +74,7 @@ class TopicStream:
         Args:
             later_log_time_ns: lower bound of the log times of later messages.
         """
-        if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
+        if not self.tally.rows:  # the first rows are not held back until they fill a batch
             self._submit_small_batches_as_one(run_work_immediately)
             self.finish_decoding()
         waiting = [int(batch.log_times.min()) for batch in self._few]
@@ -85,12 +85,12 @@ class TopicStream:
         if ready == frame.height:
             self._frames = [self._empty]
             return frame
-        # slices by brackets take longer than finding where
+        # slicing by brackets is slower than the search
         self._frames = [frame.slice(ready)]
         return frame.slice(0, ready)
 
     def drain_all_rows(self) -> pl.DataFrame:
-        """Return all remaining rows."""
+        """Decode what is left, and return all remaining rows."""
         self._submit_small_batches_as_one(run_work_immediately)
         self.finish_decoding()
         frame = merge_sorted_frames(self._frames)
@@ -98,7 +98,7 @@ class TopicStream:
         return frame
 
     def _note_decreasing_times(self, batch: RawBatch) -> None:
-        """Note whether log times decrease, before the rows are sorted."""
+        """Keep the largest decrease of log time in the tally, before the rows are sorted."""
         if batch.message_count:
             times = batch.log_times
             before = self._last.get(batch.connection_id, int(times[0]))
@@ -209,18 +209,18 @@ def merge_sorted_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
         placed += merge_overlapping_rows(placed.pop(), frame) if placed else [frame]
     placed = placed or found[:1]
     whole = pl.concat(placed, rechunk=False) if len(placed) > 1 else placed[0]
-    # a frame that begins before those in front of the last
+    # a frame may begin before the frames preceding the last one
     return whole if whole[TIME].is_sorted() else whole.sort(TIME, maintain_order=True)
 
 
 def count_rows_until(frame: pl.DataFrame, last_log_time_ns: int) -> int:
     """Number of rows of a sorted frame up to `last_log_time_ns`."""
-    # the same method of a series goes through polars' engine, which takes longer than all the rest
+    # the search of a polars series goes through its engine, which takes longer than all the rest
     return int(np.searchsorted(frame[TIME].to_numpy(), last_log_time_ns, side="right"))
 
 
 def merge_overlapping_rows(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
-    """Two frames as consecutive parts, with rows merged where their times overlap."""
+    """Split two sorted frames into consecutive parts, merging the rows that overlap in time."""
     begin, end = second[TIME][0], first[TIME][-1]
     if begin >= end:
         return [first, second]

@@ -1,6 +1,6 @@
-"""Numbers at any byte of an array, for loops that are interpreted or compiled.
+"""Load numbers at any byte of an array, in loops that may be interpreted or compiled.
 
-Compiled, they are those of `unaligned`.
+In compiled loops, these functions are those of `unaligned`.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ def _copy_bytes(data: Bytes, offset: int, target: Bytes, target_offset: int, siz
 
 
 def _convert_float_bits_to_double_bits(float_bits: int) -> np.int64:
-    """Bits of the 64-bit float that equals a 32-bit float, given the bits of that."""
+    """Convert the bits of a 32-bit float to the bits of the equal 64-bit float."""
     single = np.array(int(float_bits) & 0xFFFFFFFF, np.uint32).view(np.float32)
     return np.int64(single.astype(np.float64).view(np.int64))
 
@@ -37,12 +37,12 @@ def _skip_prefetch(data: Bytes, offset: int) -> None:
     pass
 
 
-#: Bytes of a record of a log, roughly: a turn of a loop over records.
+#: Typical bytes of a record of a log: an iteration of a loop over records.
 _RECORD_BYTES: Final = 256
 
 
 def estimate_scan_iterations(_data: Bytes, begin: int, end: int, *__: Any) -> int:
-    """The turns of a loop over the records between two places."""
+    """Estimate the iterations of a loop over the records from byte `begin` to byte `end`."""
     return (end - begin) // _RECORD_BYTES
 
 
@@ -55,7 +55,7 @@ def _make_compiled_primitive(name: str, interpreted: Callable[..., Any]) -> Any:
     return Primitive(interpreted, import_compiled)
 
 
-#: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
+#: (data, at) -> unsigned integer of 2 and of 4 little-endian bytes, and signed integer of 8
 load16 = cast(
     "Callable[[Bytes, int], int]",
     _make_compiled_primitive("load16", _make_unsigned_integer_loader(2)),
@@ -65,13 +65,13 @@ load32 = cast(
     _make_compiled_primitive("load32", _make_unsigned_integer_loader(4)),
 )
 load64 = cast("Callable[[Bytes, int], int]", _make_compiled_primitive("load64", _load_64_bits))
-#: (data, at, target, to, size): copy so many bytes
+#: (data, at, target, to, size): copy `size` bytes
 copy = cast(
     "Callable[[Bytes, int, Bytes, int, int], None]", _make_compiled_primitive("copy", _copy_bytes)
 )
-#: (the bits of a number of single precision) -> those of the double that equals it
+#: (bits of a 32-bit float) -> bits of the equal 64-bit float
 widened = cast(
     "Callable[[int], int]", _make_compiled_primitive("widened", _convert_float_bits_to_double_bits)
 )
-#: (data, at): the processor may bring what lies there nearer
+#: (data, at): prefetch that byte into the processor's cache
 fetch = cast("Callable[[Bytes, int], None]", _make_compiled_primitive("fetch", _skip_prefetch))

@@ -1,4 +1,4 @@
-"""A decode plan: the requested fields of one type, in every encoding of its messages."""
+"""Decode plan: decode the requested fields of one type, in every encoding of its messages."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve
 from replay.logs.messages.message_types import RecordType
 from replay.logs.messages.raw_batch import RawBatch
 
-#: Elements that lists have on the average, as a first guess; with more, the pass is repeated.
+#: First guess of the mean number of list elements; if lists have more, the pass is repeated.
 _ELEMENTS: Final = 4
 
 
@@ -46,7 +46,7 @@ class WalkedBatch:
     """Columns of the complete messages, and the indices of these messages."""
 
     columns: ColumnBuilder
-    #: (n,)
+    #: (n,) whether each message of the batch is complete
     is_complete: NDArray[np.bool_]
     first_fault: str
 
@@ -54,8 +54,8 @@ class WalkedBatch:
 class BatchPass:
     """A pass over messages of one encapsulation, with its memory.
 
-    The memory is allocated beforehand, because threads keep their own allocations apart and cannot
-    reuse those of others.
+    The memory is allocated beforehand, since memory allocated in a thread cannot be reused by
+    others.
     """
 
     def __init__(
@@ -74,11 +74,11 @@ class BatchPass:
             program: program for the messages' type and encoding.
             direct: fields gathered during the pass.
             data: (bytes,) bytes that contain the messages.
-            begins: (n,) start of each message after its encapsulation.
-            sizes: (n,) bytes of each message from there on.
+            begins: (n,) start of each message, after its encapsulation.
+            sizes: (n,) bytes of each message, without its encapsulation.
             swap: whether numbers are big-endian.
         """
-        # a definition may say that messages are large, where the data has small ones only
+        # messages too small for the definition are not complete, and need no row
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._direct, self._swap = program, direct, swap
         self._messages = EncodedMessages(data, begins, sizes)
@@ -89,7 +89,7 @@ class BatchPass:
         self._notes = _allocate_walk_notes(program, room)
 
     def locate_and_gather_fields_of_batch(self) -> None:
-        """Walk and gather; repeat if there was too little memory for the marks."""
+        """Locate and gather the fields; repeat if there was too little memory for the marks."""
         program, wire = self._program, self._program.wire
         while True:
             locate_and_gather_fields(
@@ -105,7 +105,7 @@ class BatchPass:
             self._gathered.long_bytes[:] = 0
 
     def finish_batch(self) -> WalkedBatch:
-        """Finish the batch and return what was found."""
+        """Return the columns of the complete messages, and the first fault of the others."""
         table, marks, filled, *_ = self._notes
         mark_values = tuple(marks[base : base + filled[node]] for node, base, _ in table)
         root, rows = self._program.root, int(filled[0])
@@ -146,7 +146,7 @@ class _DecodedPart:
 
 
 class DecodePlan:
-    """How to read fields of one type. Plans hold no decoded data, so threads may share them.
+    """Plan to decode fields of one type. It holds no decoded data, so threads may share it.
 
     Raises:
         NoPlanError: the type contains something that no plan can express.
@@ -161,15 +161,15 @@ class DecodePlan:
         self._ros1 = ros1
         self._read_fields = self._fields if self._stamp is None else (self._stamp, *self._fields)
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
-        #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
+        #: encoding by the first two bytes of the encapsulation, big-endian; ROS 1 has none
         self._wires: dict[int, Wire] = {0: ROS1} if ros1 else ENCAPSULATIONS
         self._record, self._wanted = record, wanted
         self._programs: dict[Wire, _CompiledProgram] = {}
-        # what has no plan in the first encoding is decoded by a library
+        # a type without a plan in the first encoding is decoded by a library
         self._compile_program_once_per_encoding(next(iter(self._wires.values())))
 
     def _compile_program_once_per_encoding(self, wire: Wire) -> "_CompiledProgram":
-        """Program for an encoding, compiled when a message first uses it."""
+        """Return the program for an encoding, compiled when a message first uses it."""
         if wire not in self._programs:
             program = compile_decode_program(self._record, self._wanted, wire)
             direct = select_fields_at_fixed_offsets(program.root, self._read_fields)
@@ -201,7 +201,7 @@ class DecodePlan:
     def _decode_mixed_encapsulations(
         self, batch: RawBatch, encapsulations: NDArray[np.int64]
     ) -> DecodedBatch:
-        """Decode messages of several encapsulations, or of unknown ones."""
+        """Decode messages of several encapsulations, or of unknown ones, which have no row."""
         chosen = [np.flatnonzero(encapsulations == kind) for kind in self._wires]
         parts = [
             (
@@ -284,7 +284,7 @@ class DecodePlan:
         )
 
 
-#: A program, what it gathers on the way, and where each of the fields is among that.
+#: A program, the fields that it gathers directly, and the index of each field among them, if any.
 _CompiledProgram: TypeAlias = tuple[DecodeProgram, DirectFields, tuple[int | None, ...]]
 
 

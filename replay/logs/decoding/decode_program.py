@@ -1,7 +1,8 @@
-"""A message definition as a program of `locate_fields_in_messages`: fields in order, what to note.
+"""Compile a message definition to a program of `locate_fields_in_messages`.
 
-Only requested fields are noted. The whole message is walked, since whether it is complete must not
-depend on the requested fields; consecutive numbers are one step.
+The steps of the program are the fields in order; consecutive numbers are one step. Only requested
+fields are marked, but the whole message is walked, since whether it is complete must not depend on
+the requested fields.
 """
 
 from dataclasses import dataclass, field
@@ -33,7 +34,7 @@ from replay.logs.decoding.spans import (
 from replay.logs.decoding.wire import Wire
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
 
-#: Fields asked for, as a tree: by name, with the lists' elements left out. Empty for a leaf.
+#: Requested fields as a tree by name, in which lists have no level of their own; {} for a leaf.
 Wanted: TypeAlias = dict[str, "Wanted"]
 
 
@@ -44,7 +45,7 @@ class DecodeOperation(IntEnum):
     TEXT = 1
     #: a list whose elements have one size
     STRIDED = 2
-    #: a list whose elements are walked: the head, and the end of an element
+    #: a list whose elements are walked: its start, and (NEXT) the end of an element
     LIST = 3
     NEXT = 4
 
@@ -54,15 +55,15 @@ class Operand(IntEnum):
 
     OP = 0
     ALIGNMENT = 1
-    #: of a span, or of one element of a list at least
+    #: bytes of a span, or the least of one list element
     SIZE = 2
     STRIDE = 3
-    #: of a list's elements, -1 where the message says it
+    #: number of a list's elements, -1 if the message states it
     LENGTH = 4
     MARK = 5
-    #: the node whose elements the marks belong to; of NEXT, the node whose element ends
+    #: the node whose elements the marks belong to; for NEXT, the node whose element ends
     NODE = 6
-    #: the step to go on with: of LIST when it is empty, of NEXT when there are more elements
+    #: the step to continue with: for LIST if it is empty, for NEXT if there are more elements
     JUMP = 7
 
 
@@ -72,22 +73,22 @@ class DecodeProgram:
 
     #: encoding of the messages
     wire: Wire
-    #: (steps, 8) int64, see `Column`
+    #: (steps, 8) int64, with the columns of `Operand`
     steps: NDArray[np.int64]
     #: (marks,) the node of each mark
     mark_nodes: NDArray[np.int64]
     #: number of nodes of the type's tree
     nodes: int
-    #: lists inside lists at most
+    #: largest depth of nested lists
     depth: int
-    #: no message with fewer bytes is whole
+    #: fewest bytes of a complete message
     least_bytes: int
-    #: the whole message
+    #: places of the requested fields in the message
     root: NestedMessage
 
 
 def compile_decode_program(record: RecordType, wanted_fields: Wanted, wire: Wire) -> DecodeProgram:
-    """Compile the decoder of a message type.
+    """Compile the program of a message type.
 
     Raises:
         NoPlanError: a field fits no column, or the type is too large.
@@ -113,17 +114,17 @@ class _Compiler:
     steps: list[list[int]] = field(default_factory=list[list[int]])
     mark_nodes: list[int] = field(default_factory=list[int])
     nodes: int = 1
-    #: whose element is being compiled; -1 where nothing of it is asked for
+    #: node whose element is being compiled; -1 if none of its fields is requested
     node: int = 0
     depth: int = 0
     most_depth: int = 0
-    #: the last step's span, while more can be appended to it
+    #: span of the last step, while more can be appended to it
     span: Span | None = None
 
     def compile_message_fields(
         self, record: RecordType, wanted_fields: Wanted | None
     ) -> NestedMessage:
-        """Compile the fields of a message."""
+        """Compile the fields of a message, and return the places of the requested ones."""
         fields: dict[str, FieldPlace] = {}
         for name, kind in list_members_as_encoded(record, self.wire):
             located = self._compile_field_of_type(
@@ -162,7 +163,7 @@ class _Compiler:
             else append_field_at_fixed_offset(self.span, field_type, self.wire)
         )
         if value is None:
-            # the first byte of a message is aligned to everything
+            # the first byte of a message has any alignment
             alignment = (
                 compute_first_number_alignment_bytes(field_type, self.wire)
                 if self.steps
@@ -185,7 +186,7 @@ class _Compiler:
         self, list_type: ListOf, wanted_subfields: Wanted | None
     ) -> FieldPlace | None:
         if list_type.length == 0:
-            # rosbags pads before it; and lists of what takes no bytes would be walked without bound
+            # rosbags pads before it, and the walk over elements of no bytes would be unbounded
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
         if is_preceded_by_byte_size(list_type, self.wire):
             self._append_to_span(Scalar("uint32"), None)
@@ -196,7 +197,7 @@ class _Compiler:
             return self._compile_list_of_varying_elements(
                 list_type.element, length, least, wanted_subfields
             )
-        # arrays of a fixed size lie in spans
+        # arrays of fixed size are in spans
         assert list_type.length is None
         if not least:
             return self._append_to_span(Scalar("uint32"), None)
@@ -245,13 +246,13 @@ class _Compiler:
         length: int = -1,
         jump: int = -1,
     ) -> int:
-        """Append a step, which closes the open span."""
+        """Append a step, which closes the open span, and return its index."""
         self.span = None
         self.steps.append([operation, alignment, size, stride, length, -1, self.node, jump])
         return len(self.steps) - 1
 
     def _allocate_first_mark_of_last_step(self, count: int) -> int:
-        """Reserve marks for the last step; returns the first one."""
+        """Reserve marks for the last step, unless it has some, and return the first one."""
         step = self.steps[-1]
         if step[Operand.MARK] < 0:
             step[Operand.MARK] = len(self.mark_nodes)

@@ -1,4 +1,4 @@
-"""Interface of decoders: batches of raw messages in, frames out."""
+"""Interface of decoders, which convert batches of raw messages to frames."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import polars as pl
 from replay.logs.messages.message_fields import OWN_COLUMNS, Field
 from replay.logs.messages.raw_batch import RawBatch
 
-#: Starts work, and returns a function that waits until it is done.
+#: Function that starts work, and returns a function that waits until it is done.
 Submit: TypeAlias = Callable[[Callable[[], None]], Callable[[], object]]
 
 
@@ -21,11 +21,11 @@ def run_work_immediately(work: Callable[[], None]) -> Callable[[], object]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DecodedBatch:
-    """Rows of a batch in order, without messages that cannot be decoded."""
+    """Rows of the decodable messages of a batch, in order."""
 
     frame: pl.DataFrame
     undecodable: int
-    #: why the first of them cannot be
+    #: why the first undecodable message cannot be decoded; "" if there is none
     first_fault: str
 
 
@@ -36,7 +36,7 @@ class DecodeTally:
     rows: int = 0
     undecodable: int = 0
     first_fault: str = ""
-    #: by how much the log time falls from one message to the next, in ns, at most
+    #: largest decrease of log time from one message to the next, in ns
     back_ns: int = 0
 
 
@@ -44,10 +44,10 @@ class Decoder(Protocol):
     """Decoder for the requested fields of one type."""
 
     def begin_decoding(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
-        """Start decoding messages; the returned function finishes and gives the rows.
+        """Start decoding messages; the returned function waits for the rows and returns them.
 
-        Messages that cannot be decoded have no row. Work without the interpreter's lock is
-        submitted to run meanwhile.
+        Messages that cannot be decoded have no row. Work that does not need the interpreter's lock
+        is submitted to run in the meantime.
         """
         ...
 

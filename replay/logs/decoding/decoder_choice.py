@@ -1,4 +1,4 @@
-"""The decoder of a type: by columns, or message by message where no plan can express it."""
+"""Choose the decoder of a type: columnar, or message by message if no plan can express it."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -18,7 +18,7 @@ from replay.logs.messages.raw_batch import RawBatch
 
 
 class PerMessageDecoder:
-    """Decoder of one type without a plan, by a library."""
+    """Decoder of a type without a plan, which decodes by a library."""
 
     def __init__(self, kind: MessageType, fields: Sequence[Field]) -> None:
         self._kind = kind

@@ -1,4 +1,4 @@
-"""Direct fields: at a fixed distance from a mark of every message, gathered during the pass."""
+"""Direct fields, at a fixed offset from a mark in every message, are gathered during the walk."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,15 +18,16 @@ from replay.logs.decoding.field_places import (
 from replay.logs.decoding.gather_values import DTYPES, LOADS
 from replay.logs.messages.message_fields import ALL, Field, PathStep
 
-#: What tells a field of a type from the others.
+#: Path of a field in its type, which identifies it.
 Steps: TypeAlias = tuple[PathStep, ...]
 
 
 class GatherPlan(NamedTuple):
     """Plan of the values that a compiled pass gathers in addition to the marks.
 
-    `value_*`: single values, by the mark of their span, their distance from it, and their type
-    (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.
+    `value_*`: single values, by the mark of their span, their offset from it, and their type
+    (`gather_values.LOADS`). `array_*`: arrays of numbers, with their size in bytes. `text_marks`:
+    strings.
     """
 
     value_marks: Ints
@@ -40,24 +41,23 @@ class GatherPlan(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DirectFields:
-    """Fields of a type that the pass gathers."""
+    """Fields of a type that are gathered during the walk."""
 
     gather_plan: GatherPlan
-    #: single values and their kinds, arrays with kind and length, strings: each in the order of
-    #: the gather plan
+    #: single values with kind, arrays with kind and length, and strings, in the gather plan's order
     values: tuple[tuple[Steps, str], ...]
     arrays: tuple[tuple[Steps, str, int], ...]
     texts: tuple[Steps, ...]
 
     @property
     def field_paths(self) -> tuple[Steps, ...]:
-        """Steps of all fields, in order."""
+        """Paths of all fields, in order."""
         return (*(v[0] for v in self.values), *(a[0] for a in self.arrays), *self.texts)
 
 
 @dataclass(frozen=True, slots=True)
 class _FixedField:
-    """A field at a fixed distance from a mark of the message."""
+    """A field at a fixed offset from a mark of the message."""
 
     mark: int
     offset: int
@@ -67,7 +67,7 @@ class _FixedField:
 def select_fields_at_fixed_offsets(
     message_layout: NestedMessage, fields: Iterable[Field]
 ) -> DirectFields:
-    """Select the fields that are at the same place in every message."""
+    """Select the fields that are at a fixed offset from a mark in every message."""
     places = {field.steps: _find_fixed_field(message_layout, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
     arrays: list[tuple[Steps, str, int]] = []
@@ -95,7 +95,7 @@ def select_fields_at_fixed_offsets(
 
 
 def _find_fixed_field(message_layout: NestedMessage, steps: Steps) -> _FixedField | None:
-    """Place of a field, if it is the same in every message."""
+    """Mark and offset of a field, if they are the same in every message; else None."""
     here: NestedMessage | InlineRecord = message_layout
     mark, offset = -1, 0
     for step in steps:
@@ -127,6 +127,6 @@ def _find_fixed_field(message_layout: NestedMessage, steps: Steps) -> _FixedFiel
 
 
 def _is_complete_numeric_array_requested(array: InlineArray, step: PathStep, steps: Steps) -> bool:
-    """Whether an array of plain numbers is requested, with all its elements."""
+    """Whether all elements of an array of plain numbers are requested."""
     element = array.element
     return step is steps[-1] and isinstance(element, InlineField) and element.kind in DTYPES

@@ -1,7 +1,7 @@
-"""Columns from marks: follow a field's steps to where its values lie, then gather them.
+"""Make columns from marks: follow a field's path to the positions of its values, and gather them.
 
-While its steps are followed, a field is located by elements of a node or, inside a part of fixed
-size, by positions in the data. -1 marks an element that a message lacks; its value is null.
+Along the path, a field is located by elements of a node or, inside a part of fixed size, by
+positions in the data. -1 stands for an element that a message lacks; its value is null.
 """
 
 from collections.abc import Iterator
@@ -50,7 +50,7 @@ _NO_TEXT: Final = np.empty(0, np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Elements:
-    """Values at elements of a node: their indices, or None for all elements."""
+    """Location by elements of a node: their indices, or None for all elements."""
 
     located: FieldPlace
     chosen: Ints | None
@@ -58,7 +58,7 @@ class _Elements:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Positions:
-    """Values `offset` bytes after given positions."""
+    """Location by `offset` bytes after given positions."""
 
     value: InlineValue
     at: Ints
@@ -70,21 +70,21 @@ _Place: TypeAlias = _Elements | _Positions
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColumnBuilder:
-    """Builds columns from a walked batch."""
+    """Builder of columns from a walked batch."""
 
     data: NDArray[np.uint8]
     swap: bool
     root: NestedMessage
     #: by mark: position or length noted for each element of its node
     mark_values: tuple[Ints, ...]
-    #: whole messages
+    #: number of complete messages
     rows: int
     direct: DirectFields
     gathered_rows: GatheredRows
     _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
 
     def iter_gathered_fields(self) -> Iterator[Array]:
-        """Fields gathered during the pass, in the order of `DirectFields.steps`."""
+        """Yield the fields gathered during the walk, in the order of `DirectFields.field_paths`."""
         direct, gathered_rows = self.direct, self.gathered_rows
         rows, room = self.rows, gathered_rows.values.shape[1]
         for (_, kind), bits in zip(direct.values, gathered_rows.values, strict=True):
@@ -109,7 +109,7 @@ class ColumnBuilder:
                 yield make_string_array(gathered_rows.views[k, :rows], _NO_TEXT)
 
     def make_column(self, field: Field) -> Array:
-        """Values of a field, one for every complete message."""
+        """Make the column of a field, with a value for every complete message."""
         place: _Place = _Elements(self.root, None)
         spreads: list[Ints] = []
         for step in field.steps:
@@ -134,7 +134,7 @@ class ColumnBuilder:
         return _wrap_in_lists(found, spreads)
 
     def _locate_member(self, parent_location: _Place, name: str) -> _Place:
-        """Place of a member of the message at a place."""
+        """Locate a member of the message at a location."""
         if isinstance(parent_location, _Positions):
             assert isinstance(parent_location.value, InlineRecord)
             return replace(parent_location, value=parent_location.value.fields[name])
@@ -150,14 +150,14 @@ class ColumnBuilder:
     def _read_positions_or_lengths_of_elements(
         self, mark_number: int, element_indices: Ints | None, value_if_absent: int = -1
     ) -> Ints:
-        """Marks of selected elements; `value_if_absent` for those that do not exist."""
+        """Read a mark of selected elements; `value_if_absent` for each index of -1."""
         if element_indices is None:
             return self.mark_values[mark_number]
-        # one more, which is what -1 picks
+        # the appended value is the one that index -1 selects
         return np.append(self.mark_values[mark_number], value_if_absent)[element_indices]
 
     def _count_list_elements(self, list_location: _Place) -> Ints:
-        """Number of elements of each list; -1 for a missing list."""
+        """Count the elements of each list; -1 for a missing list."""
         if isinstance(list_location, _Positions):
             assert isinstance(list_location.value, InlineArray)
             return np.where(list_location.at < 0, -1, list_location.value.length)
@@ -166,7 +166,7 @@ class ColumnBuilder:
         return self._read_positions_or_lengths_of_elements(mark, list_location.chosen)
 
     def _locate_one_element(self, list_location: _Place, element_index: int | Ints) -> _Place:
-        """Place of one element of each list, at a common or individual index."""
+        """Locate one element of each list, at a common or individual index."""
         if isinstance(list_location, _Positions) and isinstance(element_index, int):
             assert isinstance(list_location.value, InlineArray)
             array = list_location.value
@@ -181,7 +181,7 @@ class ColumnBuilder:
         return self._locate_existing_element(list_location, np.where(there, element_index, -1))
 
     def _locate_existing_element(self, list_location: _Place, element_index: Ints) -> _Place:
-        """Place of one existing element of each list; -1 for none."""
+        """Locate one element of each list, which must exist unless its index is -1."""
         if isinstance(list_location, _Positions):
             assert isinstance(list_location.value, InlineArray)
             array = list_location.value
@@ -207,7 +207,7 @@ class ColumnBuilder:
         )
 
     def _locate_all_elements(self, list_location: _Place, counts: Ints) -> _Place:
-        """Place of every element of each list."""
+        """Locate every element of each list."""
         match list_location:
             case _Elements(located=WalkedList(element=element), chosen=None):
                 return _Elements(element, None)
@@ -224,7 +224,7 @@ class ColumnBuilder:
         return self._locate_existing_element(list_location, number)
 
     def _find_element_index_by_name(self, message_location: _Place, element_name: str) -> Ints:
-        """Index of a name in the list `element_name` of each message; -1 if absent."""
+        """Find the index of a name in the list `name` of each message; -1 if absent."""
         assert isinstance(message_location, _Elements)
         assert isinstance(message_location.located, NestedMessage)
         names = message_location.located.fields["name"]
@@ -247,7 +247,7 @@ class ColumnBuilder:
         )
 
     def _gather_contiguous_elements(self, list_location: _Place, counts: Ints) -> Array:
-        """Elements of lists of numbers, contiguous in the data."""
+        """Gather the elements of lists of numbers, which are contiguous in the data."""
         counts = np.maximum(counts, 0)
         if isinstance(list_location, _Positions):
             array = list_location.value
@@ -263,7 +263,7 @@ class ColumnBuilder:
         return make_element_array(convert_bytes_to_numbers(stored, kind, swap=self.swap), kind)
 
     def _gather_values_at_location(self, value_location: _Place) -> Array:
-        """Values at a place as an Arrow array."""
+        """Gather the values at a location as an Arrow array."""
         if isinstance(value_location, _Elements):
             assert isinstance(value_location.located, TextField)
             starts = self._read_positions_or_lengths_of_elements(
@@ -294,7 +294,7 @@ def _is_list_of_contiguous_numbers(list_location: _Place) -> bool:
 
 
 def _wrap_in_lists(values: Array, list_counts: list[Ints]) -> Array:
-    """Nest values into lists, from the inside out."""
+    """Nest values in lists with the given numbers of elements, from the inside out."""
     for counts in reversed(list_counts):
         values = make_list_array(counts, values)
     return values

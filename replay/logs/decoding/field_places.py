@@ -1,8 +1,8 @@
-"""Places of fields in messages, as a compiled program leaves them for the columns.
+"""Places of fields in messages, by which columns are gathered after a compiled walk.
 
-A *node* is a list whose elements are walked one by one; node 0 is the batch, its elements are the
-messages. A *mark* is a number that the walk notes for every element of a node: the position of a
-span, of a string, of a sequence. What lies at fixed distances from a mark needs none of its own.
+A *node* is a list whose elements are walked one by one; node 0 is the batch, whose elements are the
+messages. A *mark* is a number that the walk stores for every element of a node: the position of a
+span, of a string or of a list. A field at a fixed offset from a mark needs none of its own.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class InlineArray:
 
 @dataclass(frozen=True, slots=True)
 class SpanField:
-    """A value in the span whose position is noted as `mark`."""
+    """A value in the span whose position is stored as `mark`."""
 
     mark: int
     value: "InlineValue"
@@ -51,7 +51,7 @@ class TextField:
 
 @dataclass(frozen=True, slots=True)
 class StridedList:
-    """Fixed-size elements in sequence; position noted as `mark`, length as `mark + 1`."""
+    """A list of fixed-size elements; its position is stored as `mark`, its length as `mark + 1`."""
 
     mark: int
     stride: int

@@ -1,7 +1,7 @@
-"""Gather values from positions found by the walk, one pass per column.
+"""Gather values at positions that the walk found, one pass per column.
 
-The loops are compiled by numba and cached on disk. A position of -1 marks a missing value; it gives
-0.
+The loops are compiled by numba and cached on disk. A position of -1 stands for a missing value, and
+gives 0.
 """
 
 from typing import Any, Final, NamedTuple
@@ -13,7 +13,7 @@ from estimators.arrays import Bytes, Ints
 from estimators.interpreted import compiled
 from replay.logs.decoding.bytes_at import copy, load16, load32, load64, widened
 
-#: Little-endian numbers of the kinds; a bool is a byte until it is compared with 0.
+#: Little-endian data type of each kind; a bool is a byte until it is compared with 0.
 DTYPES: Final = {
     "bool": np.dtype("u1"),
     "byte": np.dtype("i1"),
@@ -23,14 +23,14 @@ DTYPES: Final = {
     "float32": np.dtype("<f4"),
     "float64": np.dtype("<f8"),
 }
-#: How a value of each kind becomes 64 bits: by its size in bytes, a negative one with its sign.
+#: Code of the conversion of each kind to 64 bits: its size in bytes, negative if it is signed.
 _FLOAT32, _STAMP = 5, 6
 LOADS: Final = {
     **{kind: -d.itemsize if d.kind == "i" else d.itemsize for kind, d in DTYPES.items()},
     "float32": _FLOAT32,
     "stamp": _STAMP,
 }
-#: Strings up to here lie in Arrow's view of them.
+#: Bytes up to which an Arrow view contains the string itself.
 _INLINE: Final = 12
 
 
@@ -129,15 +129,15 @@ def fill_string_views(
     characters: Bytes,
     text: Bytes,
 ) -> int:
-    """Write strings as Arrow views (n, 4): size, then the text or its position.
+    """Write strings as Arrow views (n, 4): the size, then the text or its position.
 
     Args:
         data: (bytes,) bytes that contain the strings.
-        starts: (n,) begin of each string.
+        starts: (n,) start of each string.
         sizes: (n,) bytes of each string.
         out: (n, 4) output.
         characters: (n, 16) the bytes of `out`.
-        text: output for strings too long for their view, as far as there is room.
+        text: output for strings too long for their view; what does not fit is dropped.
 
     Returns:
         Bytes of `text` needed.
@@ -196,13 +196,13 @@ def find_name_index_in_each_list(
 
     Args:
         data: bytes that contain the strings.
-        starts: (strings,) begin of each string; lists are consecutive.
+        starts: (strings,) start of each string; lists are consecutive.
         sizes: (strings,) bytes of each string.
         counts: (lists,) number of strings in each list.
         name: name to find.
     """
     found = np.empty(counts.size, np.int64)
-    # a copy, since numba would compile anew for an array that cannot be written
+    # a copy, since numba would compile another version for a read-only array
     encoded = np.array(bytearray(name.encode()))
     _fill_name_index_in_each_list(data, starts, sizes, counts, encoded, found)
     return found
@@ -211,7 +211,7 @@ def find_name_index_in_each_list(
 def gather_64_bit_patterns(
     data: Bytes, positions: Ints, offset: int, value_type: str, *, swap: bool
 ) -> Ints:
-    """64-bit patterns (n,) of values of one type: integers, bits of doubles, stamps in ns.
+    """Gather 64-bit patterns (n,) of values of one type: integers, bits of doubles, stamps in ns.
 
     Args:
         data: (bytes,) bytes that contain the values.
@@ -233,7 +233,7 @@ class StringViews(NamedTuple):
 
 
 def gather_string_views(data: Bytes, starts: Ints, sizes_bytes: Ints) -> StringViews:
-    """Strings as Arrow views (n, 4), and the text of those too long for their view."""
+    """Gather strings as Arrow views (n, 4), and the text of those too long for their view."""
     out = np.empty((starts.size, 4), np.uint32)
     text = np.empty(int(sizes_bytes[sizes_bytes > _INLINE].sum()), np.uint8)
     fill_string_views(data, starts, sizes_bytes, out, out.view(np.uint8), text)
@@ -241,14 +241,14 @@ def gather_string_views(data: Bytes, starts: Ints, sizes_bytes: Ints) -> StringV
 
 
 def concatenate_byte_ranges(data: Bytes, starts: Ints, sizes_bytes: Ints) -> Bytes:
-    """Concatenate byte ranges with given begins and sizes."""
+    """Concatenate byte ranges with the given starts and sizes."""
     out = np.empty(int(sizes_bytes.sum()), np.uint8)
     _copy_byte_ranges(data, starts, sizes_bytes, out)
     return out
 
 
 def convert_bytes_to_numbers(stored_bytes: Bytes, number_type: str, *, swap: bool) -> NDArray[Any]:
-    """Numbers of one type, from their bytes."""
+    """Reinterpret bytes as numbers of one type."""
     dtype = DTYPES[number_type]
     bits = stored_bytes.view(f"u{dtype.itemsize}")
     return (bits.byteswap() if swap else bits).view(dtype)

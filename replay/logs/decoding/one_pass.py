@@ -1,4 +1,4 @@
-"""One pass over a batch: walk some messages, then gather their values at fixed places.
+"""One pass over a batch: walk some messages, gather their values at fixed offsets, and repeat.
 
 About a thousand messages fit into the processor's fast caches, and are still cached when their
 columns are gathered; a whole batch does not fit.
@@ -26,28 +26,28 @@ from replay.logs.decoding.walk_program import (
     locate_fields_in_messages,
 )
 
-#: Messages that a thread takes at once.
+#: Messages that are walked before their values are gathered.
 _ROWS_AT_ONCE: Final = 1024
 
 
 class GatheredRows(NamedTuple):
-    """Rows gathered by a pass; the first `n` are filled, one per complete message."""
+    """Memory for gathered rows, filled from the first on, one per complete message."""
 
-    #: (values, n) 64 bits each
+    #: (values, n) 64-bit patterns
     values: Ints
-    #: one array behind the other, n rows of each
+    #: the arrays one after the other, n rows of each
     arrays: Bytes
-    #: (texts, n, 4) views of strings, and the bytes of those that do not fit into theirs
+    #: (texts, n, 4) views of strings, and the bytes of those that do not fit into their views
     views: NDArray[np.uint32]
     long_bytes: Ints
     #: (texts, n, 16) the bytes of `views`
     characters: Bytes
-    #: for text that is not kept
+    #: empty output for text that is not kept
     nowhere: Bytes
 
 
 def allocate_gathered_rows(gather_plan: GatherPlan, row_count: int) -> GatheredRows:
-    """Allocate memory for the rows."""
+    """Allocate memory for `row_count` rows."""
     texts = gather_plan.text_marks.size
     views = np.empty((texts, row_count, 4), np.uint32)
     return GatheredRows(
@@ -71,7 +71,7 @@ def locate_and_gather_fields(
     gathered_rows: GatheredRows,
     outcome: WalkOutcome,
 ) -> None:
-    """Walk and gather messages.
+    """Locate the fields of messages, and gather those of the gather plan.
 
     Args:
         messages: all messages.
@@ -81,7 +81,7 @@ def locate_and_gather_fields(
         template: memory for a template, initially empty.
         gather_plan: plan of the gathered values.
         gathered_rows: receives the values.
-        outcome: output: outcome of each message.
+        outcome: receives the outcome of each message.
     """
     filled = walk_notes.filled
     count = messages.begins.size
@@ -106,7 +106,7 @@ def _gather_columns(
     first: int,
     end: int,
 ) -> None:
-    """Gather values, arrays and strings of walked messages."""
+    """Gather values, arrays and strings of the complete messages `first` to `end`."""
     table, marks, _, _, _ = walk_notes
     value_marks, value_offsets, value_loads = gather_plan[:3]
     array_marks, array_offsets, array_bytes, text_marks = gather_plan[3:]

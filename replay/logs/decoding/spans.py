@@ -1,4 +1,4 @@
-"""Spans: stretches of a message whose layout its definition fixes."""
+"""Spans: parts of a message whose layout is fixed by its definition."""
 
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -7,23 +7,23 @@ from replay.logs.decoding.field_places import InlineArray, InlineField, InlineRe
 from replay.logs.decoding.wire import WIDTHS, Wire
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
 
-#: A definition whose messages must be larger than this describes none that exists.
+#: Most bytes of a message: a definition whose messages must be larger is not a real one.
 LARGEST_BYTES: Final = 2**30
 
 
 class NoPlanError(Exception):
-    """A type has no columnar plan; one line with the reason."""
+    """Raised if a type has no columnar plan; one line with the reason."""
 
 
 @dataclass(slots=True)
 class Span:
-    """Numbers at fixed distances from a first byte that is a multiple of `alignment`."""
+    """Fields at fixed offsets from a first byte whose position is a multiple of `alignment`."""
 
     alignment: int
     size: int = 0
 
     def append_field_bytes(self, alignment: int, size: int) -> int | None:
-        """Append `size` bytes and return their offset; None where padding would vary."""
+        """Append `size` bytes and return their offset; None if padding before them would vary."""
         if alignment > self.alignment:
             return None
         offset = -(-self.size // alignment) * alignment
@@ -42,7 +42,7 @@ def get_scalar_size_bytes(scalar_type: str) -> int:
     """Size of a number or stamp, in bytes.
 
     Raises:
-        NoPlanError: the type fits no column.
+        NoPlanError: no column can hold the type.
     """
     if scalar_type == "stamp":
         return 8
@@ -52,14 +52,14 @@ def get_scalar_size_bytes(scalar_type: str) -> int:
 
 
 def list_members_as_encoded(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
-    """The fields as stored: an empty message takes a byte in CDR."""
+    """List the fields as encoded: in CDR, an empty message has one of a byte."""
     return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
 
 
 def append_field_at_fixed_offset(
     bytes_span: Span, field_type: FieldType, wire: Wire
 ) -> InlineValue | None:
-    """Append a field to a span; None if its place would vary."""
+    """Append a field to a span and return its place; None if its size or offset would vary."""
     if isinstance(field_type, Scalar):
         if field_type.kind == "string":
             return None
@@ -88,7 +88,7 @@ def append_field_at_fixed_offset(
 def append_array_at_fixed_offset(
     bytes_span: Span, element_type: FieldType, length: int, wire: Wire
 ) -> InlineArray | None:
-    """Append an array of fixed size; None if its place would vary."""
+    """Append an array of fixed size and return its place; None if its offset would vary."""
     fixed = make_span_of_fixed_size_element(element_type, wire)
     assert fixed is not None
     one, value = fixed
@@ -102,14 +102,14 @@ def append_array_at_fixed_offset(
 
 
 class ElementSpan(NamedTuple):
-    """Span of one list element, and its place in it."""
+    """Span of one list element, and the element's place in the span."""
 
     span: Span
     value: InlineValue
 
 
 def make_span_of_fixed_size_element(element_type: FieldType, wire: Wire) -> ElementSpan | None:
-    """An element as a span of its own; None if its size varies."""
+    """Make the span of a single list element; None if its size varies."""
     span = Span(compute_first_number_alignment_bytes(element_type, wire))
     value = append_field_at_fixed_offset(span, element_type, wire)
     return None if value is None else ElementSpan(span, value)
@@ -121,7 +121,7 @@ def compute_list_element_stride_bytes(element_span: Span) -> int:
 
 
 def compute_first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> int:
-    """Alignment of a field's first number, which may be a string's length."""
+    """Alignment in bytes of a field's first number, which may be a string's length."""
     if isinstance(field_type, RecordType):
         filled = (
             f
@@ -142,7 +142,7 @@ def compute_first_number_alignment_bytes(field_type: FieldType, wire: Wire) -> i
 
 
 def is_preceded_by_byte_size(list_type: ListOf, wire: Wire) -> bool:
-    """Whether a list is preceded by its size in bytes; a stamp counts as a message."""
+    """Whether a list is preceded by its size in bytes, as lists of anything but numbers may be."""
     is_number = isinstance(list_type.element, Scalar) and list_type.element.kind in WIDTHS
     return wire.delimited_lists and not is_number
 
@@ -151,7 +151,7 @@ def compute_min_encoded_size_bytes(field_type: FieldType, wire: Wire) -> int:
     """Minimum size of a field in bytes, without padding.
 
     Raises:
-        NoPlanError: it exceeds the largest message.
+        NoPlanError: the size exceeds `LARGEST_BYTES`.
     """
     if isinstance(field_type, Scalar):
         size = 4 if field_type.kind == "string" else get_scalar_size_bytes(field_type.kind)

@@ -1,15 +1,16 @@
-"""Numbers at any byte of an array, for compiled code.
+"""Load numbers at any byte of an array, in compiled code.
 
 Indexing supports aligned numbers only, checks for negative indices, and counts references to shared
-slices: over a million messages that costs more than the numbers. As with indexing in compiled code,
-bounds are not checked: the caller must do that, and `tests/replay/test_edges.py` puts damaged bytes
-at the edge of memory to test it. A non-contiguous array is rejected when the caller is compiled.
+slices: over a million messages, this costs more than loading the numbers. As with indexing in
+compiled code, bounds are not checked: the caller must check them. `tests/replay/test_edges.py` puts
+damaged bytes at the edge of memory to test it. A non-contiguous array is rejected when the caller
+is compiled.
 """
 
 from collections.abc import Callable
 from typing import Any, cast
 
-from llvmlite import ir  # which numba brings
+from llvmlite import ir  # installed with numba
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
@@ -70,7 +71,7 @@ def _prefetch_cache_line(_typing_context: Any, data: Any, offset: Any) -> tuple[
         word = ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), [address.type, word, word, word])
         prefetch = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)
-        # to read, into the nearest cache, data
+        # for reading, into the nearest cache, as data
         builder.call(prefetch, [address, word(0), word(3), word(1)])
         return context.get_dummy_value()
 
@@ -79,13 +80,13 @@ def _prefetch_cache_line(_typing_context: Any, data: Any, offset: Any) -> tuple[
     )
 
 
-#: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
+#: (data, at) -> unsigned integer of 2 and of 4 little-endian bytes, and signed integer of 8
 load16: Callable[[Bytes, int], int] = cast("Any", intrinsic(_make_load_intrinsic(types.uint16)))
 load32: Callable[[Bytes, int], int] = cast("Any", intrinsic(_make_load_intrinsic(types.uint32)))
 load64: Callable[[Bytes, int], int] = cast("Any", intrinsic(_make_load_intrinsic(types.int64)))
-#: (data, at, target, to, size): copy so many bytes
+#: (data, at, target, to, size): copy `size` bytes
 copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_emit_copy_of_bytes))
-#: (the bits of a number of single precision) -> those of the double that equals it
+#: (bits of a 32-bit float) -> bits of the equal 64-bit float
 widened: Callable[[int], int] = cast("Any", intrinsic(_emit_float_to_double_conversion))
-#: (data, at): the processor may bring what lies there nearer
+#: (data, at): prefetch that byte into the processor's cache
 fetch: Callable[[Bytes, int], None] = cast("Any", intrinsic(_prefetch_cache_line))

@@ -1,4 +1,4 @@
-"""The walk: a program over messages, noting where things lie.
+"""The walk: run a decode program over messages, and mark where their fields are.
 
 Compiled by numba and cached on disk. It reads nothing outside a message: every length is compared
 with the rest of the message before advancing, and every element of a list takes at least a byte, so
@@ -27,7 +27,7 @@ from replay.logs.decoding.decode_program import DecodeOperation, Operand
 _SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in DecodeOperation)
 (_OP, _ALIGNMENT, _SIZE, _STRIDE, _LENGTH, _MARK, _NODE, _JUMP) = (int(c) for c in Operand)
 
-#: What can be wrong with a message, by the number that the walk gives.
+#: Faults of a message, by the number that the walk returns.
 FAULTS: Final = (
     "",
     "it ends before its last field",
@@ -38,18 +38,18 @@ FAULTS: Final = (
     "it has data after its last field",
 )
 _ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS))
-#: What stands in the place of an encapsulation that a message is too short for.
+#: Stands for the encapsulation of a message that is too short to have one.
 TOO_SHORT: Final = -1
 _NOT_ASCII: Final = np.uint64(0x8080808080808080).astype(np.int64)
 
-#: Messages of one topic are apart from each other; the processor is told of what comes.
+#: Number of messages by which prefetching is ahead: messages of one topic are not contiguous.
 _AHEAD: Final = 16
 _LINE_BYTES: Final = 64
 
-#: A template with more to compare, or more to note, is not remembered.
+#: Most byte ranges and notes of a template; a message with more is not used as one.
 _MOST_CHECKS: Final = 64
 _MOST_NOTES: Final = 256
-#: After so many messages in a row that repeat nothing, only every so many-th is remembered.
+#: After this many messages in a row without a repeated layout, fewer become templates.
 _PATIENCE: Final = 8
 _LATER: Final = 64
 
@@ -57,11 +57,11 @@ _LATER: Final = 64
 class EncodedMessages(NamedTuple):
     """Messages of one encoding."""
 
-    #: (bytes,) what they lie in
+    #: (bytes,) bytes that contain the messages
     data: Bytes
-    #: (n,) where each begins, behind its encapsulation; alignment counts from there
+    #: (n,) start of each message after its encapsulation, from which alignment counts
     begins: Ints
-    #: (n,) bytes of each from there on
+    #: (n,) bytes of each message, without its encapsulation
     sizes: Ints
 
 
@@ -77,48 +77,48 @@ class Encoding(NamedTuple):
 
 
 class WalkNotes(NamedTuple):
-    """Notes of a walk."""
+    """Marks that a walk has stored, and its scratch memory."""
 
-    #: (marks, 3) of each mark: its node, where its values begin in `marks`, and for how many
-    #: elements there is room; more are only counted
+    #: (marks, 3) node of each mark, start of its values in `marks`, and number of elements for
+    #: which there is room; more are only counted
     table: Ints
     #: values by mark and element of its node
     marks: Ints
-    #: (nodes,) how many elements each node has; messages that are not whole leave nothing, so that
-    #: those of node 0 are the whole messages
+    #: (nodes,) number of elements of each node; incomplete messages do not count, so that the
+    #: elements of node 0 are the complete messages
     filled: Ints
-    #: (nodes,) scratch, `filled` before the message
+    #: (nodes,) scratch: `filled` before the message
     kept: Ints
-    #: (depth,) scratch, elements to go of the lists being walked
+    #: (depth,) scratch: remaining elements of the lists being walked
     left: Ints
 
 
 class LayoutTemplate(NamedTuple):
-    """The layout of a message, for those that repeat it."""
+    """Layout of a message, reused for messages that repeat it."""
 
-    #: (checks, 2) bytes that must be the same: from the message's begin on, and how many
+    #: (checks, 2) bytes that must be equal: their offset in the message, and their number
     checks: Ints
-    #: (notes, 4) the mark, the element of its node counted from the message's first, a position
-    #: from the message's begin on for the mark, and a count for it or for the next; -1 for neither
+    #: (notes, 4) the mark, the element of its node from the message's first, a position in the
+    #: message for the mark, and a count for it or for the next mark; -1 for no position or count
     notes: Ints
-    #: (nodes,) how many elements it has of each node, but for the messages' own
+    #: (nodes,) number of elements that the message has of each node, except node 0
     elements: Ints
-    #: checks and notes that there are, -1 checks where none is remembered; begin and size of the
-    #: message, and where it ended; messages in a row that repeated nothing
+    #: number of checks (-1 without a template) and of notes; start, size and end of the message;
+    #: number of messages in a row that repeated no layout
     state: Ints
 
 
 class WalkOutcome(NamedTuple):
     """Outcome of each walked message."""
 
-    #: (n,) what is wrong with each, see `FAULTS`
+    #: (n,) fault of each message, see `FAULTS`
     faults: NDArray[np.int8]
-    #: (n,) the byte where it ends, or where that was found
+    #: (n,) byte at which each message ends, or at which its fault was found
     places: Ints
 
 
 def allocate_message_layout_template(node_count: int) -> LayoutTemplate:
-    """Memory for a template, initially empty."""
+    """Allocate memory for a template, initially empty."""
     state = np.array([-1, 0, 0, 0, 0, 0])
     checks, notes = np.empty((_MOST_CHECKS, 2), np.int64), np.empty((_MOST_NOTES, 4), np.int64)
     return LayoutTemplate(checks, notes, np.zeros(node_count, np.int64), state)
@@ -145,7 +145,7 @@ def locate_fields_in_messages(
         steps: the program.
         walk_notes: receives the marks.
         template: in: layout of the previous message, if any; out: of the last one.
-        outcome: output: outcome of each message.
+        outcome: receives the outcome of each message.
     """
     data, begins, sizes = messages
     faults, places = outcome
@@ -210,7 +210,7 @@ def _prefetch_message(data: Bytes, begins: Ints, sizes: Ints, message_index: int
 def has_same_layout_bytes(
     data: Bytes, begin: int, other_begin: int, ranges_to_compare: Ints, range_count: int
 ) -> bool:
-    """Whether a message equals another of its size in all bytes that determine the layout."""
+    """Whether a message equals another of the same size in all bytes that determine the layout."""
     gap = other_begin - begin
     same = True
     check = 0
@@ -253,7 +253,7 @@ def _fill_position_and_count(
             marks[table[mark, 1] + element] = count
 
 
-#: Numbers of checks and of notes; -1 checks if there is no room.
+#: Numbers of checks and of notes; -1 checks if the template is full.
 CheckAndNoteCounts: TypeAlias = tuple[int, int]
 
 
@@ -261,7 +261,7 @@ CheckAndNoteCounts: TypeAlias = tuple[int, int]
 def _add_note_to_template(
     notes: Ints, checks: int, count: int, mark: int, element: int, position: int, value: int
 ) -> CheckAndNoteCounts:
-    """Add a note to the template; returns numbers of checks and notes, -1 checks if full."""
+    """Add a note to the template; return its numbers of checks and notes, -1 checks if full."""
     if checks < 0:
         return checks, count
     if count == _MOST_NOTES:
@@ -281,7 +281,7 @@ def _copy_filled_counts(filled_counts: Ints, out: Ints) -> None:
 
 @compiled_inline
 def _count_message_and_its_elements(filled_counts: Ints, elements: Ints) -> None:
-    """Count a message and the elements of its lists."""
+    """Count a message that repeats a template, and the elements of its lists."""
     for node in range(1, filled_counts.size):
         filled_counts[node] += elements[node]
     filled_counts[0] += 1
@@ -289,7 +289,7 @@ def _count_message_and_its_elements(filled_counts: Ints, elements: Ints) -> None
 
 @compiled_inline
 def _count_message_and_store_list_lengths(filled: Ints, kept: Ints, elements: Ints) -> None:
-    """Count a message, and store how many elements its lists have."""
+    """Count a message, and store in the template how many elements its lists have."""
     for node in range(1, filled.size):
         elements[node] = filled[node] - kept[node]
     filled[0] += 1
@@ -303,7 +303,7 @@ StepAndDepth: TypeAlias = tuple[int, int]
 def find_next_step(
     steps: Ints, step: int, filled_counts: Ints, elements_left: Ints, depth: int, count: int
 ) -> StepAndDepth:
-    """The step after this one, and its depth of nested lists; counts the elements of lists."""
+    """Find the next step and its depth of nested lists, and count the elements of lists."""
     op = steps[step, _OP]
     if op == _NEXT:
         node = steps[step, _NODE]
@@ -325,11 +325,11 @@ def find_next_step(
 def read_decode_step(
     data: Bytes, begin: int, offset: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
-    """Read what a step describes.
+    """Locate and check the bytes of one step.
 
     Returns:
-        Position and count (-1 for none), begin and end of the bytes that determine the layout,
-        position after the step, and fault.
+        Position and count (-1 for none), start and end of the bytes that determine the layout,
+        position after the step, and fault (0 for none).
     """
     op = steps[step, _OP]
     if op == _NEXT:
@@ -351,12 +351,12 @@ def read_decode_step(
     if op == _STRIDED:
         place, end, fault = _locate_strided_elements(steps, step, offset, size, count)
         return place, count, told, offset, end if fault == 0 else offset, fault
-    # each element has at least a byte; the first comparison keeps the product from overflowing
+    # each element has at least a byte; the first comparison prevents overflow of the product
     is_long = count > size - offset or count * steps[step, _SIZE] > size - offset
     return -1, count, told, offset, offset, _LONG_LIST if is_long else 0
 
 
-#: Length, begin and end of its field, and fault.
+#: Length, start and end of the bytes that state it, and fault.
 LengthField: TypeAlias = tuple[int, int, int, int]
 
 
@@ -364,7 +364,7 @@ LengthField: TypeAlias = tuple[int, int, int, int]
 def _read_length_field(
     data: Bytes, begin: int, offset: int, size: int, encoding: Encoding, is_length_known: int
 ) -> LengthField:
-    """Length of a string or list, begin and end of the length unless known, and fault."""
+    """Read the length of a string or list, unless the definition fixes it (then not negative)."""
     if is_length_known >= 0:
         return is_length_known, offset, offset, 0
     offset = (offset + encoding.length_alignment - 1) & -encoding.length_alignment
@@ -378,7 +378,7 @@ def _read_length_field(
     return length, offset, offset + 4, 0
 
 
-#: Begin of a string, its bytes without terminator, its end, and fault.
+#: Start of a string, its bytes without terminator, its end, and fault.
 StringLocation: TypeAlias = tuple[int, int, int, int]
 
 
@@ -386,7 +386,7 @@ StringLocation: TypeAlias = tuple[int, int, int, int]
 def _locate_string(
     data: Bytes, begin: int, offset: int, size: int, length: int, cdr: bool
 ) -> StringLocation:
-    """Begin of a string, its bytes without terminator, its end, and fault."""
+    """Locate the text of a string without its terminator, and check that it is UTF-8."""
     if length > size - offset:
         return offset, length, offset, _LONG_TEXT
     stop, count = offset + length, length
@@ -403,7 +403,7 @@ def _locate_string(
     return offset, count, stop, 0 if is_text else _NO_UTF8
 
 
-#: Begin and end of a list's elements, and fault.
+#: Start and end of a list's elements, and fault.
 ElementsLocation: TypeAlias = tuple[int, int, int]
 
 
@@ -411,12 +411,12 @@ ElementsLocation: TypeAlias = tuple[int, int, int]
 def _locate_strided_elements(
     steps: Ints, step: int, offset: int, size: int, count: int
 ) -> ElementsLocation:
-    """Begin and end of the elements of a list of fixed-size elements, and fault."""
+    """Locate the elements of a list of fixed-size elements."""
     span = 0
     if count > 0:
         alignment = steps[step, _ALIGNMENT]
         offset = (offset + alignment - 1) & -alignment
-        # the comparison keeps the product from overflowing
+        # the comparison prevents overflow of the product
         if count > size - offset:
             return offset, offset, _LONG_LIST
         span = (count - 1) * steps[step, _STRIDE] + steps[step, _SIZE]
@@ -425,7 +425,7 @@ def _locate_strided_elements(
 
 @compiled_inline
 def _append_range_to_compare(ranges: Ints, range_count: int, begin: int, end: int) -> int:
-    """Append the range of a length or string to compare; returns their number, -1 if full."""
+    """Append a range of bytes to compare; return the number of ranges, -1 if there is no room."""
     if range_count < 0 or end == begin:
         return range_count
     if range_count == _MOST_CHECKS:
@@ -436,7 +436,7 @@ def _append_range_to_compare(ranges: Ints, range_count: int, begin: int, end: in
 
 
 def read_encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
-    """Encapsulation (n,) of each message: two bytes, the most significant first."""
+    """Read the first two bytes of each message's encapsulation as a big-endian number, (n,)."""
     kinds = np.empty(offsets.size, np.int64)
     _fill_encapsulations(data, offsets, lengths, kinds)
     return kinds
@@ -475,7 +475,7 @@ def is_utf8(data: NDArray[np.uint8], start: int, end: int) -> bool:
         if more > end - at:
             return False
         second = data[at]
-        # overlong forms, surrogates, what lies beyond U+10FFFF
+        # overlong forms, surrogates, values beyond U+10FFFF
         low = 0xA0 if first == 0xE0 else 0x90 if first == 0xF0 else 0x80
         high = 0x9F if first == 0xED else 0x8F if first == 0xF4 else 0xBF
         if second < low or second > high:

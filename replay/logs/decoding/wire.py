@@ -1,9 +1,9 @@
-"""Encodings of messages, as far as decoders need to distinguish them."""
+"""Encodings of messages that decoders need to distinguish."""
 
 from dataclasses import dataclass
 from typing import Final
 
-#: Bytes of the numbers.
+#: Size of each type of number in bytes.
 WIDTHS: Final = {
     **dict.fromkeys(("bool", "byte", "char", "int8", "uint8"), 1),
     **dict.fromkeys(("int16", "uint16"), 2),
@@ -14,7 +14,7 @@ WIDTHS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """How the bytes of a message encode its fields.
+    """Encoding of a message's fields in bytes.
 
     `cdr` has an encapsulation of 4 bytes, from whose end alignment counts, ends strings in a NUL
     that their length counts, may pad the end of a message to 4 bytes, and gives an empty message
@@ -41,10 +41,11 @@ class Wire:
 ROS1: Final = Wire(cdr=False, max_alignment=1)
 CDR: Final = Wire(cdr=True, max_alignment=8)
 XCDR2: Final = Wire(cdr=True, max_alignment=4, delimited_lists=True)
-#: By the second byte of the encapsulation (the first is 0), whose lowest bit says little-endian.
+#: Encoding by the second byte of the encapsulation (the first is 0), whose lowest bit means
+#: little-endian.
 #: DDSI-RTPS 2.5 numbers XCDR2 from 6, XTypes 1.3 from 16.
 ENCAPSULATIONS: Final = {0: CDR, 1: CDR, 6: XCDR2, 7: XCDR2, 16: XCDR2, 17: XCDR2}
-#: Those whose members come with a length or by number, which the walk does not follow.
+#: Encodings whose members have a length or a number, which the walk does not support.
 REFUSED: Final = {
     **dict.fromkeys((2, 3), "parameter list (PL_CDR)"),
     **dict.fromkeys((8, 9, 20, 21), "delimited XCDR2 (D_CDR2)"),

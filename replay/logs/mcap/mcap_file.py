@@ -50,30 +50,30 @@ from replay.logs.messages.broken_bytes import (
 )
 from replay.logs.storage import Connection, FileBytes
 
-#: Bytes of a record that is read; what identifies a machine is short.
+#: Most bytes of a metadata record that are read; one that identifies a machine is short.
 _LARGEST_BYTES: Final = 2**20
 _HEAD: Final = RECORD_HEAD.size
-#: A chunk whose opcode is damaged must not end the file.
+#: Length of the records that end data and file, so that a chunk with a damaged opcode does not.
 _LENGTHS: Final = {FOOTER: FOOTER_BYTES, DATA_END: DATA_END_BYTES}
 
 
 @dataclass(slots=True)
 class McapWalk:
-    """Adds records outside chunks to a store, and yields the chunks."""
+    """Walk over a file, which stores records outside chunks, and yields the chunks."""
 
     store: BlockStore
     describe: Describe
-    #: offset at which the last whole record ends
+    #: offset at which the last complete record ends
     end: int = len(MAGIC)
     data_ended: bool = False
     has_footer: bool = False
-    #: where the record begins that ends the data; 0 where there is none
+    #: offset of the record that ends the data; 0 if there is none
     data_end: int = 0
-    #: as the statistics say
+    #: number of messages in the statistics record; None without one
     message_count: int | None = None
 
     def iter_chunks_of_file(self) -> Iterator[Block]:
-        """Every chunk, including one cut off by the end of the file."""
+        """Yield every chunk, including one cut off by the end of the file."""
         file = self.store.file
         stretches = UnchunkedRecords(self.store)
         at = len(MAGIC)
@@ -111,7 +111,7 @@ class McapFile(BlockFile):
 
     The index is used only if it accounts for every message: chunks without a message index,
     messages outside chunks, channels missing from the summary and missing footers all occur in the
-    field. Everything else is scanned at opening.
+    field. Otherwise, the file is scanned at opening.
     """
 
     def _read_connections_or_scan(self) -> tuple[Connection, ...]:
@@ -136,7 +136,7 @@ class McapFile(BlockFile):
             walk = self._read_whole_file()
             said = walk.message_count if said is None else said
         found = self._store.message_count
-        # where every damaged chunk tells how many messages it held, that is said with it
+        # the messages of damaged chunks, if all their numbers are known
         told = self._store.damage.lost_message_count or 0
         if said not in (None, found + told):
             self._store.damage.add_damage_sentence(
@@ -168,13 +168,13 @@ class McapFile(BlockFile):
         )
 
     def _is_data_crc_valid(self, end_offset: int) -> bool:
-        """Whether the data up to `end_offset` have a CRC that agrees."""
+        """Check the CRC of the data up to `end_offset`; whether there is one and it agrees."""
         said = (
             int.from_bytes(self._file.read_bytes(end_offset + RECORD_HEAD.size, 4), "little")
             if end_offset
             else 0
         )
-        if not said:  # 0 says that the writer computed none
+        if not said:  # 0: the writer computed none
             return False
         agrees = self._file.compute_crc32_before_offset(end_offset) == said
         if not agrees:
@@ -194,7 +194,7 @@ class McapFile(BlockFile):
             block = read_chunk_header_as_block(self._file, offset, counts)
             read_times = partial(read_indexed_times_of_chunk, self._file, chunk)
             is_described = described and self._channels.keys() >= counts.keys()
-            # the index stands behind all chunks, so that the end of the file tears none of them
+            # the index follows all chunks, so that the end of the file cannot truncate a chunk
             if block is None or block.is_truncated:
                 lost = make_block_of_misplaced_chunk(chunk)
                 self._store.note_lost_block(
@@ -212,13 +212,13 @@ class McapFile(BlockFile):
         walk = McapWalk(self._store, self._process_non_message_record)
         self._store.add_unindexed_blocks(walk.iter_chunks_of_file())
         if not self._store.damage:
-            # messages outside chunks have no CRC but that of all data together
+            # the only CRC of messages outside chunks is that of the whole data section
             self._is_data_crc_valid(walk.data_end)
         return walk
 
     def _note_missing_end(self, file_walk: McapWalk, index_fault: str) -> None:
         """Note what is missing after the data; `index_fault` says why the index is unusable."""
-        if file_walk.has_footer or file_walk.data_ended:  # behind the data there is only an index
+        if file_walk.has_footer or file_walk.data_ended:  # only the index follows the data
             if index_fault:
                 self._store.damage.add_damage_sentence(
                     f"{index_fault}: torn or damaged after the data, which is complete and was "
@@ -233,7 +233,7 @@ class McapFile(BlockFile):
         )
 
     def _process_non_message_record(self, opcode: int, content: bytes, offset: int) -> None:
-        """Keep the first channel or schema of each number, and the first summary counts."""
+        """Keep the channel or schema of each id that is first in the file."""
         stream = ReadDataStream(BytesIO(content))
         try:
             record = Channel.read(stream) if opcode == CHANNEL else Schema.read(stream)
@@ -254,16 +254,16 @@ def _does_chunk_match_indexed_times(chunk: ChunkIndex, block: Block) -> bool:
 
 
 def make_connection_of_channel(channel: Channel, schema: Schema | None) -> Connection:
-    """Connection from a channel and its schema."""
+    """Make a connection from a channel and its schema, which is None if the channel has none."""
     if schema is None:
         return Connection(channel.id, channel.topic, "", channel.message_encoding, "", "")
     name = schema.name
-    # bytes that are no text come back by the same error handler
+    # bytes that are not text are restored by the same error handler
     errors = "surrogateescape" if schema.encoding == "protobuf" else "replace"
     return Connection(
         channel.id,
         channel.topic,
-        # ROS 1 leaves out the /msg/ that ROS 2 has; a service's event has /srv/ in its place
+        # ROS 1 omits the /msg/ of ROS 2; the event of a service has /srv/ instead
         normalize_msgtype(name) if schema.encoding == "ros1msg" else name,
         channel.message_encoding,
         schema.data.decode(errors=errors),
@@ -272,16 +272,16 @@ def make_connection_of_channel(channel: Channel, schema: Schema | None) -> Conne
 
 
 class MetadataRecord(NamedTuple):
-    """A metadata record of MCAP."""
+    """Name and values of a metadata record of MCAP."""
 
     name: str
     values: Mapping[str, str]
 
 
 def read_metadata_records(path: Path) -> list[MetadataRecord]:
-    """Name and values of each metadata record in the summary; empty if it is damaged.
+    """Read the metadata records that the summary lists; empty if it is damaged.
 
-    A truncated file has no summary; its metadata are not searched for.
+    A truncated file has no summary, and is not searched for metadata records.
     """
     file = FileBytes(path)
     try:

@@ -11,14 +11,15 @@ from replay.logs.decoding.bytes_at import estimate_scan_iterations, load16, load
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
 
 _HEAD: Final = RECORD_HEAD.size
-#: channel u16, sequence u32, log time u64, publish time u64
+#: bytes of channel u16, sequence u32, log time u64, publish time u64
 _MESSAGE_HEAD: Final = 22
-#: start, end, unpacked size u64, CRC u32, length of the compression's name u32, stored size u64
+#: bytes of start, end and unpacked size u64, CRC u32, length of the compression's name u32, stored
+#: size u64
 _CHUNK_HEAD: Final = 40
 _LAST_OPCODE: Final = DATA_END
-#: Characters of a compression's name; the longest has four.
+#: Most characters of a compression's name; the longest known one has four.
 _LONGEST_NAME: Final = 32
-#: So many records must follow each other for bytes to be taken for records again.
+#: Sum of plausibilities of consecutive records by which bytes are recognised as records again.
 _PROVEN: Final = 4
 
 
@@ -67,7 +68,7 @@ def scan_mcap_records(
 def _find_record_end_and_plausibility(
     data: NDArray[np.uint8], offset: int, end: int, file_end: int
 ) -> tuple[int, int]:
-    """End of the record at `offset`, and how plausible it is; 0 if it is not a record."""
+    """End of the record at `offset`, and its plausibility, 0 if it is not a record."""
     opcode = np.int64(data[offset])
     length = load64(data, offset + 1)
     if opcode < 1 or opcode > _LAST_OPCODE or length < 0 or length > file_end - offset - _HEAD:
@@ -90,7 +91,7 @@ def _find_record_end_and_plausibility(
 
 @compiled_for_many_iterations(estimate_scan_iterations)
 def _find_next_mcap_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
-    """Offset from which plausible records follow each other; -1 if none."""
+    """Find the first offset from which plausible records follow each other; -1 if none."""
     for first in range(begin, end - _HEAD + 1):
         at = first
         proof = 0
@@ -100,7 +101,7 @@ def _find_next_mcap_record(data: NDArray[np.uint8], begin: int, end: int, limit:
                 proof = 0
                 break
             proof += more
-        # a chain may end with the bytes at hand; a single record that does is worth little else
+        # a sequence may end with the available bytes; a single record that does must be a message
         if proof > 1 or (proof == 1 and at == limit and data[first] == MESSAGE):
             return first
     return -1

@@ -1,7 +1,7 @@
-"""The records of an MCAP file (mcap.dev/spec), and its index, which is records too.
+"""Parse records of an MCAP file (mcap.dev/spec), and its index, which consists of records.
 
-A record is opcode u8, length u64 and content, little endian. The index is the summary at the end of
-the file, and the message indexes behind each chunk.
+A record is opcode u8, length u64 and content, little-endian. The index is the summary at the end of
+the file, and the message indexes after each chunk.
 """
 
 import struct
@@ -36,39 +36,39 @@ STATISTICS: Final = 0x0B
 METADATA: Final = 0x0C
 DATA_END: Final = 0x0F
 
-#: Bytes of these records behind their head.
+#: Bytes of the content of these records.
 FOOTER_BYTES: Final = 8 + 8 + 4
 DATA_END_BYTES: Final = 4
 
-#: the log times of the first and last message, unpacked size, CRC, length of the compression's name
+#: log times of first and last message, unpacked size, CRC, length of the compression's name
 _CHUNK: Final = struct.Struct("<QQQII")
 _STORED: Final = struct.Struct("<Q")
-#: Characters of a compression's name; the longest has four.
+#: Most characters of a compression's name; the longest known one has four.
 _LONGEST_NAME: Final = 32
-#: The last log time, ns.
+#: Latest possible log time in ns.
 _INT64_MAX: Final = 2**63 - 1
 #: opcode, length, start of the summary, start of its offsets, CRC of the summary
 _FOOTER: Final = struct.Struct("<BQQQI")
-#: the first and last log time of a chunk, where it begins, its length, length of the offsets
+#: first and last log time of a chunk, its offset, its length, length of the offsets
 _CHUNK_INDEX_HEAD: Final = struct.Struct("<QQQQI")
-#: channel, where its message index begins
+#: channel, offset of its message index
 _INDEX_OFFSET: Final = struct.Struct("<HQ")
 #: length of all message indexes, length of the compression's name
 _CHUNK_INDEX_REST: Final = struct.Struct("<QI")
-#: stored, unpacked
+#: stored size, unpacked size
 _SIZES: Final = struct.Struct("<QQ")
 #: opcode, length, channel, length of the entries
 _MESSAGE_INDEX: Final = struct.Struct("<BQHI")
-#: log time, place in the chunk
+#: bytes of log time and offset in the chunk
 _ENTRY_BYTES: Final = 8 + 8
 
 
 def read_chunk_header_as_block(
     file: FileBytes, offset: int, message_counts: Mapping[int, int] | None = None
 ) -> Block | None:
-    """Chunk whose record begins at `offset`, with messages by channel; None if there is none.
+    """Describe the chunk whose record begins at `offset`; None if there is no chunk.
 
-    A chunk that extends beyond the end of the file is torn.
+    A chunk that extends beyond the end of the file is truncated. `message_counts` are by channel.
     """
     head = file.read_bytes(offset, RECORD_HEAD.size + _CHUNK.size + _LONGEST_NAME + _STORED.size)
     try:
@@ -99,21 +99,21 @@ def read_chunk_header_as_block(
 
 
 class SummaryError(Exception):
-    """The summary cannot be used; the text gives the reason."""
+    """Raised if the summary cannot be used; the text is the reason."""
 
 
 class Summary:
-    """Records repeated in the summary; empty if it is missing or damaged."""
+    """Records of the summary; empty if it is missing or damaged."""
 
     def __init__(self, file: FileBytes) -> None:
-        #: why it is not used, empty where nothing is wrong
+        #: why it is not used; empty if it can be
         self.fault = ""
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self.chunks: list[ChunkIndex] = []
         self.metadata: list[MetadataIndex] = []
         self.message_count: int | None = None
-        #: whether it has a CRC, which agrees
+        #: whether it has a CRC that agrees
         self.is_sealed = False
         try:
             section = self._read_summary_section(file)
@@ -142,7 +142,7 @@ class Summary:
                 self.message_count = record.message_count
 
     def _read_summary_section(self, file: FileBytes) -> bytes:
-        """Bytes from the summary up to the magic; empty without a summary."""
+        """Read the bytes of the summary up to the closing magic; empty without a summary."""
         end = file.size - len(MAGIC)
         footer = file.read_bytes(end - _FOOTER.size, _FOOTER.size)
         if (
@@ -155,7 +155,7 @@ class Summary:
         if not start:
             return b""
         section = file.read_bytes(start, end - start)
-        # 0 says that the writer computed none; it covers all but itself
+        # 0: the writer computed none; it covers everything before itself
         if crc and zlib.crc32(section[:-4]) != crc:
             raise SummaryError("the CRC of its summary is wrong")
         self.is_sealed = crc != 0
@@ -170,10 +170,10 @@ class SplitSummary(NamedTuple):
 
 
 def split_chunk_indexes_from_summary(summary_section: bytes) -> SplitSummary:
-    """Chunk indexes of a summary, and the bytes of all other records.
+    """Separate the chunk indexes of a summary from the bytes of all other records.
 
-    A shift has thousands of them, and the library takes 60 µs for each. If one is malformed, all
-    are left to the library, which reports why.
+    A shift has thousands of chunk indexes, and the library takes 60 µs for each. If one is
+    malformed, all are left to the library, which reports why.
     """
     chunks: list[ChunkIndex] = []
     others: list[bytes] = []
@@ -217,12 +217,12 @@ def _parse_chunk_index(record_content: bytes) -> ChunkIndex:
 
 
 def make_block_of_misplaced_chunk(chunk: ChunkIndex) -> Block:
-    """Block of a chunk that is not at its indexed offset."""
+    """Describe a chunk that is not at its indexed offset, so that it can be noted as lost."""
     return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
 
 
 def count_indexed_messages(chunk: ChunkIndex) -> dict[int, int]:
-    """Number of messages by channel, from the offsets of a chunk's message indexes only.
+    """Count messages by channel, from only the offsets of a chunk's message indexes.
 
     Empty if the indexes do not directly follow the chunk and each other.
     """
@@ -244,7 +244,7 @@ def count_indexed_messages(chunk: ChunkIndex) -> dict[int, int]:
 def read_indexed_times_of_chunk(
     file: FileBytes, chunk: ChunkIndex
 ) -> Mapping[int, NDArray[np.int64]] | None:
-    """Log times (64 bits) by channel, from the message indexes of a chunk.
+    """Read log times (as 64 bits) by channel from the message indexes of a chunk.
 
     None if the indexes are incomplete, overlap or are missing.
     """

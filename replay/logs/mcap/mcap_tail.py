@@ -1,4 +1,4 @@
-"""The tail of an MCAP file that is still being written."""
+"""Read an MCAP file that is still being written."""
 
 from io import BytesIO
 from pathlib import Path

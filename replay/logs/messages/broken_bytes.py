@@ -1,4 +1,4 @@
-"""Damaged data: the content of a log violates its format.
+"""Errors for damaged data, the content of a log that violates its format.
 
 Only calls of a library are guarded with `BROKEN_BYTES`, and the returned values are checked; both
 raise `BrokenBytesError`, the only error that callers catch and report as damage. All errors of our
@@ -10,8 +10,8 @@ from typing import Final
 
 from estimators.errors import join_to_one_line
 
-#: What the format libraries raise on bytes that are not what they should be, their own errors
-#: aside (lz4 raises RuntimeError, bz2 OSError and EOFError, rosbags asserts).
+#: Errors that the format libraries raise for invalid bytes, besides errors of their own (lz4 raises
+#: RuntimeError, bz2 OSError and EOFError, rosbags asserts).
 BROKEN_BYTES: Final = (
     ArithmeticError,
     AssertionError,
@@ -26,7 +26,7 @@ BROKEN_BYTES: Final = (
 )
 
 
-#: First bytes of files whose name may say something else, in full where a format has versions.
+#: First bytes of files whose suffix may be wrong, in full for formats with several versions.
 _KINDS: Final = (
     (b"%PDF-", "a PDF document"),
     (b"\x89PNG", "a picture (PNG)"),
@@ -39,23 +39,23 @@ _KINDS: Final = (
     (b"SQLite format 3\0", "an SQLite database; that of rosbag2 ends in .db3"),
     (b"RRF2", "a recording; its name ends in .rrd"),
 )
-#: So many first bytes tell each of them.
+#: Number of first bytes that identify each of these formats.
 KIND_BYTES: Final = 16
 
 
 def describe_file_of_other_format(first_bytes: bytes, default_text: str) -> str:
-    """What a file is by its first bytes, with the name that it should have.
+    """Say what a file is by its first bytes, and which name it should have.
 
     Args:
         first_bytes: its first `KIND_BYTES`.
-        default_text: what is returned for a file of no known kind.
+        default_text: text to return for a file of no known kind.
     """
     found = (f"it is {kind}" for mark, kind in _KINDS if first_bytes.startswith(mark))
     return next(found, default_text)
 
 
 class BrokenBytesError(Exception):
-    """Data cannot be used; one line with the reason."""
+    """Raised if data cannot be used; one line with the reason."""
 
     def __init__(self, why: object) -> None:
         super().__init__(join_to_one_line(" ".join(str(why).split())))

@@ -16,7 +16,7 @@ def require_number_fits_int64(value: int) -> int:
     """Return a number unchanged.
 
     Raises:
-        BrokenBytesError: it does not fit into 64 bits.
+        BrokenBytesError: the number does not fit into 64 bits.
     """
     if not -(2**63) <= value < 2**63:
         raise BrokenBytesError(f"{value} is not a 64-bit integer")
@@ -29,26 +29,26 @@ def _return_unchanged(values: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class DecodingLibrary:
-    """A library, by its name."""
+    """Library that decodes single messages: its name, and how fields of its messages are read."""
 
     name: str
-    #: a field of a message, by its name; None where the message does not have it
+    #: function that returns a field of a message by name; None if the message lacks it
     get: Callable[[Any, str], Any]
-    #: a time or duration in ns
+    #: function that converts a time or duration to ns
     stamp_ns: Callable[[Any], int]
-    #: what a list holds
+    #: function that returns the elements of a list
     elements: Callable[[Any], Sequence[Any]] = _return_unchanged
-    #: a value as a column of a kind holds it
+    #: function that converts a value for a column of a kind
     convert: Callable[[Any, str], Any] = lambda value, kind: CONVERT.get(kind, int)(value)
 
 
-#: By kind; all others are integers.
+#: Conversion of a value, by kind; values of other kinds are integers.
 CONVERT: Final[dict[str, Callable[[Any], Any]]] = {
     "bool": bool,
     "string": str,
     "wstring": str,
     **dict.fromkeys(("float32", "float64", "float128"), float),
-    # rosbags reads the octet of ROS 2, whose kind this is too, as a signed number
+    # the octet of ROS 2 has this kind too, and rosbags reads it as a signed number
     "uint8": lambda value: int(value) & 0xFF,
 }
 

@@ -1,4 +1,4 @@
-"""Fields of messages: parse a dotted name, and check it against the message definition."""
+"""Fields of messages: parse a dotted name, and resolve it in the message type."""
 
 import re
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from replay.logs.messages.message_types import (
     iter_leaf_paths_of_message_type,
 )
 
-#: What every frame has beside the fields.
+#: Columns of every frame besides the fields.
 OWN_COLUMNS: Final = ("log_time_ns", "header_stamp_ns")
 #: `effort[]`: every element of a list.
 ALL: Final = ""
@@ -24,15 +24,15 @@ _STEP = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\[(?P<element>[^\]]*)\])?(?:\.(?=.
 
 
 class FieldError(Exception):
-    """A field cannot be read; one line with the reason and the choices."""
+    """Raised if a field cannot be read; one line with the reason and the choices."""
 
 
 @dataclass(frozen=True, slots=True)
 class PathStep:
     """Step from a message to one of its fields, or to list elements in it.
 
-    `element` is None for the field itself, an index, a name at the same place in the message's list
-    `name`, or `ALL`.
+    `element` is None for the field itself; or an index, a name whose index is that in the message's
+    list `name`, or `ALL`.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Field:
 
     @property
     def column_dtype(self) -> pl.DataType:
-        """Type of its column, with a list for each `[]` in the path."""
+        """Data type of its column, with a list for each `[]` in the path."""
         spreads = sum(step.element == ALL for step in self.steps)
         dtype = (ELEMENT_DTYPES if spreads else COLUMN_DTYPES)[self.kind]
         for _ in range(spreads):
@@ -116,7 +116,7 @@ def _parse_field_path(field_path: str) -> tuple[PathStep, ...]:
 def _parse_element_index_or_name(text: str | None) -> int | str | None:
     if text is None or not (text.isascii() and text.isdigit()):
         return text
-    # lists count in 32 bits; Python refuses to read numbers of thousands of digits
+    # lengths of lists fit into 32 bits; Python refuses to parse numbers of thousands of digits
     return int(text) if len(text) < 19 else 2**63 - 1
 
 

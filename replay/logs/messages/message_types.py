@@ -11,7 +11,7 @@ from replay.logs.messages.decoding_libraries import ROSBAGS, DecodingLibrary
 STAMP_TYPES: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 HEADER_TYPE: Final = "std_msgs/msg/Header"
 
-#: What a scalar becomes in a column. A stamp is nanoseconds. uint64 keeps its full range.
+#: Data type of a scalar in a column: a stamp is in nanoseconds, uint64 keeps its full range.
 COLUMN_DTYPES: Final[dict[str, pl.DataType]] = {
     "bool": pl.Boolean(),
     "string": pl.String(),
@@ -27,7 +27,7 @@ COLUMN_DTYPES: Final[dict[str, pl.DataType]] = {
     ),
 }
 
-#: What it becomes in a column of lists, where a number keeps its size: an image stays bytes.
+#: Data type of a scalar in a column of lists, where a number keeps its size: an image stays bytes.
 ELEMENT_DTYPES: Final[dict[str, pl.DataType]] = {
     **COLUMN_DTYPES,
     "float32": pl.Float32(),
@@ -55,7 +55,7 @@ class Scalar:
 
 @dataclass(frozen=True, slots=True)
 class ListOf:
-    """A list of scalars or messages; `length` is None where it varies."""
+    """A list of scalars or messages; `length` is None if it varies."""
 
     element: "Scalar | RecordType"
     length: int | None
@@ -67,7 +67,7 @@ class RecordType:
 
     name: str
     fields: tuple[tuple[str, "FieldType"], ...]
-    #: by the fields that are enumerations: their values with the names that the definition gives
+    #: fields that are enumerations, with their values and the names of these
     value_names: tuple[tuple[str, "ValueNames"], ...] = field(default=(), compare=False)
 
     def type_of_field(self, name: str) -> "FieldType | None":
@@ -100,7 +100,7 @@ class MessageType:
     record: RecordType
     ros1: bool
     decode: Callable[[bytes], Any]
-    #: whose objects `decode` gives
+    #: library whose objects `decode` returns
     library: DecodingLibrary = ROSBAGS
 
 
@@ -108,11 +108,11 @@ class MessageType:
 class LeafField:
     """Part of a message that can be a column."""
 
-    #: dotted; a list shows as `effort[]`
+    #: dotted name; a list shows as `effort[]`
     name: str
-    #: as `Log.read` gives it
+    #: data type of the column that `Log.read` returns
     dtype: pl.DataType
-    #: of the lists on the way, from the outside in; None where a length varies
+    #: lengths of the nested lists, from the outside in; None if a length varies
     lengths: tuple[int | None, ...] = ()
     value_names: ValueNames = ()
     #: whether it is the stamp of a header, in ns since 1970
@@ -122,7 +122,7 @@ class LeafField:
 def iter_leaf_fields_of_message_type(
     record: RecordType, prefix: str = "", lengths: tuple[int | None, ...] = ()
 ) -> Iterator[LeafField]:
-    """Every part of a message that can be a column, in the order of the definition."""
+    """Yield every part of a message that can be a column, in the order of the definition."""
     named = dict(record.value_names)
     for name, kind in record.fields:
         path, inner, around = f"{prefix}{name}", kind, lengths
@@ -140,5 +140,5 @@ def iter_leaf_fields_of_message_type(
 
 
 def iter_leaf_paths_of_message_type(message_type: RecordType) -> Iterator[str]:
-    """Dotted names of all possible columns; a list shows as `effort[]`."""
+    """Yield the dotted names of all possible columns; a list shows as `effort[]`."""
     return (leaf.name for leaf in iter_leaf_fields_of_message_type(message_type))

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-#: A batch holds no more messages than this, and is full at as many bytes, whichever comes first.
+#: Most messages and most bytes of a batch, whichever is reached first.
 BATCH_ROWS: Final = 8192
 BATCH_BYTES: Final = 8 << 20
 
@@ -21,14 +21,14 @@ class RawBatch:
     """
 
     connection_id: int
-    #: (bytes,) uint8: decompressed chunks; its memory is used again for the next batch
+    #: (bytes,) uint8: decompressed chunks; the memory is reused for the next batch
     data: NDArray[np.uint8]
-    #: (n,) int64, where each message begins in `data`, and its length in bytes
+    #: (n,) int64, offset of each message in `data`, and its length in bytes
     offsets: NDArray[np.int64]
     lengths: NDArray[np.int64]
     #: (n,) int64 ns
     log_times: NDArray[np.int64]
-    #: taken from another batch, whose messages were held against the data: that is not done again
+    #: whether it is a part of a checked batch, so that its bounds need no check
     is_part: InitVar[bool] = False
 
     def __post_init__(self, is_part: bool) -> None:
@@ -46,7 +46,7 @@ class RawBatch:
         ):
             raise ValueError("a batch whose messages reach out of its data")
         data = self.data.view()
-        # also because numba would compile anew for data that may be written
+        # also since numba would compile another version for writable data
         data.flags.writeable = False
         object.__setattr__(self, "data", data)
 
@@ -69,7 +69,7 @@ class RawBatch:
         )
 
     def split_to_bounded_batches(self) -> Iterator["RawBatch"]:
-        """Split into batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
+        """Split into batches of at most `BATCH_ROWS` messages and, if several, `BATCH_BYTES`."""
         if 0 < self.message_count <= BATCH_ROWS and self.lengths.sum() <= BATCH_BYTES:
             yield self
             return
@@ -83,7 +83,7 @@ class RawBatch:
             begin = end
 
     def iter_messages(self) -> Iterator[bytes]:
-        """The messages one by one."""
+        """Yield the bytes of each message."""
         for start, size in zip(self.offsets.tolist(), self.lengths.tolist(), strict=True):
             yield self.data[start : start + size].tobytes()
 
@@ -91,7 +91,7 @@ class RawBatch:
 def make_batch_of_messages(
     connection_id: int, log_times: Sequence[int], messages: Sequence[bytes]
 ) -> RawBatch:
-    """Batch of single messages."""
+    """Make a batch of messages given one by one."""
     lengths = np.fromiter(map(len, messages), np.int64, len(messages))
     return RawBatch(
         connection_id,

@@ -1,4 +1,4 @@
-"""The container of a rosbag2 directory: its storage files in the order of metadata.yaml.
+"""Container of a rosbag2 directory: its storage files in the order of metadata.yaml.
 
 The files, or single messages, may be compressed by zstd. Declared sizes are not trusted.
 """
@@ -35,20 +35,21 @@ from replay.logs.storage import (
     prefetch_items_in_thread,
 )
 
-#: Parts of a split recording may reach into each other by as much.
+#: Time in ns by which parts of a split recording may overlap.
 _OVERLAP_NS: Final = 1_000_000_000
 _STORAGE: Final[dict[str, Callable[[Path], Container]]] = {".mcap": McapFile, ".db3": Db3File}
-#: What a compressed file or message may grow to, in multiples of its size.
+#: Largest ratio of unpacked to compressed bytes of a file or message.
 _MOST_GROWTH: Final = 200
-#: So large may a message be in any case: a black image is packed into next to nothing.
+#: Unpacked bytes of a message that are allowed at any ratio: a black image compresses to almost
+#: nothing.
 _ANY_MESSAGE: Final = 64 * 2**20
-#: of a frame; zstd packs at most 128 KiB into 4 bytes
+#: bytes of a frame that are unpacked at once; zstd compresses at most 128 KiB into 4 bytes
 _FEW_BYTES: Final = 256
 _STEP: Final = 2**20
 
 
 class Rosbag2Directory:
-    """A rosbag2 directory; without metadata.yaml its files are read in the order of names."""
+    """A rosbag2 directory; without metadata.yaml, its files are read in order of their names."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -74,7 +75,7 @@ class Rosbag2Directory:
         names = tuple(
             sorted((p.name for p in list_storage_files(self._path)), key=_make_part_sort_key)
         )
-        # a recorder that ends while it compresses leaves both; what it compressed from is whole
+        # a recorder killed while compressing leaves both files; the uncompressed one is complete
         names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
         if not (self._path / METADATA).exists():
             what = (
@@ -95,7 +96,7 @@ class Rosbag2Directory:
     def _note_wrong_file_names(
         self, expected_names: Sequence[str], existing_names: Sequence[str]
     ) -> None:
-        """Note files that metadata.yaml names twice or leaves out."""
+        """Note files that metadata.yaml names more than once or not at all, as losses."""
         for name, times in Counter(expected_names).items():
             if times > 1:
                 what = f"names {name} {times:,} times; it is read once"
@@ -114,7 +115,7 @@ class Rosbag2Directory:
                 self._parts.append(self._open_storage_file(path))
                 opened.append(path)
             except (LogError, OSError) as error:
-                # a file that was unpacked is known by the name that it has here
+                # an unpacked file is reported by its name in the directory
                 fault = str(getattr(error, "strerror", None) or error).replace(
                     f"{self._scratch.name}/", ""
                 )
@@ -163,7 +164,7 @@ class Rosbag2Directory:
         self.connections: tuple[Connection, ...] = tuple(merged)
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """Log times of a connection."""
+        """Log times of a connection in ns, (n,)."""
         self._note_wrong_message_counts()
         if connection_id >= len(self._origin):
             return make_empty_log_times()
@@ -181,7 +182,7 @@ class Rosbag2Directory:
     def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
-        """Messages file by file."""
+        """Read messages file by file."""
         later = [part.log_time_lower_bound_ns() for part in self._parts[1:]]
         for part_number, part in enumerate(self._parts):
             behind = min(later[part_number:], default=END_NS)
@@ -217,7 +218,7 @@ class Rosbag2Directory:
                 )
 
     def _note_wrong_message_counts(self) -> None:
-        """Note where metadata.yaml and files have different message counts."""
+        """Note as losses where message counts in metadata.yaml differ from those of the files."""
         if self._is_compared:
             return
         self._is_compared = True
@@ -240,7 +241,7 @@ class Rosbag2Directory:
             )
 
     def _add_losses_for_files_overlapping_in_time(self) -> None:
-        """Note files that overlap in time; parts of one recording are consecutive."""
+        """Add a loss for files that overlap in time, since parts of one recording do not."""
         spans: list[tuple[int, int, str]] = []
         for part in self._parts:
             times = np.concatenate(
@@ -261,7 +262,7 @@ class Rosbag2Directory:
         return min((part.log_time_lower_bound_ns() for part in self._parts), default=END_NS)
 
     def check_whole_file_and_count_valid_crcs(self) -> int:
-        """Check every file."""
+        """Check every file; see `Container.check_whole_file_and_count_valid_crcs`."""
         self._note_wrong_message_counts()
         return sum(part.check_whole_file_and_count_valid_crcs() for part in self._parts)
 
@@ -273,20 +274,20 @@ class Rosbag2Directory:
 
 
 def list_storage_files(folder: Path) -> list[Path]:
-    """Bag files in a folder, including compressed ones."""
+    """List the storage files in a folder, including compressed ones."""
     return [p for p in folder.iterdir() if Path(p.name.removesuffix(".zstd")).suffix in _STORAGE]
 
 
 def _make_part_sort_key(name: str) -> list[tuple[int, str]]:
-    """Sort key that puts shift_10 after shift_9."""
+    """Make a sort key by which shift_10 follows shift_9."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
 def decompress_file_or_describe_fault(compressed_file: Path, target: Path) -> str | None:
-    """Decompress a file; if it is damaged, keep the part before and return the reason."""
-    import pyarrow as pa  # slow to import, and most logs are not compressed so
+    """Decompress a file; if it is damaged, keep the part before that and return the reason."""
+    import pyarrow as pa  # slow to import, and few logs are compressed by file
 
-    # half of what is free is left to others
+    # half of the free space is left to other programs
     free = shutil.disk_usage(target.parent).free // 2
     room = min(_MOST_GROWTH * compressed_file.stat().st_size + _STEP, free)
     try:
@@ -312,7 +313,7 @@ class DecompressedBatch(NamedTuple):
 
 
 def iter_decompressed_messages(batch: RawBatch) -> Iterator[DecompressedBatch]:
-    """Unpack the messages of a batch in parts of bounded size; yields also the failures."""
+    """Decompress the messages of a batch, in batches of bounded size."""
     unpacker = zstandard.ZstdDecompressor()
     messages: list[bytes] = []
     times: list[int] = []
@@ -347,7 +348,7 @@ def _decompress_file(unpacker: zstandard.ZstdDecompressor, compressed: bytes) ->
 def _decompress_frame_of_unknown_size(
     unpacker: zstandard.ZstdDecompressor, compressed: bytes, max_bytes: int
 ) -> bytes:
-    """Unpack a frame of unknown size, in steps that a few bytes can hold."""
+    """Decompress a frame of unknown size step by step, at most to `max_bytes`."""
     stream = unpacker.decompressobj()
     parts: list[bytes] = []
     for at in range(0, len(compressed), _FEW_BYTES):

@@ -1,4 +1,4 @@
-"""metadata.yaml of a rosbag2 directory: order of the files, and recorded topics."""
+"""Read metadata.yaml of a rosbag2 directory: the order of its files, and its topics."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 
 METADATA: Final = "metadata.yaml"
 _HEADING: Final = "rosbag2_bagfile_information"
-#: A thousand topics take less.
+#: Most bytes of the file; a thousand topics take less.
 _LARGEST_BYTES: Final = 2**20
 
 
 class MetadataError(Exception):
-    """metadata.yaml cannot be used; one line with the reason."""
+    """Raised if metadata.yaml cannot be used; one line with the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +36,10 @@ class Metadata:
     """Content of metadata.yaml."""
 
     names: tuple[str, ...]
-    #: each message is compressed by itself
+    #: whether each message is compressed by itself
     message_zstd: bool = False
     topics: tuple[AnnouncedTopic, ...] = ()
-    #: of all topics; None where it does not say
+    #: number of messages of all topics; None if not stated
     messages: int | None = None
 
 
@@ -51,7 +51,7 @@ def read_metadata(folder: Path) -> Metadata:
         LogError: it names files outside the folder, or a compression other than zstd.
     """
     path = folder / METADATA
-    if not path.is_file():  # a pipe would be waited for
+    if not path.is_file():  # reading a pipe would block
         raise MetadataError("it is not a file")
     if path.stat().st_size > _LARGEST_BYTES:
         raise MetadataError(f"it has more than {_LARGEST_BYTES:,} bytes")
@@ -62,7 +62,7 @@ def read_metadata(folder: Path) -> Metadata:
 
 
 def parse_custom_data(data: bytes) -> Mapping[str, str]:
-    """The `custom_data` of a metadata.yaml: texts given by the recorder, by name.
+    """Parse the `custom_data` of a metadata.yaml: texts given by the recorder, by name.
 
     Empty if it has none or is damaged; `read_metadata` reports the error.
     """
@@ -70,7 +70,7 @@ def parse_custom_data(data: bytes) -> Mapping[str, str]:
         return {}
     try:
         content = parse_yaml_text(data.decode())
-        # the copy in an MCAP file has no heading
+        # the copy in an MCAP file lacks the top-level key
         information = content.get(_HEADING, content) if isinstance(content, dict) else None
         custom = _require_value_of_key(information, "custom_data")
     except (BrokenBytesError, UnicodeError):
@@ -95,7 +95,7 @@ def load_metadata_yaml(path: Path) -> Any:
 
 
 def parse_yaml_text(text: str) -> Any:
-    """Parse a text of YAML.
+    """Parse YAML.
 
     Raises:
         BrokenBytesError: it is not YAML.
@@ -170,7 +170,7 @@ def _require_yaml_list(value: Any) -> list[Any]:
 
 
 def require_message_count(value: Any) -> int:
-    """Validated number of messages; YAML also has quoted and infinite numbers."""
+    """Return a number of messages as an integer; YAML may also have text or infinity there."""
     try:
         return int(value)
     except (TypeError, ValueError, OverflowError) as error:
@@ -178,7 +178,7 @@ def require_message_count(value: Any) -> int:
 
 
 def require_text(value: Any) -> str:
-    """Validated text; YAML also has nested lists, and halves of characters."""
+    """Return a text if it is one; YAML may also have lists, or unpaired surrogates, there."""
     if not isinstance(value, str):
         raise _make_metadata_layout_error()
     try:
@@ -189,7 +189,7 @@ def require_text(value: Any) -> str:
 
 
 def require_path_inside_folder(name: str, folder: Path) -> str:
-    """Path inside the folder of a file named in metadata.yaml.
+    """Return the path, relative to the folder, of a file named in metadata.yaml.
 
     Raises:
         LogError: the name leads out of the folder.

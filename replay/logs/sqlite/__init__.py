@@ -1,4 +1,4 @@
-"""The SQLite storage of rosbag2 (`.db3`): its pages read as they are, what is unusual by SQLite."""
+"""The SQLite storage of rosbag2 (`.db3`): pages are read directly, unusual ones by SQLite."""
 
 from replay.logs.sqlite.db3_tail import Db3Tail
 from replay.logs.sqlite.sqlite_file import Db3File, read_metadata_texts

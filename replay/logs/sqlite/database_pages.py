@@ -1,6 +1,6 @@
-"""Layout of a SQLite file's pages (sqlite.org/fileformat2.html), if they can be read directly.
+"""Determine the layout of a SQLite file's pages (sqlite.org/fileformat2.html).
 
-What is unusual is not read here but by SQLite itself.
+Files with an unusual layout are not read directly but by SQLite itself.
 """
 
 import sqlite3
@@ -14,15 +14,15 @@ from replay.logs.sqlite.row_query import fetch_all_rows
 from replay.logs.storage import FileBytes
 
 MAGIC: Final = b"SQLite format 3\x00"
-#: The first byte of a page that holds rows.
+#: First byte of a page that contains rows.
 LEAF: Final = 13
 HEADER_BYTES: Final = 100
-#: Shares of a page in 255ths that a cell may take; the format fixes them.
+#: Fractions of a page, in 255ths, that a cell may take, as fixed by the format.
 _FRACTIONS: Final = bytes([64, 32, 32])
 #: 1 with a rollback journal, 2 with a write-ahead log
 _VERSIONS: Final = (1, 2)
 _LEAST_USABLE: Final = 480
-#: SQLite locks this byte and those behind it; their page holds nothing.
+#: First of the bytes that SQLite locks; their page contains no data.
 _LOCKED_BYTE: Final = 2**30
 _TOPIC, _TIME, _DATA = "topic_id", "timestamp", "data"
 
@@ -31,15 +31,15 @@ class PageLayout(NamedTuple):
     """Layout of pages, and of one table's records in them."""
 
     page_bytes: int
-    #: of each page from its start; the rest is reserved for extensions
+    #: bytes used of each page, from its start; the rest is reserved for extensions
     usable_bytes: int
-    #: Pages are counted from 1.
+    #: number of pages, which are numbered from 1
     pages: int
-    #: the page that never holds anything
+    #: number of the page that never contains data
     locked_page: int
-    #: where the table's tree begins
+    #: number of the root page of the table
     root: int
-    #: of a record, and which of them hold topic, time and message
+    #: number of columns of a record, and indices of topic, time and message
     columns: int
     topic: int
     time: int
@@ -49,10 +49,10 @@ class PageLayout(NamedTuple):
 class RowFilter(NamedTuple):
     """Requested rows, and whether to read their messages."""
 
-    #: topics, ascending, unless all are wanted
+    #: topic ids, ascending, unless all are requested
     keys: NDArray[np.int64]
     every_topic: bool
-    #: log times, both inclusive
+    #: first and last log time in ns
     first_ns: int
     last_ns: int
     with_data: bool
@@ -61,7 +61,7 @@ class RowFilter(NamedTuple):
 def read_page_layout_of_messages_table(
     file: FileBytes, database: sqlite3.Connection
 ) -> PageLayout | None:
-    """Layout of table `messages`; None if SQLite has to read it.
+    """Determine the page layout of table `messages`; None if SQLite must read it.
 
     Raises:
         BrokenBytesError: SQLite cannot read its own tables.
@@ -81,7 +81,7 @@ def read_page_layout_of_messages_table(
         and head[19] in _VERSIONS
         and usable >= _LEAST_USABLE
         and head[21:24] == _FRACTIONS
-        # otherwise an old version wrote the file last, which did not count its pages
+        # otherwise the last writer was an old version, which did not update the number of pages
         and head[24:28] == head[92:96]
         and pages * page_bytes == file.size
     )
@@ -92,13 +92,13 @@ def read_page_layout_of_messages_table(
 
 
 def _has_uncommitted_writes(path: Path) -> bool:
-    """Whether writes to the file are missing or uncommitted."""
+    """Whether a journal or write-ahead log with content is beside the file."""
     beside = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
     return any(each.exists() and each.stat().st_size > 0 for each in beside)
 
 
 class _TableLayout(NamedTuple):
-    """Place of table `messages`, and of its columns."""
+    """Root page of table `messages`, its number of columns, and indices of three of them."""
 
     root_page: int
     columns: int
@@ -108,7 +108,7 @@ class _TableLayout(NamedTuple):
 
 
 def find_messages_table(database: sqlite3.Connection) -> _TableLayout | None:
-    """Root page of table `messages`, its columns, and the places of topic, time and message."""
+    """Find the root page and columns of table `messages`; None if it is defined unusually."""
     found = fetch_all_rows(
         database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
     )
@@ -116,9 +116,9 @@ def find_messages_table(database: sqlite3.Connection) -> _TableLayout | None:
     if not found or type(found[0][0]) is not int:
         return None
     names = [str(name).lower() for _, name, *_ in columns]
-    # a column that is the key stands where ids do
+    # a column that is the primary key is the row id, and not in the record
     kinds = {str(name).lower(): str(kind) for _, name, kind, _, _, key, _ in columns if not key}
-    # SQLite makes floats of integers in columns that are declared otherwise
+    # in columns that are declared otherwise, SQLite may store integers as floats
     are_integers = all("INT" in kinds.get(name, "").upper() for name in (_TOPIC, _TIME))
     is_computed = any(is_hidden for *_, is_hidden in columns)
     if not are_integers or _DATA not in kinds or is_computed or "rowid" in names:

@@ -1,4 +1,4 @@
-"""A rosbag2 database that is still being written: its committed rows."""
+"""Read the committed rows of a rosbag2 database that is still being written."""
 
 import sqlite3
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ from replay.logs.sqlite.row_query import LEAST_ID, Row, convert_sqlite_errors, f
 from replay.logs.sqlite.sqlite_file import open_database_for_reading, read_connections_of_database
 from replay.logs.storage import Connection, LossList
 
-#: Rows of one poll.
+#: Most rows of one poll.
 _POLL_ROWS: Final = 16_384
-#: Time in ms that a poll waits for a lock of the recorder: about as long as two polls are apart.
+#: Time in ms that a poll waits for a lock of the recorder: about the interval between polls.
 _LOCKED_MS: Final = 50
 _MESSAGES: Final = (
     "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? ORDER BY rowid LIMIT ?"
@@ -24,7 +24,7 @@ _MESSAGES: Final = (
 
 
 class Db3Tail:
-    """A growing `.db3` file. A database does not show whether its recorder has ended."""
+    """A growing `.db3` file, from which the end of the recording cannot be known."""
 
     def __init__(self, path: Path) -> None:
         self.connections: dict[int, Connection] = {}
@@ -41,8 +41,8 @@ class Db3Tail:
 
     def poll(self) -> list[RawBatch]:
         """See `Tail.poll`; a locked or half-written database is left for a later call."""
-        # always a query, even of files whose size and time are as before: a transaction has its
-        # bytes in them before readers see it
+        # always query, even if size and time of the files are unchanged: bytes of a transaction are
+        # written before readers see it
         try:
             with closing(open_database_for_reading(self._path, is_unfinished=True)) as database:
                 rows = self._read_new_rows(database)
@@ -73,7 +73,7 @@ class Db3Tail:
     def _read_new_rows(self, database: sqlite3.Connection) -> list[Row]:
         with convert_sqlite_errors():
             database.execute(f"PRAGMA busy_timeout = {_LOCKED_MS}")
-            # one state of the database, or messages come of topics that are not there yet
+            # read one state of the database, else messages may belong to topics not yet read
             database.execute("BEGIN")
         known = len(self.connections)
         (count,) = fetch_all_rows(database, "SELECT count(*) FROM topics")[0]

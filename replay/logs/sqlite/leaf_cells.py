@@ -1,4 +1,4 @@
-"""Compiled parser for a cell of a SQLite table's leaf page: a row, or its begin."""
+"""Compiled parser of a cell of a SQLite table's leaf page: a row, or its first part."""
 
 from typing import Final, TypeAlias
 
@@ -9,22 +9,22 @@ from estimators.compiled import compiled_without_refcounts
 from replay.logs.sqlite.database_pages import PageLayout
 from replay.logs.storage import LARGEST_BYTES
 
-#: A record's types: 0 null, 1 to 6 integers, 7 a float, 8 and 9 the integers 0 and 1, from 12 on
-#: even blobs and odd texts.
+#: Serial types of values: 0 null, 1 to 6 integers, 7 a float, 8 and 9 the integers 0 and 1; from 12
+#: on, even types are blobs and odd ones texts.
 _NULL: Final = 0
 _FLOAT: Final = 7
 _ZERO: Final = 8
 _ONE: Final = 9
 _BLOB: Final = 12
 
-#: What a cell may be: a message; damaged; of other types than a message, as SQLite asks nobody for
-#: types; or laid out as no recorder does, which SQLite shall read.
+#: Kinds of cells: a message; damaged; with values of other types than a message, which SQLite
+#: permits; or with a layout that no recorder writes, which is left to SQLite.
 MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
 
 
 @compiled_without_refcounts
 def read_big_endian(data: NDArray[np.uint8], offset: int, size: int) -> int:
-    """Unsigned big-endian integer of less than 8 bytes."""
+    """Read an unsigned big-endian integer of less than 8 bytes."""
     value = np.int64(0)
     for k in range(size):
         value = (value << np.int64(8)) | np.int64(data[offset + k])
@@ -33,7 +33,7 @@ def read_big_endian(data: NDArray[np.uint8], offset: int, size: int) -> int:
 
 @compiled_without_refcounts
 def read_signed_integer(data: NDArray[np.uint8], offset: int, size: int) -> int:
-    """Two's complement integer of 1 to 8 bytes."""
+    """Read a big-endian two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[offset])
     if value > 127:
         value -= np.int64(256)
@@ -42,15 +42,15 @@ def read_signed_integer(data: NDArray[np.uint8], offset: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-#: Integer, and offset after it; -1 if it does not end.
+#: Integer, and offset after it; -1 if it is incomplete.
 IntegerAndEnd: TypeAlias = tuple[int, int]
 
 
 @compiled_without_refcounts
 def read_varint_and_end(data: NDArray[np.uint8], offset: int, end: int) -> IntegerAndEnd:
-    """Variable-length integer of 1 to 9 bytes, and its end; -1 if beyond `end`."""
+    """Read a variable-length integer of 1 to 9 bytes, and its end; -1 if that is beyond `end`."""
     value, bits, stop = np.int64(0), 0, -1
-    # with several ways out numba would count references to the data, which takes longer than this
+    # with several returns, numba would count references to the data, which takes longer than this
     while offset < end and stop < 0:
         byte = np.int64(data[offset])
         offset += 1
@@ -67,7 +67,7 @@ def read_varint_and_end(data: NDArray[np.uint8], offset: int, end: int) -> Integ
 
 @compiled_without_refcounts
 def count_value_bytes(serial_type: int) -> int:
-    """Bytes of a value of this record type; -1 for an invalid type."""
+    """Bytes of a value of a serial type; -1 for an invalid type."""
     if serial_type >= _BLOB:
         return (serial_type - _BLOB) // 2
     if serial_type < 0 or serial_type > _ONE:
@@ -81,7 +81,7 @@ def count_value_bytes(serial_type: int) -> int:
 
 @compiled_without_refcounts
 def _count_local_bytes(record_bytes: int, usable_page_bytes: int) -> int:
-    """Number of a record's bytes that its leaf holds; the rest is on overflow pages."""
+    """Number of a record's bytes in its leaf; the rest is on overflow pages."""
     if record_bytes <= usable_page_bytes - 35:
         return record_bytes
     least = (usable_page_bytes - 12) * 32 // 255 - 23
@@ -101,8 +101,8 @@ def parse_row_cell(
     """Parse the cell at `offset` in a page with its cells in [begin, end).
 
     Returns:
-        Kind (one of the four above), id, topic, time, begin and size of the message, its bytes in
-        the leaf, and the end of the record's part in the leaf.
+        Kind (`MESSAGE`, `DAMAGED`, `NO_MESSAGE` or `UNUSUAL`), row id, topic, time, start and size
+        of the message, its bytes in the leaf, and the end of the record's part in the leaf.
     """
     damaged = (DAMAGED, 0, 0, 0, 0, 0, 0, 0)
     payload, row_id, offset, stop = parse_cell_header(data, offset, begin, end, layout)
@@ -134,13 +134,13 @@ def parse_row_cell(
     if field != head_end or body != offset + payload:
         return damaged
     local = min(length, stop - message)
-    # columns that were added later, and columns behind a message on overflow pages
+    # missing columns, which were added later, and columns after a message on overflow pages
     if column < layout.columns or local < 0 or (local < length and message + length < body):
         what = UNUSUAL
     return what, row_id, topic, time, message, length, local, stop
 
 
-#: Bytes of the record, row id, begin of the record, and end of its part in the leaf.
+#: Bytes of the record, row id, start of the record, and end of its part in the leaf.
 CellHeader: TypeAlias = tuple[int, int, int, int]
 
 
@@ -148,7 +148,7 @@ CellHeader: TypeAlias = tuple[int, int, int, int]
 def parse_cell_header(
     data: NDArray[np.uint8], offset: int, begin: int, end: int, layout: PageLayout
 ) -> CellHeader:
-    """Size of a cell's record, its id, its begin, and the end of its part in the leaf.
+    """Parse a cell's header: size of its record, row id, start, and end of its part in the leaf.
 
     The end is -1 if the cell is damaged.
     """
@@ -168,7 +168,7 @@ def parse_cell_header(
     return payload, row_id, offset, stop
 
 
-#: Integer, and whether a message may have it: MESSAGE, NO_MESSAGE or UNUSUAL.
+#: Integer, and the kind of row that has such a value: MESSAGE, NO_MESSAGE or UNUSUAL.
 IntegerAndClass: TypeAlias = tuple[int, int]
 
 
@@ -176,7 +176,7 @@ IntegerAndClass: TypeAlias = tuple[int, int]
 def read_integer_column(
     data: NDArray[np.uint8], offset: int, serial_type: int, size_bytes: int, stop_offset: int
 ) -> IntegerAndClass:
-    """Integer column, and whether a message may have it."""
+    """Read an integer column, and classify whether a row with such a value is a message."""
     if serial_type in (_NULL, _FLOAT) or serial_type > _ONE:
         return 0, NO_MESSAGE
     if offset + size_bytes > stop_offset:

@@ -1,6 +1,6 @@
-"""Leaf pages of a SQLite table in row order, and a compiled scan for their messages.
+"""Find the leaf pages of a SQLite table in row order, and scan them for messages.
 
-Interior pages name the leaves. Compiled code finds each message in some tens of nanoseconds.
+Interior pages list the leaves. The compiled scan takes some tens of nanoseconds per message.
 """
 
 from typing import Final, NamedTuple
@@ -24,44 +24,44 @@ from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes
 #: Kind of an interior page of a table, and bytes of its head (SQLite file format, 1.6).
 _INTERIOR: Final = 5
 _PAGE_HEAD: Final = 12
-#: Pages above leaves that are read at once.
+#: Bytes of interior pages that are read at once.
 _STEP_BYTES: Final = 2**20
 #: Bytes of a leaf page's head (SQLite file format, 1.6).
 _LEAF_HEAD: Final = 8
-#: The row of ids in what `records` gives rows of.
+#: Index of the row ids in `ScannedRows.rows`.
 ID: Final = 4
-#: Of a spilled row: which it is, where in the leaf its message begins, and how many bytes of it are
-#: there; the first overflow page, and how many bytes are on that and those behind it.
+#: Columns of a spilled row: its index, start of its message in the leaf, bytes of it in the leaf,
+#: first overflow page, and bytes on overflow pages.
 ROW, BEGIN, LOCAL, PAGE, REST = range(5)
-#: Where a scan is: the leaf, the cell in it, and the id of the row before; what it met: damaged
-#: places, whether the last goes on, rows that hold no message, and the id of the first of them.
+#: State of a scan: leaf, cell in it, and id of the previous row; number of gaps by damage, whether
+#: the last gap is open, number of rows without a message, and id of the first such row.
 AT_LEAF, AT_CELL, LAST_ID, GAPS, IN_GAP, ODD, FIRST_ODD = range(7)
 
 
 class ScannedRows(NamedTuple):
     """Result of a scan."""
 
-    #: (5, n) rows of messages as in `storage.rows`, and their ids
+    #: (5, n) rows of messages as in `storage.message_rows`, and their ids
     rows: NDArray[np.int64]
-    #: (5, m) rows whose message is not whole in its leaf
+    #: (5, m) rows whose message continues on overflow pages
     spills: NDArray[np.int64]
-    #: (2, g) ids of the rows before and behind damaged places
+    #: (2, g) ids of the rows before and after each damaged place
     gaps: NDArray[np.int64]
 
 
 def find_leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None:
-    """Numbers of the leaf pages; None if the tree is damaged.
+    """Find the numbers of the leaf pages, in row order; None if the tree is damaged.
 
     No page is visited twice, so a cyclic tree ends here.
     """
     seen = np.zeros(layout.pages + 1, np.bool_)
-    # the first holds the list of tables
+    # the first page has the list of tables
     seen[[0, 1, layout.root]] = True
     if layout.locked_page <= layout.pages:
         seen[layout.locked_page] = True
     level = np.array([layout.root], np.uint32)
     while True:
-        # leaves are all equally far from the root; one of three that differs is damaged
+        # all leaves are at the same depth: if three pages of a level differ in kind, it is damaged
         some = level[[0, level.size // 2, -1]].tolist()
         heads = [file.read_bytes((page - 1) * layout.page_bytes, _PAGE_HEAD) for page in some]
         kinds = {head[:1] for head in heads}
@@ -83,7 +83,7 @@ def find_leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] |
 def list_child_pages(
     file: FileBytes, layout: PageLayout, level: NDArray[np.uint32]
 ) -> NDArray[np.uint32] | None:
-    """Pages below a level of the tree; None if one is damaged."""
+    """List the child pages of a level of the tree; None if a page of it is damaged."""
     found: list[NDArray[np.uint32]] = []
     data = np.empty(max(_STEP_BYTES, layout.page_bytes), np.uint8)
     done = 0
@@ -91,7 +91,7 @@ def list_child_pages(
         ranges, slots = select_page_ranges_within_size(level[done:], layout.page_bytes, data.size)
         if not read_page_ranges_into(file, ranges, layout.page_bytes, data):
             return None
-        # a page holds fewer than its bytes
+        # upper bound of the children of a page by its size
         children = np.empty(slots.size * (layout.page_bytes // 6 + 1), np.uint32)
         count = read_child_pages_into(data, slots, layout.usable_bytes, children)
         if count < 0:
@@ -108,7 +108,7 @@ def read_child_pages_into(
     usable_page_bytes: int,
     out_pages: NDArray[np.uint32],
 ) -> int:
-    """Pages below those at `pointer_offsets`; returns their number, -1 if one is damaged."""
+    """Read the children of the pages at `pointer_offsets`; return their number, -1 if damaged."""
     count = 0
     for base in pointer_offsets:
         cells = read_big_endian(data, base + 3, 2)
@@ -117,7 +117,7 @@ def read_child_pages_into(
             return -1
         for cell in range(cells):
             at = base + read_big_endian(data, base + _PAGE_HEAD + 2 * cell, 2)
-            # page and, in at least a byte, the last id below it
+            # child page and, in at least a byte, the largest id below it
             if at < contents or at + 5 > base + usable_page_bytes:
                 return -1
             if count == out_pages.size:
@@ -131,12 +131,12 @@ def read_child_pages_into(
     return count
 
 
-#: Between pages that are wanted, so much is read with them: less than another read costs.
+#: Most bytes between requested pages that are read with them, which costs less than another read.
 _MOST_BETWEEN: Final = 65_536
 
 
 class PageRanges(NamedTuple):
-    """Ranges of pages, (ranges,) each: first page, number of pages, and target position."""
+    """Ranges of pages, (ranges,) each: first page, number of pages, and target offset in bytes."""
 
     first: NDArray[np.int64]
     pages: NDArray[np.int64]
@@ -146,7 +146,7 @@ class PageRanges(NamedTuple):
 def select_page_ranges_within_size(
     pages: NDArray[np.uint32], page_bytes: int, max_total_bytes: int
 ) -> tuple[PageRanges, NDArray[np.int64]]:
-    """Ranges that contain as many of the first `pages` as fit into `max_total_bytes`.
+    """Select ranges that contain as many of the first `pages` as fit into `max_total_bytes`.
 
     Args:
         pages: (pages,) requested pages.
@@ -154,7 +154,7 @@ def select_page_ranges_within_size(
         max_total_bytes: room for all ranges, at least one page.
 
     Returns:
-        The ranges, and (n,) begin of each of the first n pages.
+        The ranges, and (n,) the target offset of each of the first n pages.
     """
     numbers = pages[: max_total_bytes // page_bytes].astype(np.int64)
     step = np.diff(numbers)
@@ -173,7 +173,7 @@ def select_page_ranges_within_size(
 def read_page_ranges_into(
     file: FileBytes, ranges: PageRanges, page_bytes: int, out_bytes: NDArray[np.uint8]
 ) -> bool:
-    """Read ranges of pages into `out_bytes`; returns whether the file has all of them."""
+    """Read ranges of pages into `out_bytes`; return whether the file has all of them."""
     for first, pages, begin in zip(*(each.tolist() for each in ranges), strict=True):
         part = out_bytes[begin : begin + pages * page_bytes]
         if file.read_into((first - 1) * page_bytes, part) < part.size:
@@ -192,21 +192,21 @@ def scan_requested_rows_of_leaf_pages(
     state: NDArray[np.int64],
     out_rows: ScannedRows,
 ) -> tuple[int, int, int, bool]:
-    """Find requested rows in leaf pages, until the room ends or a row is unusual.
+    """Find requested rows in leaf pages, until the output is full or a row is unusual.
 
     Args:
         data: bytes of the pages.
-        leaves: (pages,) begin of each page in `data`.
+        leaves: (pages,) offset of each page in `data`.
         layout: layout of the pages.
         row_filter: requested rows.
-        overflow_begin: begin in `data` of messages from overflow pages.
-        max_overflow_bytes: maximum bytes of these, unless it is a single one.
-        state: (7,) in: where to begin; out: where it stopped.
-        out_rows: output.
+        overflow_begin: offset in `data` of messages joined from overflow pages.
+        max_overflow_bytes: maximum bytes of these messages, unless it is a single one.
+        state: (7,) in: state at which to begin; out: state at which it stopped.
+        out_rows: receives the rows.
 
     Returns:
-        Numbers of rows and of spilled rows, bytes needed behind `overflow_begin`, and False if it
-        stopped at an unusual row.
+        Numbers of rows and of spilled rows, bytes needed from `overflow_begin` on, and False if the
+        scan stopped at an unusual row.
     """
     rows, spills, gaps = out_rows
     keys = row_filter.keys
@@ -269,7 +269,7 @@ def scan_requested_rows_of_leaf_pages(
 
 @compiled_without_refcounts
 def is_key_in_sorted_array(sorted_ids: NDArray[np.int64], wanted_id: int) -> bool:
-    """Whether a key is in a sorted array."""
+    """Whether an id is in a sorted array."""
     first, last = 0, sorted_ids.size
     while first < last:
         middle = (first + last) // 2
@@ -282,7 +282,7 @@ def is_key_in_sorted_array(sorted_ids: NDArray[np.int64], wanted_id: int) -> boo
 
 @compiled_without_refcounts
 def _count_row_without_message(state: NDArray[np.int64], row_id: int) -> None:
-    """Count a row that holds no message."""
+    """Count a row without a message in the state of the scan, and keep the id of the first."""
     if state[ODD] == 0:
         state[FIRST_ODD] = row_id
     state[ODD] += 1
@@ -290,7 +290,7 @@ def _count_row_without_message(state: NDArray[np.int64], row_id: int) -> None:
 
 @compiled_without_refcounts
 def _begin_row_id_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
-    """Begin a gap in which nothing can be read."""
+    """Begin a gap of damaged rows after the last row read, unless one is open."""
     if state[IN_GAP] == 0:
         if state[GAPS] < gaps.shape[1]:
             gaps[0, state[GAPS]] = state[LAST_ID]
@@ -301,7 +301,7 @@ def _begin_row_id_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None
 
 @compiled_without_refcounts
 def _end_row_id_gap(gaps: NDArray[np.int64], state: NDArray[np.int64], row_id: int) -> None:
-    """End a gap at a row."""
+    """End the open gap, if any, at a readable row."""
     if state[IN_GAP] == 1 and state[GAPS] <= gaps.shape[1]:
         gaps[1, state[GAPS] - 1] = row_id
     state[IN_GAP] = 0

@@ -1,4 +1,4 @@
-"""Table `messages` of a rosbag2 database, read from its pages or else by SQLite."""
+"""Read table `messages` of a rosbag2 database, from its pages or else by SQLite."""
 
 import sqlite3
 from collections.abc import Callable, Collection, Generator, Iterator
@@ -23,21 +23,21 @@ from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch_i
 
 _TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
 _MESSAGES: Final = _TIMES.replace("timestamp", "timestamp, data")
-#: SQLite has gone through a smaller file before the compiled code is loaded.
+#: Bytes of a file below which SQLite reads all rows sooner than the compiled code is loaded.
 _LEAST_BYTES: Final = 256 * 2**20
 _LEAST_NS: Final = -(2**63)
 _MOST_NS: Final = 2**63 - 1
 
 
 class _NoMessageError(Exception):
-    """A row has values of other types than a message."""
+    """Raised for a row with values of other types than a message."""
 
 
 class MessageTable:
     """Rows of the table, in the order of their ids.
 
     Raises:
-        BrokenBytesError: it has other columns, or SQLite cannot read its own tables.
+        BrokenBytesError: a column of rosbag2 is missing, or SQLite cannot read its own tables.
     """
 
     def __init__(
@@ -46,8 +46,8 @@ class MessageTable:
         """Examine how the table is stored.
 
         Args:
-            database: opened.
-            file: the same file.
+            database: the opened database.
+            file: file of the database.
             note: called with a sentence for each damaged place.
         """
         with convert_sqlite_errors():
@@ -58,20 +58,20 @@ class MessageTable:
         self._layout = read_page_layout_of_messages_table(file, database)
 
     def iter_rows_without_messages(self) -> Iterator[TableRows]:
-        """Rows without their messages."""
+        """Yield all rows without the bytes of their messages."""
         everything = RowFilter(np.empty(0, np.int64), True, _LEAST_NS, _MOST_NS, False)
         by_sqlite = self._file.size < _LEAST_BYTES and not is_numba_imported()
         if self._layout is not None and by_sqlite:
             faults: list[str] = []
             found = list(self._iter_rows_from_sqlite(LEAST_ID, everything, faults.append))
-            # what is damaged is told once, as the messages' pages tell it
+            # damage is noted once, in the words of the page walk
             return iter(found) if not faults else self._iter_rows(everything)
         return self._iter_rows(everything)
 
     def iter_rows_of_topics(
         self, topic_ids: Collection[int], first_ns: int, last_ns: int
     ) -> Iterator[TableRows]:
-        """Rows of some topics in a range of log times, both ends inclusive."""
+        """Yield rows of some topics in a range of log times in ns, both ends inclusive."""
         keys = np.array(sorted(topic_ids), np.int64)
         first, last = (max(_LEAST_NS, min(each, _MOST_NS)) for each in (first_ns, last_ns))
         return self._iter_rows(RowFilter(keys, False, first, last, True))
@@ -102,7 +102,7 @@ class MessageTable:
         ):
             try:
                 found = _make_row_columns(rows, has_blob=has_blob)
-            except _NoMessageError:  # SQLite asks nobody for types
+            except _NoMessageError:  # SQLite permits values of any type
                 whole = [row for row in rows if _is_row_a_message(row)]
                 lost = len(rows) - len(whole)
                 note_damage(f"{lost:,} rows from row {rows[0][0]} on hold no message")

@@ -32,18 +32,18 @@ from replay.logs.sqlite.leaf_pages import (
 from replay.logs.sqlite.row_query import LEAST_ID, MOST_ID, TableRows
 from replay.logs.storage import OFFSET, FileBytes
 
-#: What is read at once of a message whose pages are not at hand.
+#: Most bytes of a message's overflow pages that are read at once.
 _MOST_BYTES: Final = 2**20
 _FEWEST_PAGES: Final = 4
-#: Each page belongs to one message. Damaged files may lead to pages again, but not without end.
+#: Bound of page visits over the number of pages: in a damaged file, several messages may share one.
 _MOST_VISITS: Final = 16
-#: Where joining is: the spilled row, the page that goes on, where its bytes go to, how many of the
-#: message are left, and how many pages were used.
+#: State of joining: spilled row, next page, target of its bytes, bytes left of the message, and
+#: number of pages used.
 _SPILL, _NEXT, _TO, _LEFT, _USED = range(5)
-#: Leaves that are read at once. Who decodes them finds them in the processor's cache; steps twice
-#: or half as large take a tenth longer.
+#: Bytes of leaves that are read at once, so that they are decoded from the processor's cache; twice
+#: or half of it takes a tenth longer.
 _LEAF_BYTES: Final = 2 * 2**20
-#: Messages that are joined from overflow pages behind them, unless a single one is larger.
+#: Most bytes of messages joined from overflow pages at once, unless a single one is larger.
 _JOINED_BYTES: Final = 4 * 2**20
 _MOST_ROWS: Final = 65_536
 _MOST_SPILLED: Final = 8192
@@ -60,14 +60,14 @@ class _PageBuffers:
 
 
 class _LeafRows(NamedTuple):
-    """Rows of leaf pages, and whether the next leaves have the usual layout."""
+    """Rows of leaf pages, and whether no row of unusual layout was met."""
 
     rows: TableRows
     is_usual_after: bool
 
 
 class PageWalk:
-    """Rows of a table in the order of their ids, past damaged pages, up to an unusual one."""
+    """Reader of a table's rows in the order of their ids, past damage, up to an unusual row."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class PageWalk:
         self._state = np.zeros(7, np.int64)
         self._state[LAST_ID] = LEAST_ID
         self._torn = self._first_torn = 0
-        #: once it ended: the id behind which rows are left to SQLite, None if none are
+        #: after the walk: id after which rows are left to SQLite; None if all were read
         self.left_after: int | None = LEAST_ID
 
     def __iter__(self) -> Iterator[TableRows]:
@@ -103,11 +103,11 @@ class PageWalk:
             if leaves is not None:
                 yield from self._iter_rows_by_leaf(leaves)
         except (OSError, MemoryError):
-            pass  # SQLite says what is the matter, or has another way
+            pass  # SQLite reports the damage, or can read the rows otherwise
         self._note_lost_rows()
 
     def _iter_rows_by_leaf(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
-        """Yield rows leaf by leaf, with twice the reach of the step before."""
+        """Yield rows in steps of several leaves, whose number doubles from step to step."""
         memories = (_PageBuffers(), _PageBuffers())
         at, step, reach = 0, 0, _FIRST_LEAVES
         is_usual = True
@@ -115,7 +115,7 @@ class PageWalk:
             rows, is_usual = self._read_rows_of_leaves(leaves[at : at + reach], memories[step % 2])
             self.left_after = int(self._state[LAST_ID])
             yield rows
-            # large messages fill a step from few leaves, and others would be read for nothing
+            # large messages fill a step from few leaves, and reading more of them is wasted
             done = int(self._state[AT_LEAF])
             reach = 2 * (done + 1)
             at += done
@@ -126,7 +126,7 @@ class PageWalk:
     def _read_rows_of_leaves(
         self, leaves: NDArray[np.uint32], page_memory: _PageBuffers
     ) -> _LeafRows:
-        """Rows from the given leaves on, and whether the following leaves have the usual layout."""
+        """Read the rows of the first of the leaves, as many as fit into the memory."""
         size = self._layout.page_bytes
         ranges, slots = select_page_ranges_within_size(leaves, size, _LEAF_BYTES)
         if not read_page_ranges_into(self._file, ranges, size, page_memory.data):
@@ -157,7 +157,7 @@ class PageWalk:
     def _drop_rows_with_damaged_pages(
         self, rows: NDArray[np.int64], spills: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Drop and count rows whose overflow pages are damaged."""
+        """Drop rows whose overflow pages are damaged, and count them."""
         torn = spills[ROW, spills[PAGE] == 0]
         if not torn.size:
             return rows
@@ -180,7 +180,7 @@ class PageWalk:
 
 
 def _describe_lost_rows(last_id_before: int, next_id: int) -> str:
-    """Clause on the rows lost between two ids, as far as the ids show it."""
+    """Clause that names the rows lost between two ids, as far as the ids show it."""
     if next_id == MOST_ID:
         return (
             "all rows are"
@@ -191,7 +191,7 @@ def _describe_lost_rows(last_id_before: int, next_id: int) -> str:
         return f"rows before {next_id} are"
     if next_id == last_id_before + 2:
         return f"row {last_id_before + 1} is"
-    # ids out of order are damaged themselves
+    # ids that are out of order are themselves damaged
     in_order = next_id > last_id_before + 1
     return (
         f"rows from {last_id_before + 1} to {next_id - 1} are"
@@ -201,7 +201,7 @@ def _describe_lost_rows(last_id_before: int, next_id: int) -> str:
 
 
 class PagesOfMessage(NamedTuple):
-    """Pages read for one message: the first, their number and their bytes."""
+    """Pages read for one message: the first page, the number of pages, and their bytes."""
 
     first: int
     pages: int
@@ -209,7 +209,7 @@ class PagesOfMessage(NamedTuple):
 
 
 class OverflowPageReader:
-    """Reader of overflow pages, each of which names the next."""
+    """Reader of overflow pages, each of which has the number of the next."""
 
     def __init__(self, file: FileBytes, layout: PageLayout) -> None:
         self._file = file
@@ -230,8 +230,8 @@ class OverflowPageReader:
         """Store spilled messages at their places in `rows`; damaged ones get `PAGE` 0.
 
         Args:
-            data: bytes of leaves and other pages, with room.
-            ranges: ranges of those pages.
+            data: bytes of leaves and other pages, with room for the messages.
+            ranges: ranges of the pages in `data`.
             rows: (5, n) output of `scan_requested_rows_of_leaf_pages`.
             spills: (5, m) output of `scan_requested_rows_of_leaf_pages`.
             spill_count: number of spilled messages.
@@ -242,7 +242,7 @@ class OverflowPageReader:
         while _join_overflow_chains(
             data, at_hand, self._near, self._layout, rows, spills, spill_count, state
         ):
-            # where pages do not follow each other, reading many at once is for nothing
+            # if the pages of a message are not consecutive, reading many at once is wasted
             progress = int(state[_USED]) - self._used
             self._at_once = min(self._most, max(_FEWEST_PAGES, 2 * progress))
             self._used = int(state[_USED])
@@ -250,7 +250,7 @@ class OverflowPageReader:
         self._used = int(state[_USED])
 
     def _read_likely_pages_of_message(self, page: int, bytes_left: int) -> None:
-        """Read the pages that may hold the remaining bytes of a message."""
+        """Read the pages from `page` on that probably contain the rest of a message."""
         size = self._layout.page_bytes
         needed = -(-bytes_left // (self._layout.usable_bytes - 4))
         pages = min(needed, self._at_once, self._layout.pages + 1 - page)
@@ -265,7 +265,7 @@ class OverflowPageReader:
 
 @compiled
 def find_offset_of_loaded_page(loaded_pages: NDArray[np.int64], page: int, page_bytes: int) -> int:
-    """Position of a page in the data; -1 if absent."""
+    """Find the offset of a page in the data; -1 if it is not loaded."""
     found = np.searchsorted(loaded_pages[0], page, side="right") - 1
     if found < 0 or page >= loaded_pages[0, found] + loaded_pages[1, found]:
         return -1
@@ -283,7 +283,7 @@ def _join_overflow_chains(
     count: int,
     state: NDArray[np.int64],
 ) -> bool:
-    """Continue joining from `state`; returns True at a page that must be read first."""
+    """Continue joining from `state`; return True if a page must be read first, False if done."""
     first_near, near_pages, near_bytes = loaded_ranges
     most = layout.usable_bytes - 4
     while state[_SPILL] < count:
@@ -313,7 +313,7 @@ def _join_overflow_chains(
                 following = read_big_endian(data, at, 4)
                 data[to : to + size] = data[at + 4 : at + 4 + size]
             state[_USED] += 1
-            # only the last names none: a chain in a circle has no last
+            # only the last page has no next one: a cyclic chain has no last page
             if (following == 0) != (size == state[_LEFT]):
                 break
             state[_NEXT] = following

@@ -1,4 +1,4 @@
-"""Rows of a SQLite table by SQLite itself, in the order of their ids, past damage."""
+"""Read rows of a SQLite table by SQLite itself, in the order of their ids, past damage."""
 
 import sqlite3
 from collections.abc import Callable, Generator, Iterator
@@ -15,10 +15,10 @@ from replay.logs.messages.broken_bytes import BrokenBytesError
 #: The smallest and the largest rowid of SQLite.
 LEAST_ID: Final = -(2**63)
 MOST_ID: Final = 2**63 - 1
-#: A batch ends with either.
+#: Rows and bytes at which a batch ends, whichever is reached first.
 _MOST_ROWS: Final = 8192
 _MOST_BYTES: Final = 8 * 2**20
-#: Rows fetched before their size is looked at.
+#: Rows with a blob that are fetched before their size is checked.
 _MOST_STEP: Final = 32
 
 Row = tuple[Any, ...]
@@ -28,19 +28,19 @@ Row = tuple[Any, ...]
 class TableRows:
     """A batch of message rows; its arrays are valid until the next batch is read."""
 
-    #: bytes that hold the messages
+    #: bytes that contain the messages
     data: NDArray[np.uint8]
-    #: (4 or more, n): key, time, offset and length of each message, and columns of the reader
+    #: (4 or more, n): key, time, offset and length of each message, and values of the reader's own
     rows: NDArray[np.int64]
 
 
 @contextmanager
 def convert_sqlite_errors() -> Generator[None]:
-    """Context that converts SQLite's errors for damaged data.
+    """Context that converts SQLite's errors on damaged data to `BrokenBytesError`.
 
     Raises:
-        BrokenBytesError: the database is damaged, or has messages of a wrong type. Errors in using
-            the module are not converted.
+        BrokenBytesError: the database is damaged, or has values of a wrong type. Errors of using
+            the module wrongly are not converted.
     """
     try:
         yield
@@ -51,7 +51,7 @@ def convert_sqlite_errors() -> Generator[None]:
 
 
 def fetch_all_rows(database: sqlite3.Connection, query: str) -> list[Row]:
-    """All rows of a query.
+    """Fetch all rows of a query.
 
     Raises:
         BrokenBytesError: the database is damaged.
@@ -68,12 +68,12 @@ def iter_row_batches(
     *,
     has_blob: bool,
 ) -> Iterator[list[Row]]:
-    """Rows of a table in batches.
+    """Yield the rows of a table in batches, past damage.
 
     Args:
-        database: opened.
-        query: query for rows after the rowid that is its parameter, ordered by rowid, its first
-            column.
+        database: the opened database.
+        query: query with a rowid as parameter, for the rows after it in order of rowid, which is
+            its first column.
         after_row_id: rowid after which to read.
         note_damage: called with a sentence for each damaged place.
         has_blob: whether the last column is a blob, whose size bounds the batches.
@@ -101,7 +101,7 @@ def iter_row_batches(
             fault = error
         if fault is None:
             return
-        # the rows before the fault that were on their way are lost with it: take them singly
+        # the fault also lost the rows fetched with it: fetch them one by one
         rows = list(_read_batch_until_error(database, query, after_row_id))
         if rows:
             yield rows
@@ -119,7 +119,7 @@ def iter_row_batches(
 def _iter_row_batches_until_error(
     database: sqlite3.Connection, query: str, after_row_id: int, *, has_blob: bool
 ) -> Iterator[list[Row]]:
-    """Rows in batches; an error is raised after the rows before it."""
+    """Yield rows in batches; an error is raised after the rows before it."""
     rows: list[Row] = []
     size = 0
     step = _MOST_STEP if has_blob else _MOST_ROWS
@@ -145,7 +145,7 @@ def _iter_row_batches_until_error(
 
 
 def find_first_row_after(database: sqlite3.Connection, query: str, row_id: int) -> Row | None:
-    """First row after an id.
+    """Fetch the first row after an id; None if there is none.
 
     Raises:
         BrokenBytesError: the database is damaged there.
@@ -160,7 +160,7 @@ def find_first_row_after(database: sqlite3.Connection, query: str, row_id: int) 
 def _read_batch_until_error(
     database: sqlite3.Connection, query: str, after_row_id: int
 ) -> Iterator[Row]:
-    """Rows up to an error, at most one batch."""
+    """Yield rows one by one up to an error, at most one batch."""
     for _ in range(_MOST_ROWS):
         try:
             row = find_first_row_after(database, query, after_row_id)
@@ -173,7 +173,7 @@ def _read_batch_until_error(
 
 
 def can_each_row_have_its_own_id(after_row_id: int, rows: list[Row]) -> bool:
-    """Whether there are enough ids for all rows to differ.
+    """Whether the range of ids is large enough for all rows to have different ones.
 
     A damaged tree may lead to the same page repeatedly.
     """
@@ -181,7 +181,7 @@ def can_each_row_have_its_own_id(after_row_id: int, rows: list[Row]) -> bool:
 
 
 def _iter_rows_while_ids_increase(after_row_id: int, rows: list[Row]) -> Iterator[Row]:
-    """Rows up to one whose id does not increase."""
+    """Yield rows up to the first whose id does not increase."""
     for row in rows:
         if row[0] <= after_row_id:
             return
@@ -192,7 +192,7 @@ def _iter_rows_while_ids_increase(after_row_id: int, rows: list[Row]) -> Iterato
 def find_last_lost_row_id(
     database: sqlite3.Connection, query: str, after_row_id: int
 ) -> int | None:
-    """Id before the first row that can be read again after damage; None if no more can."""
+    """Find the id before the first readable row after damage; None if there is no such row."""
 
     def find_first_id_after_gap(gap: int) -> int | None:
         row = find_first_row_after(database, query, min(after_row_id + gap, MOST_ID))

@@ -34,11 +34,11 @@ from replay.logs.storage import (
 
 #: magic, format, page size, number of checkpoints, two salts, two checksums
 _HEADER: Final = Struct(">8I")
-#: page, pages of the database after a commit and 0 before, two salts, two checksums
+#: page, pages of the database (0 unless the frame commits), two salts, two checksums
 _FRAME: Final = Struct(">6I")
-#: The first word of a WAL file, of either byte order (SQLite file format, 4.1).
+#: First word of a WAL file, for either byte order of its checksums (SQLite file format, 4.1).
 _MAGICS: Final = (0x377F0682, 0x377F0683)
-#: Smaller databases are read whole before the first row is given, sorted by log time.
+#: Bytes of a database below which all rows are read and sorted before the first is returned.
 _LEAST_BYTES_TO_ORDER: Final = 64 * 2**20
 
 
@@ -66,7 +66,7 @@ class Db3File:
                     f"{journal.name} are messages that it never committed, and are not read"
                 )
             self._size = file.size
-            #: by how much log times go back from the latest so far, at most; None until known
+            #: largest decrease of log times from the latest so far, in ns; None until known
             self._back_ns: int | None = None
             self._database = open_database_for_reading(path, is_unfinished=unfinished)
             opened.callback(self._database.close)
@@ -88,7 +88,7 @@ class Db3File:
         return self._damage.list_losses({})
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """Log times of a topic; the first call reads the whole table."""
+        """Log times of a topic in ns, (n,); the first call reads the whole table."""
         if self._times is None:
             parts: dict[int, list[NDArray[np.int64]]] = {}
             for found in self._table.iter_rows_without_messages():
@@ -111,7 +111,7 @@ class Db3File:
     def _drop_times_before_1970(
         self, connection_id: int, times: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Log times without those before 1970, which are noted as damage."""
+        """Drop log times before 1970, and note them as damage."""
         early = int(np.count_nonzero(times < 0))
         if early:
             topic = next((c.topic for c in self.connections if c.id == connection_id), "")
@@ -122,7 +122,7 @@ class Db3File:
     def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
-        """Messages as stored; a damaged page is skipped."""
+        """Read messages in stored order; damaged pages are skipped."""
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
         latest = UNKNOWN_NS
@@ -138,8 +138,8 @@ class Db3File:
     def _find_earliest_time_after_row_ns(self, row_time_ns: int) -> int:
         """Lower bound of the log times after a row of log time `row_time_ns`.
 
-        Rows are in the order of recording, without an index by time. How far times go back is known
-        only after a pass over all of them, too slow for a small database.
+        Rows are in the order of recording, without an index by time. By how much times go back is
+        known only after a pass over all rows, which is not worth its time for a small database.
         """
         if self._size < _LEAST_BYTES_TO_ORDER or row_time_ns == UNKNOWN_NS:
             return UNKNOWN_NS
@@ -155,7 +155,7 @@ class Db3File:
         return max(row_time_ns - self._back_ns, UNKNOWN_NS)
 
     def log_time_lower_bound_ns(self) -> int:
-        """Lower bound of all log times: the earliest, by SQLite."""
+        """Lower bound of all log times in ns: the earliest one, as SQLite finds it."""
         try:
             ((earliest,),) = fetch_all_rows(self._database, "SELECT min(timestamp) FROM messages")
         except BrokenBytesError:
@@ -165,7 +165,7 @@ class Db3File:
         return earliest if isinstance(earliest, int) else UNKNOWN_NS
 
     def check_whole_file_and_count_valid_crcs(self) -> int:
-        """Let SQLite check its pages; it keeps no CRCs."""
+        """Let SQLite check its pages; return 0, since a database has no CRCs."""
         try:
             ((answer,),) = fetch_all_rows(self._database, "PRAGMA quick_check(1)")
         except BrokenBytesError as error:
@@ -184,10 +184,10 @@ class Db3File:
 def read_connections_of_database(
     database: sqlite3.Connection, note_damage: Callable[[str], None]
 ) -> tuple[Connection, ...]:
-    """Topics of a database; `note_damage` is called with damage.
+    """Read the topics of a database; `note_damage` is called with a sentence for each fault.
 
     Raises:
-        BrokenBytesError: it is damaged, or not a rosbag2 database.
+        BrokenBytesError: the database is damaged, or not one of rosbag2.
     """
     found = fetch_all_rows(database, "SELECT name FROM sqlite_master WHERE type = 'table'")
     tables = {name for (name,) in found}
@@ -224,7 +224,7 @@ def read_connections_of_database(
 
 
 def read_metadata_texts(path: Path) -> list[str]:
-    """Copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
+    """Read the copies of metadata.yaml in a database, newest first; none before ROS 2 Iron."""
     try:
         database = open_database_for_reading(path, is_unfinished=False)
     except LogError:
@@ -239,13 +239,13 @@ def read_metadata_texts(path: Path) -> list[str]:
 
 def open_database_for_reading(path: Path, *, is_unfinished: bool) -> sqlite3.Connection:
     """Open a database for reading; `is_unfinished` if a recorder may still write to it."""
-    # immutable reads files on read-only media, but is blind to messages still in a -wal file
+    # immutable allows files on read-only media, but ignores messages still in a -wal file
     mode = "mode=ro" if is_unfinished else "mode=ro&immutable=1"
     try:
         database = sqlite3.connect(
             f"{path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
         )
-        # without it, SQLite refuses a file whose end is torn off; the mode keeps it from writing
+        # without this, SQLite refuses a truncated file; the mode prevents writing
         database.execute("PRAGMA writable_schema = ON")
     except sqlite3.Error as error:
         raise LogError(f"{path}: cannot be opened: {error}") from error
@@ -258,16 +258,16 @@ def _decode_sqlite_text(text: bytes) -> str:
 
 
 def count_uncommitted_bytes(path: Path) -> int:
-    """Bytes of a `-wal` file in a transaction that was never committed.
+    """Count the bytes of a `-wal` file in a transaction that was never committed.
 
-    SQLite silently ignores them, although they are messages of a crashed recorder. Frames with
-    other salts are from before the last checkpoint.
+    SQLite silently ignores them, although they may be messages of a crashed recorder. Frames with
+    other salts are from before the last checkpoint, and do not count.
 
     Args:
         path: the `-wal` file.
 
     Returns:
-        Bytes after its last commit, including a torn frame.
+        Bytes after the last commit, including an incomplete frame.
     """
     with path.open("rb") as file:
         head = file.read(_HEADER.size)
@@ -293,10 +293,10 @@ def count_uncommitted_bytes(path: Path) -> int:
 
 
 def describe_truncated_database(first_page: bytes, file_bytes: int) -> str | None:
-    """What is wrong with the end of a database, by its first page; None if complete."""
+    """Say that a database is truncated, by the size in its first page; None if it is complete."""
     page = int.from_bytes(first_page[16:18], "big")
     page = 2**16 if page == 1 else page
-    # the number of pages counts if what changed it last also changed the version behind it
+    # the number of pages is valid only if the last writer also updated the version number
     pages = (
         int.from_bytes(first_page[28:32], "big") if first_page[24:28] == first_page[92:96] else 0
     )

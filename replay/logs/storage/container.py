@@ -1,4 +1,4 @@
-"""A container: the part of a log that holds raw messages, independent of their types.
+"""Containers: the part of a log that contains raw messages, independent of their types.
 
 A tail is the container of a log that is still being recorded.
 """
@@ -14,31 +14,31 @@ from numpy.typing import NDArray
 from analysis.model.loss import Loss
 from replay.logs.messages.raw_batch import RawBatch
 
-#: No chunk and no message may declare more: recorders write about 1 MB, and a declared size costs
-#: nothing to lie.
+#: Most bytes that a chunk or message may declare: recorders write about 1 MB, and damaged data may
+#: declare any size.
 LARGEST_BYTES: Final = 2**30
 
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """One stream of messages of one type; a topic may have several."""
+    """A stream of messages of one type; a topic may have several."""
 
     id: int
     topic: str
     #: ROS 2 spelling (`sensor_msgs/msg/Imu`), also for ROS 1.
     type: str
-    #: of the messages: `ros1`, `cdr`, `json`, `protobuf`, or another that has no decoder here
+    #: encoding of the messages: `ros1`, `cdr`, `json`, `protobuf`, or another without a decoder
     encoding: str
     definition: str
-    #: `ros1msg`, `ros2msg`, `ros2idl`, `jsonschema`, `protobuf`, or empty where there is none
+    #: `ros1msg`, `ros2msg`, `ros2idl`, `jsonschema`, `protobuf`, or empty without a definition
     definition_format: str
 
 
 class BatchGroup(NamedTuple):
-    """Batches in shared memory, with a lower bound of later log times."""
+    """Batches in shared memory, with a lower bound of the log times in later groups."""
 
     batches: list[RawBatch]
-    #: no later message has an earlier log time, unless the index lies
+    #: log time in ns before which no later message is, unless the index is wrong
     floor_ns: int
 
 
@@ -64,15 +64,15 @@ class Container(Protocol):
     def read_message_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
-        """Messages of some connections in file order, in a time range with both ends inclusive.
+        """Yield messages of some connections in file order, in a time range that includes its ends.
 
-        Batches that share memory come together, and are invalid once the next ones are requested.
+        Batches that share memory form a group, which is invalid once the next one is requested.
         Damage is added to `losses` instead of raising an error.
         """
         ...
 
     def log_time_lower_bound_ns(self) -> int:
-        """Lower bound of all log times, as far as known without reading them."""
+        """Lower bound of all log times in ns, as far as known without reading them."""
         ...
 
     def check_whole_file_and_count_valid_crcs(self) -> int:
@@ -88,19 +88,19 @@ class Container(Protocol):
         ...
 
 
-#: nothing is known of what follows
+#: lower bound of later log times, in ns, if nothing is known about them
 UNKNOWN_NS: Final = -(2**63)
-#: nothing follows
+#: lower bound of later log times, in ns, if no message follows
 END_NS: Final = 2**63 - 1
 
 
 def make_empty_log_times() -> NDArray[np.int64]:
-    """Log times of a connection without messages."""
+    """Make the log times of a connection without messages: int64, (0,)."""
     return np.empty(0, np.int64)
 
 
 class Tail(Protocol):
-    """Source of the messages of a growing log, each once.
+    """Source of the messages of a growing log, which returns each message once.
 
     Attributes:
         connections: connections by number; more may appear.
@@ -112,7 +112,7 @@ class Tail(Protocol):
 
     @property
     def read_error(self) -> str:
-        """Why the last poll could not read the log; empty after one that could."""
+        """Why the last poll could not read the log; empty if it could."""
         ...
 
     @property
@@ -121,14 +121,14 @@ class Tail(Protocol):
         ...
 
     def poll(self) -> list[RawBatch]:
-        """New complete messages in file order; empty if the log has not grown.
+        """Return new complete messages in file order; empty if the log has not grown.
 
-        A record, chunk or transaction with missing bytes is left for a later call.
+        An incomplete record, chunk or transaction is left for a later call.
         """
         ...
 
     def finish_and_note_incomplete_end(self) -> None:
-        """Finish the log: incomplete data become losses."""
+        """Note incomplete data at the end of the log as losses, since no more will be written."""
         ...
 
     def close(self) -> None:

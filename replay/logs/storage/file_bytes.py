@@ -13,7 +13,7 @@ _STEP: Final = 2**20
 
 
 class FileBytes:
-    """A file that is read by position.
+    """A file that threads read by position.
 
     It is not memory-mapped: mapped files count as memory in use, and one that shrinks while it is
     read would crash the process.
@@ -26,16 +26,16 @@ class FileBytes:
         self.size = self._file.seek(0, 2)
 
     def read_bytes(self, offset: int, max_bytes: int) -> bytes:
-        """At most `max_bytes` bytes; fewer at the end of the file, none beyond it."""
+        """Read at most `max_bytes` bytes; fewer at the end of the file, none beyond it."""
         return self.read_byte_array(offset, max_bytes).tobytes()
 
     def read_byte_array(self, offset: int, max_bytes: int) -> NDArray[np.uint8]:
-        """Bytes (n,) as an array, without an additional copy."""
+        """Read bytes as an array (n,), without an additional copy."""
         data = np.empty(max(0, min(max_bytes, self.size - offset)), np.uint8)
         return data[: self.read_into(offset, data)]
 
     def read_into(self, offset: int, target: NDArray[np.uint8]) -> int:
-        """Fill `target` from `offset` on; returns the number of bytes read."""
+        """Fill `target` with the bytes from `offset` on, and return their number."""
         view, done = target.data, 0
         if not 0 <= offset <= self.size:
             return 0
@@ -55,7 +55,7 @@ class FileBytes:
         return self.size
 
     def compute_crc32_before_offset(self, end_offset: int) -> int:
-        """CRC-32 of everything before an offset."""
+        """Compute the CRC-32 of all bytes before an offset."""
         crc = 0
         for at in range(0, end_offset, _STEP):
             crc = zlib.crc32(self.read_bytes(at, min(_STEP, end_offset - at)), crc)
@@ -67,7 +67,7 @@ class FileBytes:
 
 
 class ReadBuffer:
-    """Part of a file in memory for many small reads; other reads go to the file."""
+    """Buffer with a part of a file, for many small reads; other reads go to the file."""
 
     def __init__(self, file: FileBytes, offset: int, count: int) -> None:
         self.size = file.size
@@ -76,7 +76,7 @@ class ReadBuffer:
         self._data = file.read_bytes(offset, count)
 
     def read_bytes(self, offset: int, count: int) -> bytes:
-        """Like `FileBytes.read`."""
+        """See `FileBytes.read_bytes`."""
         at = offset - self._offset
         if 0 <= at <= len(self._data) - count:
             return self._data[at : at + count]

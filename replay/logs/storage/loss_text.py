@@ -1,4 +1,4 @@
-"""Losses as sentences, of several files or of one with many damaged places."""
+"""Collect losses as sentences, for several files or for one with many damaged places."""
 
 from collections.abc import Iterator, Mapping
 from itertools import islice
@@ -7,12 +7,12 @@ from typing import Final
 
 from analysis.model.loss import Loss
 
-#: More sentences than this are counted, not listed.
+#: Most sentences that are listed; further ones are only counted.
 _MOST_SENTENCES: Final = 100
 
 
 class LossList(list[Loss]):
-    """Distinct losses."""
+    """List of distinct losses."""
 
     def add_loss(self, source: Path, sentence: str, topic: str = "") -> None:
         """Add a loss unless it is already listed."""
@@ -22,7 +22,7 @@ class LossList(list[Loss]):
 
 
 class FileDamage:
-    """Damage found in one file, each place once."""
+    """Damage found in one file; each sentence is kept once."""
 
     def __init__(self, source: str) -> None:
         self._source = source
@@ -30,7 +30,7 @@ class FileDamage:
         self._sentences: dict[tuple[str, str], None] = {}
 
     def add_damage_sentence(self, sentence: str, topic: str = "") -> None:
-        """Add a sentence."""
+        """Add a sentence about damage, unless it is there already."""
         self._sentences[topic, sentence] = None
 
     def __bool__(self) -> bool:
@@ -50,7 +50,7 @@ class FileDamage:
         self,
         topic_of_connection: Mapping[int, str],  # noqa: ARG002 - for formats that keep track of places
     ) -> Iterator[tuple[str, str]]:
-        """Topic and sentence of damage that is located by its position in the file; none here."""
+        """Yield topic and sentence of damage at known positions in the file; none in this class."""
         return iter(())
 
     def _iter_topics_and_sentences(self) -> Iterator[tuple[str, str]]:

@@ -1,15 +1,14 @@
-"""Tables as people have them: encoding → preamble → separator and decimal → names → time → frame.
+"""Read tables of any layout: encoding → preamble → separator and decimal → names → time → frame.
 
-An interpretation of a text is used only if every other one is impossible; what was recognised
-becomes a note of the log, and an ambiguity is an error that names the key of `[log]` that resolves
-it.
+An interpretation of a text is used only if every other one is impossible. What was detected becomes
+a note of the log; an ambiguity is an error that names the key of `[log]` that resolves it.
 """
 
 from typing import TYPE_CHECKING
 
 from estimators.late_names import make_lazy_import_getattr
 
-# every log takes a `TimeAxis`; what reads tables is imported when one is opened
+# every log takes a `TimeAxis`; the readers of tables are imported when a table is opened
 from replay.logs.tables.hints import JSON_LINES, DialectError, TableHints, TimeAxis
 
 if TYPE_CHECKING:

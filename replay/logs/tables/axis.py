@@ -1,4 +1,4 @@
-"""Time columns of a table, and the time of its rows in integer nanoseconds."""
+"""Find the time columns of a table, and compute the times of its rows in integer nanoseconds."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -40,7 +40,7 @@ from replay.logs.tables.times import (
     find_seconds_of_stamp,
 )
 
-#: Names of a time column without what is no letter, in the order they are looked for.
+#: Names of a time column, letters only, in the order in which they are searched.
 _NAMES: Final = (
     *("t", "logtime", "time", "timestamp", "timestamps", "timestamputc", "datetime", "utctime"),
     *("elapsedtime", "elapsed", "sampletime", "recordtime", "zeit", "zeitstempel", "mstoday"),
@@ -66,13 +66,13 @@ _UNITS: Final = {
     "microseconds": "us",
     "timeus": "us",
 }
-#: The units of time that a header may state, in ns.
+#: Units of time that a header may state, in ns.
 _NS: Final = {**NS_PER_UNIT, "min": 60 * 10**9, "h": 3600 * 10**9}
 
 
 @dataclass(frozen=True, slots=True)
 class RowTimes:
-    """Log times of rows, null if missing; and notes on what was detected."""
+    """Log times of rows in ns, null if missing; and notes on what was detected."""
 
     stamps: pl.Series
     notes: tuple[str, ...] = ()
@@ -107,10 +107,10 @@ class TableTimes:
         return (*self.calendar, *(name for name in own if name is not None))
 
     def compute_log_times_of_rows(self, cells: Mapping[str, pl.Series], row_count: int) -> RowTimes:
-        """Log times of the rows.
+        """Compute the log times of the rows.
 
         Args:
-            cells: cells of `columns`, (rows,) each.
+            cells: cells of `time_columns` by name, (rows,) each.
             row_count: number of rows.
 
         Raises:
@@ -133,7 +133,7 @@ class TableTimes:
         return self._add_second_fractions(self._convert_one_time_column(cells), cells)
 
     def _add_second_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
-        """Add fractions of a second from another column."""
+        """Add fractions of a second from the column `fraction`, if there is one."""
         if self.fraction is None:
             return seconds
         fractions, unit = convert_second_fractions_to_ns(cells[self.fraction])
@@ -168,7 +168,7 @@ class TableTimes:
             stamps, note = correct_labview_epoch(convert_times_to_ns(text, self.unit or "s"))
             return RowTimes(stamps, (note,) if note else ())
         if self.fraction is not None:
-            # what has a fraction beside it counts seconds
+            # a column with fractions of a second beside it is in seconds
             return RowTimes(convert_times_to_ns(text, "s"))
         return RowTimes(*convert_unitless_times_and_list_notes(text))
 
@@ -218,7 +218,7 @@ def find_time_columns_and_their_fields(
     one = _locate_time_columns(columns, cells, first, unit or find_time_unit(columns[first]), table)
     if len(times) == 1 or one.date:
         return [(one, names)]
-    # pairs side by side: each column belongs to the time before it
+    # pairs of time and value: each column belongs to the time column before it
     ends = [*times[1:], len(names)]
     return [
         (
@@ -236,7 +236,7 @@ def _locate_time_columns(
     time_unit: str | None,
     table: TableHints | None,
 ) -> TableTimes:
-    """Time of all columns, with date and fraction columns if there are any."""
+    """Source of the times of all columns: the time column, and its date and fraction columns."""
     fraction = table.time_fraction if table else None
     if fraction is not None and fraction not in [column.name for column in columns]:
         raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
@@ -252,10 +252,10 @@ def _locate_time_columns(
 def rank_candidate_time_columns(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 ) -> list[int]:
-    """Indices of time columns, the best name first, preferably with a unit of time.
+    """List the indices of possible time columns: by rank of their names, with a unit of time first.
 
-    A clock with repeated values is last, since another one resolves its ticks. Of a stamp in two
-    columns neither is a time by itself.
+    A column with repeated values comes last, since another may have a finer resolution. The two
+    columns of a stamp in seconds and fractions are excluded, since neither is a time by itself.
     """
     ranked: list[tuple[bool, int, int, int]] = []
     names = [column.name for column in columns]
@@ -264,7 +264,7 @@ def rank_candidate_time_columns(
         is_half_of_stamp = has_fraction and "stamp" in column.bare
         if is_half_of_stamp or find_seconds_of_fraction(column.name, names):
             continue
-        # what stands behind a number is an axis or a state: time1, t_2
+        # a name with a number may be an axis or a state: time1, t_2
         bare = reduce_to_lower_case_letters(column.bare)
         if reduce_to_lower_case_letters(column.name) in ("mstoday", "timeus", "timems"):
             bare = reduce_to_lower_case_letters(column.name)
@@ -304,7 +304,7 @@ def find_time_unit(column_name: ColumnName) -> str | None:
 def find_date_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], column_index: int
 ) -> str | None:
-    """Column of the dates, if the time is a time of day."""
+    """Find the column of dates of a time of day; None if there is none, or times have dates."""
     own = cells(column_index)[:5]
     if (
         not own
@@ -324,7 +324,7 @@ def find_date_column(
 
 
 def convert_unitless_times_and_list_notes(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
-    """Log times of numbers without a unit.
+    """Log times of numbers without a unit, and notes on the detected unit.
 
     Args:
         cells: (rows,), text or numbers.
@@ -361,7 +361,7 @@ def convert_unitless_times_and_list_notes(cells: pl.Series) -> tuple[pl.Series, 
 
 
 def guess_time_unit(first_values: Floats, step: float, total_span: float) -> str:
-    """The only unit of time that is possible."""
+    """Find the only unit of time that is possible; raise an error if there are none or several."""
     possible = [
         unit
         for unit, ns in NS_PER_UNIT.items()

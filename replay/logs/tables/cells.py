@@ -1,4 +1,4 @@
-"""Cells of a text table: detection of numbers in their common notations."""
+"""Detect numbers in their common notations in the cells of a text table."""
 
 import re
 from collections.abc import Sequence
@@ -11,15 +11,15 @@ from analysis.model.physical_units import find_pint_unit_name
 from replay.logs.tables.table_limits import LIMITS
 
 _EXPONENT: Final = r"(?:[eEdD][+-]?\d+)?"
-#: What may stand between thousands, by the decimal sign; no-break and narrow blanks too.
+#: Thousands separators by decimal sign, including no-break and narrow no-break spaces.
 _GROUPS: Final = {".": ",'’ \u00a0\u202f", ",": ".'’ \u00a0\u202f"}
-#: Numbers of India: 12,34,567. With points it may be a version or a date.
+#: Indian notation of numbers: 12,34,567. With points, it may be a version or a date.
 _LAKHS: Final = {".": r"\d{1,2}(?:,\d{2})+,\d{3}", ",": r"\d{1,2}(?:'\d{2})+'\d{3}"}
 _NUMBERS: Final = {
     sign: re.compile(rf"[+-]?(?:\d+[{sign}]?\d*|[{sign}]\d+){_EXPONENT}") for sign in ".,"
 }
 _WORDS_OF_NUMBERS: Final = frozenset({"nan", "inf", "-inf", "+inf", "-nan", "infinity"})
-#: 1.234 may be one and a bit, or a thousand.
+#: Numbers whose sign may be decimal or a thousands separator: 1.234.
 _THOUSANDS: Final = {sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:[{sign}]\d{{3}})+") for sign in ".,"}
 _TIME: Final = re.compile(
     r"(\d{1,4}(?:[-/]|\. ?)\d{1,2}(?:[-/]|\. ?)\d{1,4}\.?[T, ]*)?"
@@ -28,11 +28,11 @@ _TIME: Final = re.compile(
     r"([, ]+\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})?"
     r"|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{8}T\d{6}([.,]\d+)?Z?"
 )
-#: A cell of these alone is meant for a number, or a time.
+#: A cell of only these characters is meant as a number or a time.
 _NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
-#: A label of digits: a serial number, a clock of another kind (317:08:15:30.020, 08-15-30.020).
+#: A label of digits: a serial number, or a time in another format (317:08:15:30.020, 08-15-30.020).
 _LABEL: Final = re.compile(r"\d[\d.]*(?:[:-]\d[\d.]*){2,}")
-#: A negative number with the minus of typographers, behind its digits, or in brackets.
+#: First characters of a negative number written with a typographic minus or in brackets.
 _SIGN_STARTS: Final = "\u2212\u2013("
 _SIGNED: Final = re.compile(
     r"^(?:[\u2212\u2013]\s*(?P<a>[\d.,].*)|(?P<b>\d[\d.,]*)-|\((?P<c>\d[\d.,]*)\))$"
@@ -45,7 +45,7 @@ _MEASURE: Final = re.compile(
 
 
 def classify_cell_text(cell: str, decimal_sign: str, *, is_grouped: bool = False) -> str:
-    """Class of a cell: empty, number, grouped, measure, time, odd or text.
+    """Classify a cell: empty, number, grouped, measure, time, odd or text.
 
     A grouped cell is a number with thousands separators, for certain or if the decimal sign of
     other cells leaves no other reading (`maybe grouped`, which `is_grouped` settles). An odd cell
@@ -87,7 +87,7 @@ def are_most_cells_numeric(cell_classes: Sequence[str], *, result_if_empty: bool
 
 
 class DecimalMatch(NamedTuple):
-    """Whether a cell is a number with a sign, and whether that may group thousands."""
+    """Whether a cell is a number with the decimal sign, and whether that may group thousands."""
 
     is_number: bool
     can_be_grouping: bool
@@ -101,7 +101,7 @@ def match_decimal_number(cell: str, decimal_sign: str) -> DecimalMatch:
 
 @lru_cache(maxsize=1 << 16)
 def find_unit_in_cell(cell: str, decimal_sign: str) -> str | None:
-    """Unit after a number, as written (` km/h`); None if unknown."""
+    """Unit after the number in a cell, as written (` km/h`); None without a known unit."""
     match = _MEASURE.fullmatch(cell)
     if match is None or not _NUMBERS[decimal_sign].fullmatch(match["number"]):
         return None
@@ -109,7 +109,7 @@ def find_unit_in_cell(cell: str, decimal_sign: str) -> str | None:
 
 
 def find_common_unit_of_cells(cells: Sequence[str], decimal_sign: str) -> str | None:
-    """Unit after the numbers of a column, if all have the same; else None."""
+    """Unit after the numbers of a column, as written, if all have the same; else None."""
     found = {find_unit_in_cell(cell, decimal_sign) for cell in cells}
     return next(iter(found)) if len(found) == 1 else None
 
@@ -117,7 +117,7 @@ def find_common_unit_of_cells(cells: Sequence[str], decimal_sign: str) -> str | 
 def convert_numbers_to_python_notation(
     column: pl.Series, decimal_sign: str, unit: str | None, *, is_grouped: bool
 ) -> pl.Series:
-    """Text of a column with numbers in Python's notation.
+    """Rewrite the numbers of a column of text in Python's notation.
 
     Args:
         column: text, (rows,).
@@ -148,13 +148,16 @@ def convert_numbers_to_python_notation(
 
 
 def make_grouped_number_pattern(decimal_sign: str) -> str:
-    """Pattern of a number with thousands separators."""
+    """Regular expression of a number with thousands separators."""
     groups = rf"\d{{1,3}}(?:[{_GROUPS[decimal_sign]}]\d{{3}})+|{_LAKHS[decimal_sign]}"
     return rf"[+-]?(?:{groups})(?:[{decimal_sign}]\d*)?"
 
 
 def make_unambiguous_grouping_pattern(decimal_sign: str) -> str:
-    """Pattern of numbers whose separators are certain: several, blanks, or a decimal sign after."""
+    """Regular expression of numbers whose thousands separators are certain.
+
+    They are if there are several, if they are blanks, or if a decimal sign follows.
+    """
     signs = _GROUPS[decimal_sign]
     ambiguous, blanks = signs[0], signs[1:]
     return (

@@ -1,4 +1,4 @@
-"""Columns of a text table, with rows that are too long, too short or torn."""
+"""Read the columns of a text table, and note rows that are too long, too short or truncated."""
 
 import re
 import warnings
@@ -27,16 +27,16 @@ from replay.logs.tables.text import (
     read_first_lines,
 )
 
-#: Stands in no text: a line is one cell.
+#: Separator that no text contains, so that each line is one cell.
 _NO_SEPARATOR: Final = "\x1f"
 _TAIL: Final = f"{_NO_SEPARATOR}tail"
 _BEYOND: Final = f"{_NO_SEPARATOR}beyond"
 _SHORT: Final = f"{_NO_SEPARATOR}short"
 _LONG: Final = f"{_NO_SEPARATOR}long"
-#: A cell that polars reads as the same integer, or float, whether as text first or at once.
+#: Cells that polars reads as the same integer, or float, whether first as text or directly.
 _WHOLE: Final = re.compile(r"-?\d{1,18}")
 _FLOAT: Final = re.compile(r"-?\d+\.?\d*([eE][+-]?\d+)?")
-#: How polars says that it lost its place between quotes.
+#: Start of polars' error about an unpaired quote.
 _UNPAIRED: Final = "CSV malformed"
 
 
@@ -81,7 +81,7 @@ class CsvColumns:
         }
         self._types = {name: guess_polars_type_of_cells(cells) for name, cells in heads.items()}
         decimal, is_grouped = self._dialect.decimal, self._dialect.is_grouped
-        #: Columns of numbers, or of which the beginning tells nothing.
+        #: Columns that contain numbers, or none of whose first rows has a cell.
         self._numeric = {
             name
             for name, cells in heads.items()
@@ -105,16 +105,16 @@ class CsvColumns:
 
     @property
     def preamble_lines(self) -> tuple[str, ...]:
-        """Some lines above the names."""
+        """First lines above the row of names."""
         return self._dialect.preamble
 
     @property
     def head_row_count(self) -> int:
-        """Number of rows that `head` is taken from."""
+        """Number of first rows from which the dialect was detected."""
         return len(self._dialect.rows)
 
     def read_first_text_cells(self, column_index: int, count: int = 50) -> list[str]:
-        """Some first cells of a column that are not empty."""
+        """The first `count` non-empty cells of a column, as text, from the start of the file."""
         return read_first_filled_cells(self._dialect, column_index, count)
 
     def scan_all_rows(
@@ -123,10 +123,10 @@ class CsvColumns:
         single_use_columns: Sequence[str],
         note_fault: Callable[[str], None],
     ) -> None:
-        """Read columns, and note in the same pass the rows that are too long, too short or torn.
+        """Read columns, and in the same pass note rows that are too long, too short or truncated.
 
-        Rows with too few cells end in nulls. A last row without a line end is torn and skipped,
-        unless it has all its cells (RFC 4180), since its last cell may be half a number.
+        Rows with too few cells end in nulls. A last row without a line end is truncated and
+        skipped, since its last cell may be half a number, unless it has all its cells (RFC 4180).
 
         Args:
             kept_columns: columns to read and keep.
@@ -170,7 +170,7 @@ class CsvColumns:
         }
 
     def read_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
-        """Columns, (rows,) each, in one pass: numbers if all cells are numbers, else text.
+        """Read columns, (rows,) each, in one pass: numbers if all cells are numbers, else text.
 
         Raises:
             BrokenBytesError: a column cannot be read.
@@ -187,7 +187,7 @@ class CsvColumns:
     def _read_columns_as_numbers_or_text(
         self, names: Sequence[str], *flag_expressions: pl.Expr
     ) -> dict[str, pl.Series]:
-        """Columns and flags in one pass; a second pass reads the columns with text."""
+        """Read columns and flags in one pass; columns with text are read in a second one."""
         frame = self._collect_frame(
             self._scan_lazily_with_types(self._types).select(*names, *flag_expressions)
         )
@@ -206,7 +206,7 @@ class CsvColumns:
         }
 
     def _list_columns_with_text(self, number_count_by_column: Mapping[str, int]) -> list[str]:
-        """Columns with more cells than numbers, which must be read as text."""
+        """Columns with more non-empty cells than numbers, which must be read as text."""
         if not number_count_by_column:
             return []
         cells = [(pl.col(name).str.strip_chars() != "").sum() for name in number_count_by_column]
@@ -218,7 +218,7 @@ class CsvColumns:
         ]
 
     def _convert_column_to_python_number_notation(self, column: pl.Series) -> pl.Series:
-        """Text of numbers with decimal points, without separators and units; other text as is."""
+        """Rewrite numbers in Python's notation, without units; other columns are unchanged."""
         is_text = column.name not in self._numeric and self._dialect.decimal == "."
         if column.dtype != pl.String or is_text:
             return column
@@ -249,7 +249,7 @@ class CsvColumns:
         return "\t" if self._dialect.separator == BLANKS else self._dialect.separator
 
     def _scan_lazily_with_types(self, types: Mapping[str, pl.DataType]) -> pl.LazyFrame:
-        # text where a decimal comma, or a quoted cell, may be a fault that polars reads otherwise
+        # as text where a decimal comma or a quoted cell may make polars misread a number
         plain = self._dialect.decimal == "."
         schema = {
             name: types.get(name, pl.String()) if plain else pl.String() for name in self.names
@@ -258,7 +258,7 @@ class CsvColumns:
         return pl.scan_csv(
             self._text.path,
             has_header=False,
-            # in the column beyond the last one is what a row has too much
+            # a column beyond the last one receives the excess cells of a row
             schema=schema | dict.fromkeys([*tail, _BEYOND], pl.String()),
             skip_lines=self._dialect.data_line,
             separator=self._polars_separator,
@@ -289,7 +289,7 @@ class CsvColumns:
         odd_quotes = line.str.count_matches('"', literal=True) % 2 == 1
         if self._collect_frame(lines.select(odd_quotes.any())).item():
             return []
-        # an empty line is a row without a time, which is counted there
+        # an empty line is a row without a time, and counted as such elsewhere
         separators = line.str.count_matches(self._polars_separator, literal=True)
         is_short = separators < len(self.names) - 1
         short = lines.filter(line.is_not_null() & is_short).select("number")

@@ -1,4 +1,4 @@
-"""Dates and times of day, in text or in several columns, converted to integer nanoseconds."""
+"""Convert dates and times of day, in text or in several columns, to integer nanoseconds."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from replay.logs.tables.header import ColumnName, reduce_to_lower_case_letters
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import TimeError
 
-#: Beginnings of the names of the months, in the languages of Western Europe.
+#: First letters of the names of months, in the languages of Western Europe.
 _MONTHS: Final = (
     ("jan", "jän", "ene", "gen"),
     ("feb", "fév", "fev"),
@@ -32,7 +32,7 @@ _CLOCK: Final = (
     r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{2})(?:[.,:;](?P<frac>\d{1,9})\d*)?)?"
     r"\s*(?P<half>[AaPp])?\.?\s?(?:[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?"
 )
-#: Years first, as in ISO 8601; two numbers and a year; with the name of the month.
+#: Forms of dates: year first, as in ISO 8601; two numbers and a year; with the name of the month.
 _YEAR_FIRST: Final = r"(?P<y>\d{4})(?:[-/年]|\. ?)(?P<m>\d{1,2})(?:[-/月]|\. ?)(?P<d>\d{1,2})[.日]?"
 _YEAR_LAST: Final = r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})[-/.](?P<y>\d{4}|\d{2})\.?"
 _DAY_MONTH: Final = rf"(?P<d>\d{{1,2}})[-/. ]+(?P<name>{_MONTH})[-/., ]+(?P<y>\d{{4}}|\d{{2}})"
@@ -43,7 +43,7 @@ _WEEKDAY: Final = r"(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,?\s+)?"
 _COMPACT_CLOCK: Final = (
     r"(?P<h>[01]\d|2[0-3])(?P<min>[0-5]\d)(?P<s>[0-5]\d)(?:[.,]?(?P<frac>\d{1,9})\d*)?(?P<zone>Z)?"
 )
-#: As `date` and Java write it, the year behind the zone: Fri Nov 13 08:15:30 GMT+00:00 2026.
+#: Form of `date` and Java, with the year after the zone: Fri Nov 13 08:15:30 GMT+00:00 2026.
 _YEAR_BEHIND: Final = (
     rf"(?P<name>{_MONTH}) +(?P<d>\d{{1,2}}) +(?P<h>\d{{1,2}}):(?P<min>\d{{2}}):(?P<s>\d{{2}})"
     r"(?:[.,](?P<frac>\d{1,9})\d*)?(?: +(?:UTC|GMT)?(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?)? +"
@@ -52,13 +52,13 @@ _YEAR_BEHIND: Final = (
 #: Nanoseconds of a day.
 DAY_NS: Final = 86_400 * 10**9
 _HALF_DAY_NS: Final = DAY_NS // 2
-#: Times of day that run over the hour: minutes and seconds.
+#: Minutes and seconds without hours; the minutes may exceed 59.
 _MINUTES: Final = r"(?P<min>\d{1,3}):(?P<s>\d{2})[.,](?P<frac>\d{1,9})"
-#: Time since the beginning, as pandas and Python write it: 0 days 00:00:12.5.
+#: Time since the start, in the form of pandas and Python: 0 days 00:00:12.5.
 _SINCE: Final = rf"(?P<days>\d+) days?,? {_CLOCK}"
-#: A day and a time of day in digits alone, which no clock that counts shows before 2033.
+#: A date and time of day in digits alone; no counter has such a value before 2033.
 _DIGITS: Final = rf"{_COMPACT}(?:[T, ]\s*)?{_COMPACT_CLOCK}"
-#: Names of the columns of a day and a time of day, from the largest to the smallest.
+#: Names of the columns of date and time of day, from year to second.
 _CALENDAR: Final = (
     ("year", "yyyy", "yr", "jahr"),
     ("month", "mon", "monat"),
@@ -77,7 +77,7 @@ def is_date_and_time_in_digits(cell: str) -> bool:
 
 
 def is_date_only(cell: str) -> bool:
-    """Whether a cell is a date without a time of day; digits alone are a number."""
+    """Whether a cell is a date without a time of day; digits alone count as a number."""
     return any(
         re.fullmatch(_WEEKDAY + pattern, cell.strip()) for pattern in _DATES if pattern != _COMPACT
     )
@@ -92,7 +92,7 @@ def has_time_of_day(cell: str) -> bool:
 
 
 def find_datetime_pattern(text: str) -> str | None:
-    """Pattern of a date that is followed by a time of day; None without one."""
+    """Regular expression of a date with a time of day that matches a text; None if none does."""
     days = [pattern for pattern in _DATES if pattern != _COMPACT]
     moments = [rf"{day}(?:[T, ]|\s+@)\s*{_CLOCK}" for day in days]
     behind = [rf"{_CLOCK}[, ]\s*{day}" for day in days]
@@ -108,7 +108,7 @@ def convert_clock_times_and_list_notes(
     is_day_first: bool | None,
     zone_offset_s: int | None = None,
 ) -> tuple[pl.Series, tuple[str, ...]]:
-    """Log times from dates and times of day.
+    """Compute log times from dates and times of day, and list notes on assumptions.
 
     Args:
         dates: (rows,) dates; None if the times include them, or there are none.
@@ -149,7 +149,7 @@ def _join_dates_and_times(dates: pl.Series, times: pl.Series) -> pl.Series:
 
 
 def extract_named_groups(text: pl.Series, pattern: str) -> pl.DataFrame:
-    """Named groups of a pattern for each cell; null if it does not match."""
+    """Extract the named groups of a pattern, a column each; null if a cell does not match."""
     names = tuple(re.compile(pattern).groupindex)
     found = text.str.extract_groups(pattern).struct.unnest()
     found.columns = list(names)
@@ -162,7 +162,7 @@ def _cast_to_whole_number(column: pl.Expr) -> pl.Expr:
 
 
 def convert_time_of_day_to_ns(time_groups: pl.DataFrame) -> pl.Series:
-    """Time of day in ns, from hour, minute, second, fraction and zone."""
+    """Time of day in ns from columns of hour, minute, second, fraction and zone; in UTC."""
     hour, half = _cast_to_whole_number(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
         pl.when(half == "p").then(hour % 12 + 12).when(half == "a").then(hour % 12).otherwise(hour)
@@ -189,7 +189,7 @@ def convert_time_of_day_to_ns(time_groups: pl.DataFrame) -> pl.Series:
 def count_days_since_1970(
     date_groups: pl.DataFrame, is_day_first: bool | None, notes: list[str]
 ) -> pl.Series:
-    """Days since 1970."""
+    """Days from 1970-01-01 to each date; null if it is invalid."""
     if "one" in date_groups.columns:
         date_groups = decide_which_number_is_day(date_groups, is_day_first, notes)
     if "name" in date_groups.columns:
@@ -213,10 +213,10 @@ def count_days_since_1970(
 def split_dates_with_short_years(
     date_groups: pl.DataFrame, is_day_first: bool | None
 ) -> pl.DataFrame:
-    """Dates with month names, whose two-digit year may be the first or the last number.
+    """Assign day and year of dates with month names and two-digit years, in either order.
 
     Raises:
-        TimeError: the order is ambiguous.
+        TimeError: it is ambiguous which number is the year.
     """
     is_short = pl.col("y").str.len_chars() == 2
     if not date_groups.select(is_short.any()).item():
@@ -234,7 +234,7 @@ def split_dates_with_short_years(
 def decide_which_number_is_day(
     date_groups: pl.DataFrame, is_day_first: bool | None, notes: list[str]
 ) -> pl.DataFrame:
-    """Decide which of two numbers is the day: the one above 12."""
+    """Decide which of two numbers is the day: the one that exceeds 12 in any row."""
     one, two = (date_groups.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
     short = date_groups.get_column("y").drop_nulls().str.len_chars().to_list()
     example = "/".join(str(date_groups.row(0, named=True)[n]) for n in ("one", "two", "y"))
@@ -268,7 +268,7 @@ def decide_which_number_is_day(
 def parse_times_of_day_and_list_notes(
     text: pl.Series, first_clock_time: str
 ) -> tuple[pl.Series, tuple[str, ...]]:
-    """Times of day, which continue over midnight."""
+    """Parse times of day without a date as ns from the first midnight, and list notes."""
     if re.fullmatch(_SINCE, first_clock_time):
         part = extract_named_groups(text, f"^{_SINCE}$")
         day = part.select(_cast_to_whole_number(pl.col("days"))).to_series()

@@ -1,7 +1,7 @@
-"""Dialect of a text table: separator, decimal sign, and rows of names, units and data.
+"""Detect the dialect of a text table: separator, decimal sign, rows of names, units and data.
 
-Every combination of separator and decimal sign is tried. A combination is impossible if its rows
-differ in their number of cells, or if cells of digits and signs are not numbers.
+Every combination of separator and decimal sign is tried. A combination is impossible if the rows
+then differ in their number of cells, or if cells of digits and signs are not numbers.
 """
 
 import csv
@@ -41,14 +41,14 @@ class Dialect:
     """How a text represents a table.
 
     Attributes:
-        separator: separator of cells; a blank stands for any number of blanks.
+        separator: separator of cells; a blank means any number of blanks.
         decimal: decimal sign.
         columns: columns in order.
         data_line: number of lines before the data.
         rows: first rows of the data.
-        has_tail: whether each row ends in a separator without a cell.
-        is_grouped: whether the other sign is a thousands separator.
-        cell_units: text after the numbers of each column; None without any.
+        has_tail: whether each row ends in a separator with no cell after it.
+        is_grouped: whether an ambiguous sign before three digits is a thousands separator.
+        cell_units: unit after the numbers of each column, as written; None without one.
         notes: notes on what was detected.
         preamble: lines above the names.
     """
@@ -98,7 +98,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     Raises:
         DialectError: there is none, or there are several.
     """
-    # a cell of a damaged file may be all of it
+    # in a damaged file, a single cell may extend over all of it
     csv.field_size_limit(min(sys.maxsize, 2**31 - 1))
     separators = _list_candidate_separators(hints)
     if hints.decimal not in (None, ".", ","):
@@ -125,7 +125,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
 
 
 def _list_candidate_separators(hints: TableHints) -> tuple[str, ...]:
-    """Separator that the machine file names, else all known ones."""
+    """Separator given in the machine file, else all known ones."""
     if hints.separator is None:
         return SEPARATORS
     words = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "blank": " ", "blanks": " "}
@@ -140,11 +140,11 @@ def _list_candidate_separators(hints: TableHints) -> tuple[str, ...]:
 def _choose_decimal_sign(best_trials: list[_DialectTrial], hints: TableHints) -> _DialectTrial:
     """Choose among dialects that differ in the decimal sign only."""
     with_sign = [each for each in best_trials if each.decimals]
-    # where no cell has a sign, the signs mean the same
+    # if no cell has a decimal sign, the choice makes no difference
     reading = (with_sign or best_trials)[0]
     clear = [each for each in with_sign if each.thousands < each.decimals]
     if not hints.decimal and (len(with_sign) > 1 or (with_sign and not clear)):
-        # after a comma between cells, a point is no thousands' sign
+        # if commas separate cells, a point is not a thousands separator
         if reading.separator == "," and reading.decimal == ".":
             return reading
         if len(clear) == 1:
@@ -158,13 +158,13 @@ def _choose_decimal_sign(best_trials: list[_DialectTrial], hints: TableHints) ->
 
 
 def iter_nonempty_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
-    """Rows that are not empty, with stripped cells."""
+    """Yield the rows that are not empty, with stripped cells."""
     if separator == BLANKS:
         for number, line in enumerate(lines):
             if cells := tuple(line.split()):
                 yield TextRow(number, number + 1, cells)
         return
-    # with their ends, which belong to a cell that goes over lines
+    # with line ends, which belong to a cell that spans lines
     reader = csv.reader((f"{line}\n" for line in lines), delimiter=separator)
     before = 0
     while True:
@@ -191,7 +191,7 @@ def _iter_dialect_trials(
     data = [row for row in rows if row.line >= below]
     if not data:
         return
-    # of the later half, or of what there is: preambles are at the beginning
+    # from the later half, if there is one: preambles are at the beginning
     later = (
         data[-max(len(data) // 2, min(len(data) - 1, LIMITS.short_table_rows)) :][
             : LIMITS.judged_rows
@@ -205,7 +205,7 @@ def _iter_dialect_trials(
         if width < 2:
             return
     is_quoted = any('"' in line for line in lines)
-    # without quotes no cell holds the sign between the cells
+    # without quotes, no cell contains the separator
     for decimal in [d for d in decimal_signs if d != separator or is_quoted] or decimal_signs:
         reading = _try_csv_dialect(rows, later, width, (separator, decimal), below)
         if reading is not None:
@@ -220,7 +220,7 @@ def _try_csv_dialect(
     columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
     kinds = [[classify_cell_text(cell, decimal) for cell in column] for column in columns]
     signed = [match_decimal_number(cell, decimal) for column in columns for cell in column]
-    # a sign before three digits separates thousands where others show that it is not the decimal
+    # a sign before three digits groups thousands if other cells show that it is not decimal
     grouped = any("grouped" in each for each in kinds) or any(x and not y for x, y in signed)
     known = "grouped" if grouped else "odd"
     kinds = [[known if each == "maybe grouped" else each for each in column] for column in kinds]
@@ -244,7 +244,7 @@ def _try_csv_dialect(
             for k, yes in enumerate(is_data)
             if yes
             and sum(n := is_data[k : k + LIMITS.next_rows]) >= LIMITS.next_data_fraction * len(n)
-            # a row that is short of cells may be one of a long preamble
+            # a row with too few cells may belong to a long preamble
             and not _does_row_of_names_follow(
                 rows[
                     k + 1 : k
@@ -284,7 +284,7 @@ def _does_row_of_names_follow(
     width: int,
     decimal_sign: str,
 ) -> bool:
-    """Whether names follow closely, so that a row above them is part of the preamble."""
+    """Whether a row of names is among the next rows, so that the row above is preamble."""
     return any(
         len(row.cells) == width
         and all(classify_cell_text(row.cells[k], decimal_sign) == "text" for k in numeric_columns)
@@ -296,7 +296,7 @@ def _does_row_of_names_follow(
 def _is_data_row(
     cells: Sequence[str], numeric_columns: Sequence[int], width: int, decimal_sign: str
 ) -> bool:
-    """Whether a row has numbers where the table has them."""
+    """Whether most cells of a row are numbers in the table's numeric columns."""
     if len(cells) > width + 1:
         return False
     kinds = [classify_cell_text(cells[k], decimal_sign) for k in numeric_columns if k < len(cells)]
@@ -331,7 +331,7 @@ def _find_header_rows(trial: _DialectTrial, lines: Sequence[str], hints: TableHi
     named = None if is_given else labelled
     names, units = named or find_name_and_unit_rows(above, width, hints)
     cells = list(names.cells) if names else [""] * width
-    # a separator at the end of each line
+    # whether each line ends in a separator
     has_tail = not any(len(row) >= width and row[width - 1] for row in data) and bool(data)
     has_tail = has_tail and width > 2 and (len(cells) < width or not cells[-1])
     width -= has_tail
@@ -339,7 +339,7 @@ def _find_header_rows(trial: _DialectTrial, lines: Sequence[str], hints: TableHi
     while len(cells) > width and not cells[-1]:
         cells.pop()
     if separator == BLANKS and len(cells) == width - 1 and _does_data_start_with_date(data):
-        # one name stands over the day and the time
+        # the header has one name for both date and time
         cells = ["Date", "Time", *cells[1:]]
     if names is not None and len(cells) < width:
         raise DialectError(

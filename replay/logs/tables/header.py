@@ -1,4 +1,4 @@
-"""Rows of names and units above a table's data, and the names and units that they give."""
+"""Find the rows of names and units above a table's data, and parse the names and units."""
 
 import csv
 import re
@@ -17,31 +17,31 @@ from replay.logs.tables.hints import DialectError, TableHints
 from replay.logs.tables.table_limits import LIMITS
 
 _BRACKETS: Final = re.compile(r"(?s)(?P<name>.*?)[\s_]*[\[({<](?P<unit>[^\[\](){}<>]*)[\])}>]\s*")
-#: A form of times, not a unit: (hh:mm:ss.sss), [dd/mm/yyyy].
+#: A time format, which is not a unit: (hh:mm:ss.sss), [dd/mm/yyyy].
 _FORM: Final = re.compile(
     r"(?s)(?P<name>.*?)[\s_]*[\[({<](?=[^\])}>]*(?i:hh|ss|yy))[\shHmMsSfFdDyY:/.,\-]+(?:UTC|GMT)?"
     r"[\])}>]\s*"
 )
-#: A quantity over its unit, as DIN 1313 writes it: t/s, v/(km/h).
+#: A quantity divided by its unit, as in DIN 1313: t/s, v/(km/h).
 _OVER: Final = re.compile(r"(?P<name>[^/]+)/(?P<unit>\([^()]+\)|[^\s()]+)")
 #: "Speed / km/h", "Speed in km/h", "Speed, km/h".
 _BEHIND: Final = re.compile(r"(?s)(?P<name>.*?)(?:\s+/\s*|\s+in\s+|,\s*)(?P<unit>\S+)\s*")
-#: A multiple of a unit, which no number of the table is in: "[0.1 ms]", "(x10 N)", "/100 ms".
+#: A multiple of a unit, which no unit of this package can state: "[0.1 ms]", "(x10 N)", "/100 ms".
 _MULTIPLE: Final = re.compile(
     r"(?s).*[\[(/{<\s][x×*]?\s*\d[\d.,]*\s*[x×*]?\s*(?P<unit>[^\d\s\[\](){}<>]+)[\])}>]*\s*"
 )
-#: Words behind the unit: "Time (s) Run #1", "Speed, km/h (LGR S/N: 209)".
+#: Words after the unit: "Time (s) Run #1", "Speed, km/h (LGR S/N: 209)".
 _MIDDLE: Final = re.compile(
     r"(?s)(?P<name>[^\[\](){}]+?)\s*[\[(](?P<unit>[^\[\](){}]*)[\])]\s*(?P<rest>\S.*)"
 )
 _REMARK: Final = re.compile(r"(?s)(?P<name>.+?)\s*\([^()]*\)\s*")
-#: A zone beside the name of a time: "Date Time, GMT+01:00", "Time (UTC-5)".
+#: A time zone after the name of a time column: "Date Time, GMT+01:00", "Time (UTC-5)".
 _ZONE: Final = re.compile(
     r"[\s,(\[]*\b(?:GMT|UTC)\s*(?P<sign>[+-])(?P<h>\d{1,2})(?::?(?P<min>\d{2}))?[\])]?"
 )
 #: An element of a list: "accel_g[0]".
 _ELEMENT: Final = re.compile(r"(?P<list>.+)\[\d+\]")
-#: A cell of a row that says one thing of each column: "Unit: m/s", "Type: double".
+#: A cell of a row that states an attribute of each column: "Unit: m/s", "Type: double".
 _ATTRIBUTE: Final = re.compile(r"(?P<key>[A-Za-z][A-Za-z ]*):\s*(?P<value>.*)")
 _NUMBER: Final = re.compile(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)?")
 _OF_UNITS: Final = re.compile(r"(?i)unit|einheit")
@@ -58,7 +58,7 @@ class ColumnName:
 
 
 def make_column_names(cells: Sequence[str], unit_cells: Sequence[str] = ()) -> list[ColumnName]:
-    """Distinct names that are not empty, with units from the names or the row of units.
+    """Make distinct, non-empty column names, with units from the header or the row of units.
 
     Args:
         cells: cells of the header.
@@ -114,9 +114,9 @@ class NameAndUnit(NamedTuple):
 
 
 def split_unit_from_column_name(name: str) -> NameAndUnit:
-    """Name without its unit, and the unit; None if no known unit is stated.
+    """Split a column's name into the name without its unit, and the unit; None without a known one.
 
-    `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`, `accel_g[0]`.
+    Examples: `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `accel_g[0]`.
     """
     name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
@@ -133,14 +133,14 @@ def split_unit_from_column_name(name: str) -> NameAndUnit:
         unit = find_pint_unit_name(remarked["unit"])
         if unit:
             return NameAndUnit(remarked["name"].strip(), unit)
-    # of an element, the name of its list states the unit
+    # the unit of a list element is in the name of its list
     if (match := _ELEMENT.fullmatch(name)) and (unit := split_unit_from_name(match["list"])[1]):
         return NameAndUnit(name, unit)
     return NameAndUnit(*split_unit_from_name(name))
 
 
 def reduce_to_lower_case_letters(text: str) -> str:
-    """Name in lower case, letters only."""
+    """The letters of a text, in lower case."""
     return "".join(each for each in text.lower() if each.isalpha())
 
 
@@ -175,7 +175,7 @@ def is_row_of_units(cells: Sequence[str], *, is_half_enough: bool = False) -> bo
     said = [cell.strip() for cell in cells if cell.strip()]
     known = sum(find_pint_unit_name(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
-    # a unit that is not known is still short, or in brackets
+    # an unknown unit is short as well, or in brackets
     short = sum(len(cell) <= LIMITS.unit_characters or cell[0] in "[(" for cell in said)
     enough = 2 * (known + blank) + is_half_enough > len(said)
     return known > 0 and short == len(said) and enough
@@ -183,7 +183,7 @@ def is_row_of_units(cells: Sequence[str], *, is_half_enough: bool = False) -> bo
 
 @dataclass(frozen=True, slots=True)
 class TextRow:
-    """Cells of a row, and its position."""
+    """Cells of a row, and its lines in the text."""
 
     line: int  #: from 0
     after: int  #: the line behind it
@@ -193,7 +193,7 @@ class TextRow:
 def strip_comment_and_join_brackets(
     row: TextRow, separator: str, column_count: int, lines: Sequence[str]
 ) -> TextRow:
-    """Row above the data without comment sign; words in brackets belong to their name."""
+    """Strip the comment sign of a row above the data, and rejoin names split within brackets."""
     text = _COMMENT.sub("", lines[row.line])
     if separator != " ":
         if text == lines[row.line] or not row.cells:
@@ -220,7 +220,7 @@ class HeaderRows(NamedTuple):
 def find_name_and_unit_rows(
     rows_above: list[TextRow], column_count: int, hints: TableHints
 ) -> HeaderRows:
-    """Row of the names and row of the units; None for each that is missing.
+    """Find the rows of names and of units above the data; None for each that is missing.
 
     Args:
         rows_above: rows above the data, in order.
@@ -228,7 +228,7 @@ def find_name_and_unit_rows(
         hints: properties given by the user.
 
     Raises:
-        DialectError: the given line has no cells, or two rows may hold the units.
+        DialectError: the given line has no cells, or two rows may be the row of units.
     """
     by_line = {row.line + 1: row for row in rows_above}
     for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
@@ -256,7 +256,7 @@ def find_name_and_unit_rows(
     if not wide:
         return HeaderRows(None, stated)
     if hints.units_row is None and stated is None and len(wide) > 2:
-        # below the units may stand a row of types
+        # a row of types may follow the row of units
         (*_, third, second, first) = wide
         together = first.line - third.line <= 2
         if (
@@ -273,13 +273,13 @@ def find_name_and_unit_rows(
 def select_name_and_unit_rows(
     row_before: TextRow, last_row: TextRow, *, has_no_units: bool
 ) -> HeaderRows:
-    """Names, and units if one of the last two rows contains only units.
+    """Tell which of the last two rows has the names, and which, if any, the units.
 
     Raises:
         DialectError: both contain only units.
     """
     if has_no_units:
-        # there are none, and what looks like them holds no names either
+        # there is no row of units, and a row that looks like one has no names either
         return HeaderRows((row_before if is_row_of_units(last_row.cells) else last_row), None)
     if last_row.line - row_before.line > 2:
         return HeaderRows(last_row, None)
@@ -296,10 +296,10 @@ def select_name_and_unit_rows(
 def find_labelled_header_rows(
     rows_above: list[TextRow], column_count: int, *, is_blank_first: bool
 ) -> HeaderRows | None:
-    """Rows of names and units that begin with a label: "SIGNAL", "TIME", "CH1".
+    """Find rows of names and units that begin with a label: "SIGNAL", "TIME", "CH1".
 
-    There is no column below the labels: data rows have a blank there, or a cell less. With a
-    cell less one label must mention units, unlike the header of a table that lacks cells.
+    There is no column below the labels: data rows begin with an empty cell, or have one cell less.
+    In the latter case, a label must mention units, to exclude tables whose data lack a column.
     """
     rows = [
         TextRow(row.line, row.after, ("",) * is_blank_first + row.cells[1:])
@@ -319,7 +319,7 @@ def find_labelled_header_rows(
 def _find_rows_as_wide_as_table(
     rows_above: list[TextRow], column_count: int, stated_rows: TextRow | None, hints: TableHints
 ) -> tuple[TextRow | None, list[TextRow]]:
-    """Row of units if labelled as such, and candidate rows for names or units."""
+    """Find a labelled row of units (else `stated_rows`), and candidates for names or units."""
     attributes = {
         row.line: found for row in rows_above if (found := parse_row_of_column_attribute(row))
     }
@@ -327,7 +327,7 @@ def _find_rows_as_wide_as_table(
         _has_cell_for_each_column(row, column_count) and row.line not in attributes
         for row in rows_above
     ):
-        # one word before all names is a part of them: "Latest: Time (s)"
+        # a word before all names is part of the names: "Latest: Time (s)"
         attributes = {}
     if stated_rows is None and hints.units_row is None:
         stated_rows = next(
@@ -351,7 +351,7 @@ class ColumnAttribute(NamedTuple):
 
 
 def parse_row_of_column_attribute(row: TextRow) -> ColumnAttribute | None:
-    """Attribute that a row states for each column, and its cells; None for other rows."""
+    """Parse a row that states an attribute of each column, "Unit: m/s"; None for other rows."""
     said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
     keys = {match["key"].lower() if match else None for match in said}
     if len(said) < len(row.cells) // 2 or len(keys) != 1 or None in keys or len(row.cells) < 3:
@@ -361,5 +361,5 @@ def parse_row_of_column_attribute(row: TextRow) -> ColumnAttribute | None:
 
 
 def _has_cell_for_each_column(row: TextRow, width: int) -> bool:
-    """Whether a row has enough cells for the columns, unlike one of a preamble."""
+    """Whether a row has cells for more than half of the columns, unlike one of a preamble."""
     return len(row.cells) > 1 and len(row.cells) * 2 > width

@@ -9,18 +9,19 @@ JSON_LINES: Final = ("jsonl", "ndjson")
 
 @dataclass(frozen=True, slots=True)
 class TableHints:
-    """Dialect of a table as given by the user; None for what is detected.
+    """Dialect of a table as given by the user; None for properties to be detected.
 
     Attributes:
         separator: separator of cells: `,` `;` `|`, a tab, or a blank for any number of blanks.
         decimal: `.` or `,`.
-        encoding: encoding in Python's name: `utf-8`, `utf-16`, `latin-1`.
+        encoding: encoding by its name in Python: `utf-8`, `utf-16`, `latin-1`.
         header_row: line of the names, from 1; 0 for none.
         units_row: line of the units, from 1; 0 for none.
         time_fraction: column of the fractions of a second, if separate.
-        sort_times: whether to sort rows whose time falls back as in a second record.
+        sort_times: whether to sort rows although their time falls back, as where a record follows
+            another.
         day_first: whether 03/04/2026 is the third of April.
-        rate_hz: rate of the rows, for a table without time.
+        rate_hz: rows per second, for a table without a time column.
         sheet: sheet of an Excel file.
     """
 
@@ -38,7 +39,7 @@ class TableHints:
 
 @dataclass(frozen=True, slots=True)
 class TimeAxis:
-    """Time of a table: column, unit (s, ms, us, ns) and dialect.
+    """Time column of a table, its unit (s, ms, us, ns), and the table's dialect.
 
     A column or unit of None is detected.
     """
@@ -49,4 +50,4 @@ class TimeAxis:
 
 
 class DialectError(Exception):
-    """The dialect is ambiguous; one line with the reason and the key to set."""
+    """Raised if the dialect is ambiguous; one line with the reason and the key to set."""

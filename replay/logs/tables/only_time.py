@@ -1,4 +1,4 @@
-"""Time columns without a telling name, and contradictions between time columns."""
+"""Find time columns by their cells, and contradictions between time columns."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,7 +15,8 @@ def find_sole_time_column(
 ) -> list[int]:
     """Index of the only column that contains times; empty if there is none or several.
 
-    It contains times of day to the second, or has a unit of time and increases with each row.
+    Such a column has times of day to the second, or a unit of time and values that increase
+    strictly.
     """
     clocks = [k for k in range(len(columns)) if are_cells_advancing_clock_times(cells(k))]
     if clocks:
@@ -29,7 +30,7 @@ def find_sole_time_column(
 
 
 def are_cells_advancing_clock_times(cells: list[str]) -> bool:
-    """Whether cells are times of day to the second that advance."""
+    """Whether cells are times of day to the second that are not all equal."""
     return (
         len(set(cells)) > 1
         and has_time_of_day(cells[0])
@@ -54,13 +55,13 @@ def describe_contradicting_time_column(
     time_column: str,
     log_times: pl.Series,
 ) -> str | None:
-    """Sentence on another time column with a different duration of the first rows.
+    """Say which other time column gives a different duration of the first rows.
 
     Args:
         columns: columns of the table.
         cells: returns the first cells of a column, by index.
         time_column: detected time column.
-        log_times: times of the first rows by it, in ns.
+        log_times: times of the first rows by that column, in ns.
 
     Returns:
         The sentence; None if the times agree.
@@ -107,7 +108,7 @@ def _compute_time_span_of_column_s(column: ColumnName, cells: list[str]) -> floa
 
 
 def compute_span_if_increasing_s(stamps: pl.Series) -> float | None:
-    """Seconds from first to last stamp; None if they do not increase."""
+    """Seconds from first to last stamp; None if stamps decrease, are all equal or too few."""
     there = stamps.drop_nulls()
     if there.len() < LIMITS.rising_min_rows or (there.diff() < 0).any():
         return None

@@ -1,6 +1,6 @@
-"""Columns of Parquet, Arrow and JSON-lines files, the first two read by Arrow.
+"""Read the columns of Parquet, Arrow and JSON-lines files.
 
-Polars may crash on damage.
+Arrow reads the first two, since polars may crash on a damaged file.
 """
 
 import codecs
@@ -35,16 +35,16 @@ _OF_A_COLUMN: Final = (
     "unit.{}",
     "units.{}",
 )
-#: Keys under which a library keeps JSON of its own; pandas' column list has units in `metadata`.
+#: Keys under which libraries store JSON with units; pandas has them in `metadata` of its columns.
 _ATTRIBUTES: Final = ("PANDAS_ATTRS", "attrs", "pandas")
 #: Keys of a field's metadata that hold its unit.
 _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
-#: What polars raises of text that it cannot parse; a panic is no `Exception`.
+#: Errors that polars raises for text that it cannot parse; a panic is not an `Exception`.
 _POLARS_ERRORS: Final = (pl.exceptions.PolarsError, pl.exceptions.PanicException)
-#: Words that Python writes and JSON does not have, and a character that names must not have.
+#: Constants that Python writes and JSON does not have, and the escape of the NUL character.
 _NUL: Final = rb"\u0000"
 _NO_JSON: Final = (b"NaN", b"Infinity", _NUL)
-#: Kinds of JSON values by the type that Python reads them as; the others are numbers.
+#: Kinds of JSON values, by the Python type that represents them; other types are numbers.
 _JSON_KINDS: Final = {
     dict: "objects", list: "lists", bool: "truths", str: "texts", NoneType: None,
 }  # fmt: skip
@@ -91,7 +91,7 @@ class ParquetColumns:
             return file.schema_arrow
 
     def read_first_text_cells(self, column_index: int, count: int = 50) -> list[str]:
-        """Some first cells of a column of text that are not empty; of others none."""
+        """The first `count` non-empty cells of a text column; empty for other columns."""
         name = self.names[column_index]
         if name not in self._text_names:
             return []
@@ -104,7 +104,7 @@ class ParquetColumns:
         return int(self._footer.num_rows)
 
     def read_columns(self, names: Sequence[str]) -> dict[str, pl.Series]:
-        """Columns, (rows,) each.
+        """Read columns by name, (rows,) each.
 
         Raises:
             BrokenBytesError: the pages of a column are damaged.
@@ -114,7 +114,7 @@ class ParquetColumns:
     def _read_column_as_series(self, name: str) -> pl.Series:
         column = self._read_arrow_column(name)
         with _convert_arrow_errors():
-            # polars takes it that text is UTF-8, and panics at names that are not
+            # polars assumes that text is UTF-8, and panics otherwise
             column.validate(full=True)
             getattr(column.type, "tz", None)
             series = pl.Series(name, column)
@@ -155,7 +155,7 @@ class ArrowColumns(ParquetColumns):
 
 
 def is_text_type(arrow_type: Any) -> bool:
-    """Whether an Arrow type is text, in a dictionary too."""
+    """Whether an Arrow type is text, also if dictionary-encoded."""
     if pa.types.is_dictionary(arrow_type):
         arrow_type = arrow_type.value_type
     is_view = pa.types.is_string_view(arrow_type)
@@ -165,7 +165,8 @@ def is_text_type(arrow_type: Any) -> bool:
 class JsonLinesColumns(ParquetColumns):
     """Columns of a file with a JSON object per line, kept in memory.
 
-    Objects inside become columns such as `wheel.torque`; the elements of short lists `accel[0]`.
+    Members of nested objects become columns such as `wheel.torque`, elements of short lists columns
+    such as `accel[0]`.
     """
 
     def _read_arrow_schema(self) -> Any:
@@ -190,7 +191,7 @@ class JsonLinesColumns(ParquetColumns):
         return self._table.schema
 
     def _parse_lines(self, text: bytes) -> pl.DataFrame:
-        """Rows of all lines at once; of lines that are objects where others are not."""
+        """Parse all lines at once; line by line, keeping only objects, if that fails."""
         if _NUL not in text:  # a name with one makes polars panic
             with suppress(*_POLARS_ERRORS):
                 return pl.read_ndjson(io.BytesIO(text), infer_schema_length=None)
@@ -216,7 +217,7 @@ class JsonLinesColumns(ParquetColumns):
             return self._parse_each_column([json.loads(line) for line in lines])
 
     def _parse_each_column(self, rows: list[dict[str, Any]]) -> pl.DataFrame:
-        """Columns of the kind that most of their values have; the others are lost."""
+        """Make columns of the kind that most of their values have; other values become null."""
         columns: list[pl.Series] = []
         for name in dict.fromkeys(name for row in rows for name in row):
             values = [row.get(name) for row in rows]
@@ -230,7 +231,7 @@ class JsonLinesColumns(ParquetColumns):
         return pl.DataFrame(columns)
 
     def _flatten_columns(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """Objects and short lists as columns of their own; long lists are left out."""
+        """Turn members of objects and elements of short lists into columns; drop long lists."""
         columns: list[pl.Series] = []
         waiting = frame.get_columns()[::-1]
         while waiting:
@@ -268,12 +269,12 @@ class JsonLinesColumns(ParquetColumns):
 
 
 def _find_json_kind(value: Any) -> str | None:
-    """Kind of a JSON value: objects, lists, truths, texts or numbers; None of null."""
+    """Kind of a JSON value: a name from `_JSON_KINDS`, else "numbers"; None for null."""
     return _JSON_KINDS.get(type(value), "numbers")
 
 
 def _decode_metadata_texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
-    """Metadata entries that are text."""
+    """Decode metadata entries as UTF-8; invalid bytes are replaced."""
     return {
         key.decode(errors="replace"): text.decode(errors="replace")
         for key, text in metadata.items()
@@ -291,7 +292,7 @@ def _convert_arrow_errors() -> Generator[None]:
 def _make_column_name(
     name: str, metadata: dict[bytes, bytes], schema_unit: str | None
 ) -> ColumnName:
-    """Column with the unit from its metadata, the schema's metadata, or its name."""
+    """Make a column's name, with the unit from its metadata, the schema's, or the name itself."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
     bare, unit = split_unit_from_column_name(name)
     own = find_pint_unit_name(stated.decode("utf-8", "replace"))
@@ -299,7 +300,7 @@ def _make_column_name(
 
 
 def find_schema_units(metadata: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:
-    """Units stated in a file's metadata, by column, in pint's names.
+    """Find the units stated in a file's metadata, by column, as pint names them.
 
     Args:
         metadata: metadata of the file, as text.
@@ -327,7 +328,10 @@ def _iter_units_in_metadata(
 
 
 def iter_attribute_units(attributes: Any, known_names: frozenset[str]) -> Iterator[tuple[str, str]]:
-    """Units in attributes: a map of units, a map per column, or columns with `metadata`."""
+    """Yield columns and units from attributes.
+
+    Known forms are a map of units, a map per column, and a list of columns with `metadata`.
+    """
     if not isinstance(attributes, dict):
         return
     for key in _MAPS:

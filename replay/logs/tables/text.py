@@ -1,6 +1,6 @@
-"""A table as UTF-8 text: the file itself, or a copy if polars cannot read it directly.
+"""Provide a table as UTF-8 text: the file itself, or a copy if polars cannot read it directly.
 
-A sheet of an Excel file is copied with its stored values.
+A sheet of an Excel file is copied with its stored values; formulas are not evaluated.
 """
 
 import codecs
@@ -32,20 +32,20 @@ _MARKS: Final = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 _GZIP: Final = b"\x1f\x8b"
-#: The decimal sign, the sign between thousands and the percent of Arabic, and wide points.
+#: Arabic decimal, thousands and percent signs, and full-width point and minus, to ASCII.
 _OTHER_SIGNS: Final = {0x066B: ".", 0x066C: "’", 0x066A: "%", 0xFF0E: ".", 0xFF0D: "-"}
 _SHEETS: Final = "xl/worksheets/"
-#: Where a cell or a row is, in a sheet's XML.
+#: Reference of a cell or a row in a sheet's XML.
 _PLACE: Final = re.compile(rb"\br=[\"']([A-Z]{0,3})(\d{1,7})[\"']")
 
 
 @dataclass(frozen=True, slots=True)
 class Utf8Text:
-    """A file that polars reads.
+    """Text file in UTF-8 that polars can read.
 
     Attributes:
         path: file of the table, or a copy.
-        copy: directory of the copy; None without one.
+        copy: temporary directory of the copy; None without a copy.
         notes: notes on what was detected.
     """
 
@@ -55,7 +55,7 @@ class Utf8Text:
 
 
 def convert_file_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
-    """The table in UTF-8, by a copy if it has another encoding.
+    """Return the table in UTF-8: the file, or a copy if it is compressed or encoded otherwise.
 
     Args:
         path: a text file.
@@ -71,7 +71,7 @@ def convert_file_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
     found = encoding or _detect_text_encoding(path)
     try:
         name = codecs.lookup(found).name
-        # there are codecs that make no text: base64
+        # some codecs decode to bytes, not text: base64
         io.TextIOWrapper(io.BytesIO(), found)
     except (LookupError, ValueError):
         raise BrokenBytesError(
@@ -89,7 +89,7 @@ def convert_file_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
 
 
 def _decompress_gzip_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
-    """The text of a gzip file."""
+    """Decompress a gzip file to a temporary copy in UTF-8."""
     folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
     place = Path(folder.name) / path.name.removesuffix(".gz")
     try:
@@ -119,22 +119,22 @@ def _decompress_gzip_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
 
 
 def _does_file_use_cr_line_ends(path: Path) -> bool:
-    """Whether lines end in a carriage return alone, as in files of old Macintoshes."""
+    """Whether lines end in a carriage return alone, as in files from classic Mac OS."""
     with path.open("rb") as file:
         head = file.read(LIMITS.head_bytes)
     return b"\n" not in head and head.count(b"\r") > 1
 
 
 def copy_with_blanks_as_tabs(text: Utf8Text) -> Utf8Text:
-    """Copy with each run of blanks replaced by a tab."""
+    """Copy a text with each run of blanks replaced by a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _iter_decoded_lines(text.path, "utf-8-sig"))
     return _write_lines_as_utf8_copy(text.path, lines, text.notes)
 
 
 def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
-    """Copy with digits of other scripts in ASCII: ١٢٫٥, １２.５.
+    """Copy a text with digits of other scripts, such as ١٢٫٥ and １２.５, converted to ASCII.
 
-    None if most digits at its begin are ASCII; others are then in names.
+    None if most digits at the start of the text are ASCII: other digits are then in names.
     """
     with text.path.open("rb") as file:
         head = file.read(LIMITS.head_bytes)
@@ -152,7 +152,7 @@ def copy_with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
 
 
 def copy_without_unclosed_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
-    """Copy without a last row that ends after an opening quote, on which polars panics.
+    """Copy a text without a last row that ends after an opening quote, on which polars panics.
 
     None if there is no such row.
     """
@@ -190,7 +190,7 @@ def _iter_decoded_lines(
     with path.open(
         encoding=encoding, errors="replace", newline=None if is_any_line_end_accepted else ""
     ) as file:
-        # in pieces: a line of a damaged file may be all of it
+        # in pieces: in a damaged file, a single line may be all of it
         while piece := file.readline(LIMITS.piece_bytes):
             yield piece
 
@@ -216,18 +216,18 @@ def _detect_text_encoding(path: Path) -> str:
             "its column names are neither UTF-8 nor Western; set [log] encoding, such as cp1251 or "
             "cp932,"
         )
-    # bytes that no name has are a fault of a cell, which polars takes as it is
+    # bytes that no text has are faults of single cells, which polars reads as they are
     readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)
     return "cp1252" if len(readable) > LIMITS.ascii_min_fraction * len(head) else "utf-8"
 
 
-#: Three letters beyond ASCII in a row: no Western language writes them. They are looked for in the
-#: lines where names are, since damaged cells have them too.
+#: Three non-ASCII letters in a row, which no Western language has. Only the lines of names are
+#: searched for them, since damaged cells have them too.
 _OTHER_LETTERS: Final = re.compile(rb"[\x80-\xff]{3}")
 
 
 def read_first_lines(path: Path) -> list[str]:
-    """First complete lines of a UTF-8 text, to detect its dialect."""
+    """Read the first complete lines of a UTF-8 text, from which its dialect is detected."""
     with path.open("rb") as file:
         head = file.read(LIMITS.head_bytes)
         while head.count(b"\n") < LIMITS.head_min_lines and len(head) < LIMITS.head_max_bytes:
@@ -237,7 +237,7 @@ def read_first_lines(path: Path) -> list[str]:
             head += more
         is_all = not file.read(1)
     text = head.decode("utf-8-sig", errors="replace")
-    # a lone carriage return ends no line for polars
+    # polars does not end a line at a lone carriage return
     lines = text.split("\n")
     if not is_all and len(lines) > 1:
         lines.pop()
@@ -247,7 +247,7 @@ def read_first_lines(path: Path) -> list[str]:
 
 
 def write_sheet_as_csv(path: Path, sheet: str | None, copies: ExitStack) -> Path:
-    """Write a sheet as a CSV.
+    """Write a sheet of a workbook to a temporary CSV file, and return its path.
 
     Args:
         path: an `.xlsx` file.
@@ -296,7 +296,7 @@ def _choose_sheet(workbook: Any, sheet: str | None) -> str:
 
 
 def _format_cell_as_text(value: Any) -> str:
-    """Value as a cell of a text table."""
+    """Format the value of a cell for a text table."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
@@ -317,10 +317,10 @@ class _SheetExtent:
         self._row, self._column = 1, 1
 
     def update_from_xml_text(self, xml_text: bytes) -> None:
-        """Search for cell positions (`r="XFD12"`) and rows (`r="12"`).
+        """Extend the sheet to the cells (`r="XFD12"`) and rows (`r="12"`) in a piece of XML.
 
         Raises:
-            BrokenBytesError: the sheet is too large.
+            BrokenBytesError: the sheet has more than `LIMITS.sheet_cells` cells.
         """
         for column, row in _PLACE.findall(xml_text):
             number = 0
@@ -336,7 +336,10 @@ class _SheetExtent:
 
 
 def refuse_oversized_workbook(path: Path) -> None:
-    """Unpack the file once without storing it, since the declared size of a bomb may be false."""
+    """Raise an error for a workbook that unpacks to more than `LIMITS.workbook_bytes`.
+
+    It is unpacked once without being stored, since the size that it declares may be false.
+    """
     try:
         with ZipFile(path) as archive:
             left = LIMITS.workbook_bytes

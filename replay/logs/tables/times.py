@@ -1,6 +1,6 @@
-"""Values of a time column as integer nanoseconds, by unit or by epoch, and their fractions.
+"""Convert the values of a time column to integer nanoseconds, by unit or by epoch.
 
-The size of the numbers identifies a clock that counts from another day than 1970.
+The magnitude of the numbers identifies a clock whose epoch is not 1970.
 """
 
 import re
@@ -17,7 +17,7 @@ from replay.logs.tables.header import ColumnName, reduce_to_lower_case_letters
 NS_PER_UNIT: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 
 
-#: Names of a column of the fraction of a second.
+#: Unit of a column of fractions of a second, by its name.
 _FRACTIONS: Final = {
     **dict.fromkeys(("ms", "msec", "msecs", "millis", "millisecond", "milliseconds"), "ms"),
     **dict.fromkeys(("us", "usec", "usecs", "micros", "microsecond", "microseconds"), "us"),
@@ -27,19 +27,19 @@ _PLACE: Final = re.compile(r"(?:.*[./])?(?:.*stamp_)?", re.IGNORECASE)
 _WHOLE_NUMBER: Final = re.compile(r"\d+(?:[.,]0*)?")
 _WHOLE_SECONDS: Final = ("sec", "secs", "second", "seconds", "s", "ss")
 _BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
-#: Below so many ns (two hours) a float has a thousandth of one, and need not be split.
+#: Time in ns (two hours) below which a float resolves 0.001 ns, and need not be split.
 _EXACT_NS: Final = 2.0**43
 
 
 class TimeError(Exception):
-    """A column cannot be the time; one line with the reason."""
+    """Raised if a column cannot be the time; one line with the reason."""
 
 
 def convert_times_to_ns(values: pl.Series, unit: str) -> pl.Series:
-    """Times as Int64 ns; null if missing.
+    """Convert times to Int64 ns; null if missing.
 
-    Integers are multiplied as integers. A float is split into whole and fraction first, so that the
-    result is its own value rounded to the ns, however large it is.
+    Integers are multiplied as integers. A float is first split into its integer part and fraction,
+    so that the result is its value correctly rounded to the ns, however large it is.
 
     Args:
         values: numbers in `unit`, or datetimes or durations with their own unit.
@@ -83,7 +83,7 @@ def _make_rounding_expression(values: pl.Expr) -> pl.Expr:
 
 
 def parse_times_from_text(values: pl.Series) -> pl.Series:
-    """Numbers or ISO 8601 times from text, whichever prevails."""
+    """Parse text as numbers, or as ISO 8601 times if most cells are not numbers."""
     text = values.str.strip_chars()
     present = text.filter(text.is_not_null() & (text != ""))
     numbers = present.cast(pl.Float64, strict=False)
@@ -107,7 +107,7 @@ def _convert_datetimes_to_ns(values: pl.Series) -> pl.Series:
 
 def refuse_times_beyond_64_bits(extremes: Iterable[object], max_value: int, unit: str) -> None:
     """Raise an error if a time does not fit into 64-bit ns."""
-    # as Python numbers: polars compares integers only with what fits into their own dtype
+    # as Python numbers: polars compares integers only with values that fit into their dtype
     for extreme in extremes:
         if isinstance(extreme, (int, float)) and abs(extreme) > max_value:
             raise TimeError(
@@ -117,14 +117,14 @@ def refuse_times_beyond_64_bits(extremes: Iterable[object], max_value: int, unit
 
 #: Nanoseconds of a day.
 _DAY_NS: Final = 86_400 * 10**9
-#: Seconds since 1970 of a log: from 2000 to 2041. No log is of a later day than today, and with
-#: this end no number is a day of two of these clocks.
+#: Earliest and latest time of a log in s since 1970: 2000 to 2041. No log is from the future, and
+#: with this end no number is a plausible date by two of these clocks.
 _LOG_S: Final = (946_684_800, 2_240_611_200)
 
 
 @dataclass(frozen=True, slots=True)
 class Epoch:
-    """A clock: its name, ns per unit, and reading at the begin of 1970."""
+    """A clock: its name, ns per unit, and its reading at the start of 1970."""
 
     name: str
     unit_ns: int
@@ -149,7 +149,7 @@ class Epoch:
 
 SPREADSHEET: Final = Epoch("days of a spreadsheet", _DAY_NS, 25_569)
 _LABVIEW: Final = Epoch("seconds since 1904, as LabVIEW counts", 10**9, 2_082_844_800)
-#: Each in a unit that none of `[log] time_unit` is.
+#: Epochs that are recognised by their numbers; none of their units is one of `[log] time_unit`.
 _OTHERS: Final = (
     SPREADSHEET,
     Epoch("days of MATLAB's datenum", _DAY_NS, 719_529),
@@ -163,12 +163,12 @@ _OTHERS: Final = (
 def find_plausible_epoch(
     min_number: float, max_number: float, typical_step: float, steps_s: tuple[float, float]
 ) -> Epoch | None:
-    """Clock by which numbers are plausible dates of a log; None without one.
+    """Find the clock by which numbers are plausible dates of a log; None if there is none.
 
     Args:
         min_number: smallest number.
         max_number: largest number.
-        typical_step: from row to row.
+        typical_step: typical difference from row to row.
         steps_s: smallest and largest plausible step of a log, in s.
     """
     for epoch in _OTHERS:
@@ -188,7 +188,7 @@ class CorrectedTimes(NamedTuple):
 
 
 def correct_labview_epoch(log_times: pl.Series) -> CorrectedTimes:
-    """Stamps in ns since 1970, corrected if LabVIEW counted from 1904, and a note if so."""
+    """Convert times in ns that LabVIEW counted from 1904 to ns since 1970; other times are kept."""
     low, high = log_times.min(), log_times.max()
     if not isinstance(low, int) or not isinstance(high, int):
         return CorrectedTimes(log_times, None)
@@ -202,7 +202,7 @@ def correct_labview_epoch(log_times: pl.Series) -> CorrectedTimes:
 def find_second_fraction_column(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], column_index: int
 ) -> str | None:
-    """Column of the fractions of a second, if the times have none; else None."""
+    """Find a column of fractions of a second; None if the times have fractions themselves."""
     own = cells(column_index)
     if any(re.search(r"[.,]0*[1-9]|:\d+:\d+:", cell) for cell in own):
         return None
@@ -225,7 +225,7 @@ def find_second_fraction_column(
 
 
 def find_seconds_of_fraction(column_name: str, all_names: Collection[str]) -> str | None:
-    """Name of the column of whole seconds beside a column of fractions of a second.
+    """Find the column of whole seconds that belongs to a column of fractions of a second.
 
     None if the column holds no fractions, or there is no such column in the same message.
     """
@@ -237,16 +237,17 @@ def find_seconds_of_fraction(column_name: str, all_names: Collection[str]) -> st
 
 
 def find_seconds_of_stamp(names: Sequence[str]) -> list[int]:
-    """Index of the first column of seconds of a message's stamp with its fractions beside it."""
+    """Index of the first column of seconds of a stamp that has a column of fractions, in a list."""
     stamps = (name for name in names if "stamp" in split_place_and_field(name)[0].lower())
     found = (find_seconds_of_fraction(name, names) for name in stamps)
     return [names.index(seconds) for seconds in found if seconds is not None][:1]
 
 
 def split_place_and_field(column_name: str) -> tuple[str, str]:
-    """Where a field is in its message, and its name in lower case: header.stamp.sec.
+    """Split a column's name into the path of the message part and the field in lower case.
 
-    An underscore separates them behind a stamp alone: time_s and time_ms are two times.
+    `header.stamp.sec` gives `header.stamp.` and `sec`. An underscore separates them only after
+    `stamp`: time_s and time_ms are two times.
     """
     match = _PLACE.match(column_name)
     place = match[0] if match else ""
@@ -254,24 +255,24 @@ def split_place_and_field(column_name: str) -> tuple[str, str]:
 
 
 def find_unit_of_second_fractions(name: str) -> str | None:
-    """Unit of fractions of a second in a name: `nanosec`, `Millitm`."""
+    """Unit of the fractions of a second that a name states: ns for `nanosec`, ms for `Millitm`."""
     word = reduce_to_lower_case_letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
     return _FRACTIONS.get(word) or next(by_beginning, None)
 
 
 class SecondFractions(NamedTuple):
-    """Fractions of a second in ns, and the unit that they had."""
+    """Fractions of a second in ns, and their original unit."""
 
     fractions_ns: pl.Series
     unit: str
 
 
 def convert_second_fractions_to_ns(cells: pl.Series) -> SecondFractions:
-    """Fractions of a second in ns, and their unit, from the name or from their size.
+    """Convert fractions of a second to ns, by the unit in their name, or by their magnitude.
 
     Raises:
-        TimeError: they are not fractions of a second.
+        TimeError: the cells are not fractions of a second.
     """
     numbers = cells.cast(pl.Float64, strict=False)
     largest, least = numbers.max(), numbers.min()

@@ -1,4 +1,4 @@
-"""Simulated logs as ROS 1 bags (format 2.0, http://wiki.ros.org/Bags/Format/2.0)."""
+"""Write simulated logs as ROS 1 bags (format 2.0, http://wiki.ros.org/Bags/Format/2.0)."""
 
 import struct
 from pathlib import Path
@@ -36,7 +36,7 @@ class _WrittenChunk(NamedTuple):
 
 
 def write_bag(log: SimulatedLog, path: Path) -> None:
-    """Write `log` as a ROS 1 bag at `path`, where nothing is yet."""
+    """Write `log` as a ROS 1 bag at `path`, which must not exist."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
@@ -72,7 +72,7 @@ def _make_bag_message_envelope(connection: int, times: Ints) -> Envelope:
 
 
 def encode_bag_record_header(opcode: int | None, **fields: bytes) -> bytes:
-    """The header of a record, its length before it."""
+    """Encode the header of a record, preceded by its length."""
     kind = {} if opcode is None else {"op": bytes([opcode])}
     parts = [f"{name}=".encode() + value for name, value in {**kind, **fields}.items()]
     data = b"".join(struct.pack("<L", len(part)) + part for part in parts)

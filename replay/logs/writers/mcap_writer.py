@@ -1,4 +1,4 @@
-"""Simulated logs as MCAP files (https://mcap.dev/spec), chunk by chunk."""
+"""Write simulated logs as MCAP files (https://mcap.dev/spec), chunk by chunk."""
 
 import zlib
 from collections import deque
@@ -41,7 +41,7 @@ from replay.logs.writers.serialise_messages import Envelope
 _MAGIC: Final = b"\x89MCAP0\r\n"
 #: Bytes of a chunk.
 _CHUNK_BYTES: Final = 1 << 20
-#: Chunks that are packed at the same time, and those that wait for it.
+#: Chunks that are compressed at the same time, and most chunks that wait.
 _PACKERS: Final = 2
 _MOST_WAITING: Final = 2 * _PACKERS
 #: Bytes before a message's data: channel, sequence, log and publish time.
@@ -50,7 +50,7 @@ _INDEX_ROW: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
 
 def write_mcap(log: SimulatedLog, path: Path) -> None:
-    """Write `log` as an MCAP file at `path`, where nothing is yet."""
+    """Write `log` as an MCAP file at `path`, which must not exist."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
@@ -72,7 +72,7 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
 
 
 def make_mcap_message_envelope(channel: int, times: Ints) -> Envelope:
-    """Bytes before the messages of a channel, recorded at times (n,)."""
+    """Make the envelope of a channel's messages, recorded at times (n,) in ns."""
 
     def record_head(size: int) -> list[bytes | tuple[str, Ints]]:
         head = bytes([Opcode.MESSAGE]) + (size + _MESSAGE_HEAD).to_bytes(8, "little")
@@ -96,7 +96,7 @@ def make_channel_record(
     definition: str,
     metadata: Mapping[str, str] = MappingProxyType({}),
 ) -> ChannelRecord:
-    """A channel of CDR messages, with a schema of the same number."""
+    """Make a channel of CDR messages, and its schema with the same id."""
     return ChannelRecord(
         Schema(id=channel_id, data=definition.encode(), encoding="ros2msg", name=msgtype),
         Channel(
@@ -130,10 +130,10 @@ def _make_empty_statistics() -> Statistics:
 
 @dataclass(eq=False)
 class McapColumnWriter:
-    """One file, as the library's own writer would make it.
+    """Writer of one MCAP file, in the form that the library's own writer gives it.
 
     Attributes:
-        file: opened for writing, empty.
+        file: empty file opened for writing.
         channels: channels of the file, by topic.
         packed: whether chunks are compressed with zstd and have a CRC.
         statistics: statistics of the messages written so far.
@@ -146,7 +146,7 @@ class McapColumnWriter:
     _indexes: list[ChunkIndex] = field(init=False, default_factory=list[ChunkIndex])
 
     def write_all_messages(self, topics: Sequence[RecordedTopic]) -> None:
-        """Write all messages; once."""
+        """Write all messages of the file; call it only once."""
         self.statistics.schema_count = self.statistics.channel_count = len(self.channels)
         self.file.write(_MAGIC)
         self._write_record(Header("ros2", "payscope"))
@@ -160,7 +160,7 @@ class McapColumnWriter:
             _add_chunk_to_statistics(self.statistics, counts, chunk)
 
     def write_summary_and_close(self, metadata: Sequence[Metadata] = ()) -> None:
-        """Write what closes the file."""
+        """Write the metadata records, the end of the data, the summary and the footer."""
         indexes = [self._write_metadata_record(each) for each in metadata]
         self.statistics.metadata_count = len(indexes)
         self._write_record(DataEnd(0))
@@ -254,7 +254,7 @@ class McapColumnWriter:
         offsets_at = begins + len(data)
         data += b"".join(map(_serialise_mcap_record, offsets))
         footer = Footer(summary_start=begins, summary_offset_start=offsets_at, summary_crc=0)
-        # all but the CRC itself, with which the footer ends
+        # covers all but the CRC itself, which ends the footer
         footer.summary_crc = zlib.crc32(_serialise_mcap_record(footer)[:-4], zlib.crc32(data))
         self.file.write(data + _serialise_mcap_record(footer) + _MAGIC)
 

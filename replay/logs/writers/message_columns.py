@@ -1,8 +1,8 @@
-"""Columns with the values of many messages, to be serialised.
+"""Columns with the values of many messages to serialise.
 
 A column is one value for all messages (a number, a text, a list or tuple of values, a mapping by
-field), a NumPy array with a row per message, or, where lengths differ, `RaggedColumn`. A field that
-is not named is empty: 0, no text, no elements.
+field), a NumPy array with a row per message, or, if lengths differ, a `RaggedColumn`. A field
+without a column is empty: 0, no text, no elements.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ class RaggedColumn:
 
     @classmethod
     def from_texts(cls, values: Sequence[str]) -> "RaggedColumn":
-        """Column of texts, one per message."""
+        """Make a column of texts, one per message."""
         encoded = [value.encode() for value in values]
         lengths = np.fromiter(map(len, encoded), np.int64, len(encoded))
         return cls(lengths, np.frombuffer(b"".join(encoded), np.uint8))
@@ -45,7 +45,7 @@ class RaggedColumn:
 
 
 def assign_list_layout_number_to_messages(column: Column) -> Ints | None:
-    """Numbers (n,) that are equal for messages of equal lengths; None if all lengths are equal."""
+    """Number each message's layout (n,): equal for equal lengths; None if all are equal."""
     if isinstance(column, RaggedColumn):
         return _number_nested_list_layouts_of_messages(column)
     if isinstance(column, Mapping):
@@ -62,7 +62,7 @@ def assign_list_layout_number_to_messages(column: Column) -> Ints | None:
 def assign_combined_list_layout_numbers(
     shape_numbers_of_columns: Sequence[Ints | None],
 ) -> Ints | None:
-    """Number the combinations of shapes of several columns."""
+    """Number the combinations of layouts of several columns, (n,); None if all are equal."""
     known = [each for each in shape_numbers_of_columns if each is not None]
     if len(known) < 2:
         return known[0] if known else None
@@ -70,7 +70,7 @@ def assign_combined_list_layout_numbers(
 
 
 def _number_nested_list_layouts_of_messages(column: RaggedColumn) -> Ints:
-    """Number of each message's layout: equal where all its nested lists have equal lengths."""
+    """Number each message's layout (n,): equal if all nested lists have equal lengths."""
     inside, lengths = assign_list_layout_number_to_messages(column.content), column.lengths
     if inside is None:
         return lengths

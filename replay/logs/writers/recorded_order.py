@@ -1,4 +1,4 @@
-"""Messages of several topics in recorded order, in blocks of bytes."""
+"""Arrange messages of several topics in recorded order, in blocks of bytes."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from estimators.compiled import compiled_without_refcounts
 from replay.logs.decoding.unaligned import copy
 from replay.logs.writers.serialise_messages import SameLayout
 
-#: Messages of a block: what is serialised at once stays in the processor's cache.
+#: Messages of a block, so few that their bytes stay in the processor's cache.
 BLOCK_ROWS: Final = 16_384
 
 
@@ -41,7 +41,7 @@ class RecordBlock(NamedTuple):
 
 @compiled_without_refcounts
 def _scatter_rows(rows: Bytes, row_bytes: int, target_offsets: Ints, target: Bytes) -> None:
-    """Copy rows of equal size to their positions in the target."""
+    """Copy rows of equal size to given offsets in the target."""
     for number in range(target_offsets.size):
         copy(rows, number * row_bytes, target, target_offsets[number], row_bytes)
 
@@ -62,7 +62,7 @@ def iter_records_in_time_order(topics: Sequence[RecordedTopic]) -> Iterator[Reco
 def make_next_record_block(
     topics: Sequence[RecordedTopic], times: Ints, topic_ids: Ints, messages_done: list[int]
 ) -> RecordBlock:
-    """Next block of messages; `messages_done` counts the messages of each topic that precede it."""
+    """Make the next block; `messages_done` counts the preceding messages of each topic."""
     lengths = np.empty(times.size, np.int64)
     made: list[tuple[Bytes, Ints]] = []
     for number, topic in enumerate(topics):
@@ -92,7 +92,7 @@ class FullChunk(NamedTuple):
     offsets: Ints
 
     def split_by_connection(self) -> "Mapping[int, FullChunk]":
-        """Messages of each connection, in the order of their first messages."""
+        """Messages by connection, in the order of the connections' first messages."""
         numbers, first = np.unique(self.connections, return_index=True)
         found: dict[int, FullChunk] = {}
         for number in numbers[np.argsort(first)].tolist():
@@ -108,7 +108,7 @@ class FullChunk(NamedTuple):
 def split_into_chunks(
     blocks: Iterator[RecordBlock], preamble: bytes, chunk_bytes: int
 ) -> Iterator[FullChunk]:
-    """Cut records into chunks, each ending with the record that exceeds the threshold.
+    """Split records into chunks, each ending with the record that exceeds `chunk_bytes`.
 
     Args:
         blocks: the records.

@@ -1,4 +1,4 @@
-"""ROS messages of a simulated log: topics and their contents, with the signs of REP-103."""
+"""Make the ROS messages of a simulated log, by topic, with the signs of REP-103."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -24,7 +24,7 @@ _JOINTS: Final = ("boom", "bucket")
 
 
 class Topic(NamedTuple):
-    """Topic of a simulated log: the frame that it carries, and the fields of its messages."""
+    """Topic of a simulated log: the id of its coordinate frame, and the fields of its messages."""
 
     name: str
     msgtype: str
@@ -73,13 +73,13 @@ def make_recorded_topics(
 def make_message_columns(
     topic_name: str, frame: pl.DataFrame, scenario: Scenario, first_sequence_number: int = 0
 ) -> dict[str, Column]:
-    """Columns of a topic's messages.
+    """Make the columns of a topic's messages, by field.
 
     Args:
         topic_name: key of the topic in `TOPICS`.
         frame: rows of the topic.
         scenario: simulated scenario.
-        first_sequence_number: of the first row, in ROS 1 headers.
+        first_sequence_number: sequence number of the first row, in ROS 1 headers.
     """
     topic = TOPICS[topic_name]
     stamp_ns = frame["header_stamp_ns"].to_numpy()
@@ -100,7 +100,7 @@ def _make_imu_columns(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Col
     # REP-103: y points left, so that a positive pitch is nose-down
     half = -frame["pitch_rad"].to_numpy() / 2
     roll = frame["roll_rad"].to_numpy() / 2
-    # a covariance of zeros, as those are that are left out, says that it is not known
+    # a covariance of zeros, as of an omitted field, means that it is unknown
     return {
         "orientation": {
             "x": np.sin(roll) * np.cos(half),

@@ -1,4 +1,4 @@
-"""Writer of simulated logs as rosbag2 directories with MCAP storage, and as bare databases."""
+"""Write simulated logs as rosbag2 directories with MCAP storage, and as bare databases."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.rosbag2.enums import CompressionMode
 
-#: What rosbags' writer calls it.
+#: Name that rosbags' writer gives the metadata file.
 METADATA: Final = "metadata.yaml"
 
 
 def write_rosbag2(log: SimulatedLog, path: Path) -> None:
-    """Write `log` as a rosbag2 directory `path`, where nothing is yet."""
+    """Write `log` as a rosbag2 directory at `path`, which must not exist."""
     _write_rosbag2_with_plugin(log, path, StoragePlugin.MCAP)
 
 
 def write_db3(log: SimulatedLog, path: Path) -> None:
-    """Write `log` as a bare database of rosbag2 at `path`, where nothing is yet."""
+    """Write `log` as a bare database of rosbag2 at `path`, which must not exist."""
     folder = path.with_name(f"{path.stem}.folder")
     _write_rosbag2_with_plugin(log, folder, StoragePlugin.SQLITE3)
     (folder / f"{folder.name}.db3").rename(path)
@@ -60,12 +60,12 @@ def _write_rosbag2_with_plugin(log: SimulatedLog, path: Path, plugin: StoragePlu
 
 
 def make_empty_message_envelope(_connection: int, _times: Ints) -> Envelope:
-    """Empty envelope: databases store nothing before a message."""
+    """Make an empty envelope, since a database stores nothing before a message."""
     return lambda _size: ()
 
 
 class _MessageCounts(NamedTuple):
-    """Message count by connection, and first and last time; unknown without messages."""
+    """Number of messages by connection, and first and last log time of all."""
 
     counts: dict[int, int]
     start_ns: int
@@ -76,7 +76,7 @@ class _Storage:
     """Storage of rosbags' writer that receives all messages at once."""
 
     def __init__(self, path: Path, compression: "CompressionMode") -> None:
-        del compression  # none is asked for
+        del compression  # none is requested
         self.path = path / f"{path.name}.mcap"
         self._file = self.path.open("xb")
         self._channels: list[ChannelRecord] = []
@@ -106,7 +106,7 @@ class _Storage:
         return _MessageCounts(counts, made.message_start_time, made.message_end_time)
 
     def close(self, version: int, metadata: str) -> None:
-        del version  # in the text
+        del version  # the text has it
         self._mcap.write_summary_and_close([Metadata("rosbag2", {"serialized_metadata": metadata})])
         self._file.close()
 

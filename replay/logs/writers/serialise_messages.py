@@ -1,4 +1,4 @@
-"""Serialise columns of messages: those of one layout at once, as rows of bytes.
+"""Serialise columns of messages; messages of one layout are serialised at once, as rows of bytes.
 
 The layout of a message follows from the lengths of its lists and texts alone. Messages with the
 same lengths are one structured array: shared bytes are written once, each column in one assignment.
@@ -23,12 +23,13 @@ from replay.logs.writers.message_columns import (
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-#: What precedes a message of so many bytes in its container: bytes, or numbers (n,) of a type.
+#: Function that returns what precedes messages of a given size in the container: constant bytes, or
+#: numbers (n,) with their type.
 Envelope: TypeAlias = Callable[[int], "Sequence[bytes | tuple[str, Ints]]"]
 _DTYPES: Final = {"bool": "?", "byte": "i1", "char": "u1", "octet": "u1"}
-#: The byte of an empty message of ROS 2.
+#: Name of the byte of an empty ROS 2 message.
 _PLACEHOLDER: Final = "structure_needs_at_least_one_member"
-#: Little-endian CDR.
+#: Encapsulation of little-endian CDR.
 _ENCAPSULATION: Final = b"\0\1\0\0"
 
 
@@ -55,10 +56,10 @@ def serialise_messages(
         column: messages by field; arrays have one row per message.
         message_count: number of messages.
         wire: encoding; numbers are little-endian.
-        envelope: bytes before each message; alignment counts from their end.
+        envelope: what precedes each message; alignment counts from its end.
 
     Returns:
-        Messages by layout, each preceded by its envelope.
+        Messages grouped by layout, each preceded by its envelope.
     """
     found = assign_list_layout_number_to_messages(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
@@ -80,7 +81,7 @@ def serialise_messages(
     ]
 
 
-#: Which elements of a column: a slice, or their places (k,).
+#: Selected elements of a column: a slice, or their indices (k,).
 _Chosen: TypeAlias = "slice | Ints"
 
 
@@ -141,14 +142,14 @@ class _Layout:
     wire: Wire
     head: bytes = b""
     size: int = 0
-    #: what is the same in all messages, and the columns of what is not, by offset
+    #: constant bytes, and columns of varying values, each with its offset
     constants: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
     columns: list[tuple[int, np.dtype[Any], NDArray[Any]]] = field(
         default_factory=list[tuple[int, np.dtype[Any], NDArray[Any]]]
     )
 
     def append_nested_message(self, name: str, column: Column, message_indices: _Chosen) -> None:
-        """Append a message or a nested message."""
+        """Append the fields of a message, or of a nested one."""
         known = column if isinstance(column, Mapping) else {}
         for key, description in self.store.fielddefs[name][1]:
             if key == _PLACEHOLDER and not self.wire.cdr:
@@ -270,6 +271,6 @@ def _find_list_length(column: Column, message_indices: _Chosen, fixed_length: in
 def stack_elements_of_length(
     column: RaggedColumn, message_indices: _Chosen, length: int
 ) -> NDArray[Any]:
-    """Elements (k, length) of those lists that have this length."""
+    """Stack the elements (k, length) of the selected lists, which all have this length."""
     assert isinstance(column.content, np.ndarray)
     return column.content[column.first_indices[message_indices][:, None] + np.arange(length)]
