@@ -11,7 +11,7 @@ unexport PYTHONDONTWRITEBYTECODE
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PARALLEL := -n $(WORKERS) --maxprocesses 9 --dist loadfile --no-loadscope-reorder
 
-.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test test-times check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended unlisted shifts shift-coverage payloads degenerate independent-shifts reproduction reading writing speed memory fuzz lock clean help
+.PHONY: heavy fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test test-times check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended unlisted shifts shift-coverage payloads degenerate independent-shifts reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -40,18 +40,21 @@ types: $(TEST_STAMP) ## strict types
 
 tests: $(TEST_STAMP) ## the tests alone, in parallel; a file's tests share its fixtures
 	$(BIN)/payscope warm-up
-	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow and not heavy"
 
-test-times: $(TEST_STAMP) ## the tests alone, and which files and tests took most of the processor
+test-times: $(TEST_STAMP) ## tests and heavy tests, and which files and tests took most of the processor
 	$(BIN)/payscope warm-up
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" --processor-times
 
-slow: $(TEST_STAMP) ## what takes a second or more each, many trials and examples (half an hour)
+heavy: $(TEST_STAMP) ## the tests of a second of the processor and more each (a quarter of an hour)
 	$(BIN)/payscope warm-up
-	$(BIN)/python -m pytest $(PARALLEL) -m slow
+	$(BIN)/python -m pytest $(PARALLEL) -m "heavy and not slow"
 
-unseen: $(TEST_STAMP) ## all tests with examples drawn anew, where others repeat their own (an hour)
-	$(BIN)/python -m pytest $(PARALLEL) --hypothesis-profile unseen
+slow: $(TEST_STAMP) ## the same statements over many trials and examples (an hour)
+	$(BIN)/python -m pytest $(PARALLEL) -m slow --hypothesis-profile unseen
+
+unseen: $(TEST_STAMP) ## the tests with examples drawn anew, where others repeat their own (half an hour)
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" --hypothesis-profile unseen
 
 $(BIN)/python:
 	$(PYTHON) .ci/make_environment.py .venv

@@ -10,7 +10,7 @@ import pytest
 from analysis.model.run_record import Run
 from tests.analysis.other_machine_logs import replayed
 from tests.trials.other_machines import OTHER_MACHINES, arm, bus, cart, electric_car
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 #: Masses on board, in kg, a file each.
 SEVEN_KG = (0.0, 700.0, 1400.0, 2100.0, 2800.0, 3500.0, 4200.0)
@@ -25,7 +25,7 @@ def driven(name: str, seed: int) -> Run:
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, (100, 0, 1)))
-@pytest.mark.parametrize("name", mark_slow_after(1, OTHER_MACHINES))
+@pytest.mark.parametrize("name", mark_heavy_after(1, OTHER_MACHINES))
 def test_there_is_no_pile(name: str, seed: int) -> None:
     made = driven(name, seed)
     assert made.frames["digging"].is_empty()
@@ -43,7 +43,7 @@ def test_a_load_that_stays_is_one_load(name: str, seed: int) -> None:
         assert abs(load["mass_kg"] - scenario.machine.mass_kg) < 3.0 * load["u_kg"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("seed", "order"),
     mark_slow_after(1, [(5, SHUFFLED), (1, tuple(range(7))), (4, tuple(range(7)))]),
@@ -94,7 +94,7 @@ def test_loads_of_an_arm_whose_weight_goes_with_its_acceleration_are_told(tmp_pa
         assert abs(load["mass_kg"] - scenario.machine.mass_kg - payload_kg) < 3.0 * load["u_kg"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_cart_with_one_load_in_four_files_has_one_load(tmp_path: Path) -> None:
     """Samples between the grid's rows had half the noise that was taken off them: four loads."""
     scenario = cart(27, (0.0, 1e-6, 2e-6, 3e-6))

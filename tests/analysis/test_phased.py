@@ -9,7 +9,7 @@ from analysis.stages.signals.derive import derive_channels_in_si, read_measured_
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis import phased
 from tests.analysis.conftest import make_machine
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 
 def loader(**settings):
@@ -31,7 +31,7 @@ def said(log, machine):
 
 
 @pytest.mark.parametrize("method", ["pooled", "ls"])
-@pytest.mark.parametrize("topic", mark_slow_after(1, ["force", "speed", "imu"]))
+@pytest.mark.parametrize("topic", mark_heavy_after(1, ["force", "speed", "imu"]))
 @pytest.mark.parametrize("phase_s", [0.003, 0.009])
 def test_a_phase_between_topics_costs_no_mass(topic, phase_s, method):
     """9 ms of it took 29 kg off `pooled` and 48 kg off `ls` while values were held."""

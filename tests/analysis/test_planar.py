@@ -20,7 +20,7 @@ from tests.analysis.plane_drives import (
     spins,
     starts,
 )
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 COM_X_M, COM_Y_M = LOADER[2] / LOADER[0], LOADER[3] / LOADER[0]
 TOLD = (*PARAMETERS, "com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
@@ -191,7 +191,7 @@ def test_an_arc_shorter_than_a_window_has_no_row():
     assert only(short, "arc") == []
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_an_arc_that_promises_too_little_is_refused_with_its_promise():
     strict = machine(threshold_std_com_m=1e-4, **POOLED)
     refused = replayed(sensors(starts() + spins() + arcs()), strict)
@@ -244,7 +244,7 @@ def drive_with_spin_centre(ahead_m):
     return sensors(starts() + spins() + arcs(), origin_x_m=-ahead_m)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_all_motion_is_told_about_an_origin_that_spins_do_not_turn_about():
     """The first moments are part of its fit, unlike of spins alone."""
     off = replayed(drive_with_spin_centre(0.15), machine(body=SURVEYED, **POOLED))
@@ -258,7 +258,7 @@ def test_all_motion_is_told_about_an_origin_that_spins_do_not_turn_about():
 
 @pytest.mark.parametrize(
     ("ahead_m", "body"),
-    mark_slow_after(1, [(0.15, {}), (0.15, {"track_width_m": 1.5}), (0.6, SURVEYED)]),
+    mark_heavy_after(1, [(0.15, {}), (0.15, {"track_width_m": 1.5}), (0.6, SURVEYED)]),
 )
 def test_an_imu_that_may_be_elsewhere_than_stated_withholds_all_motion(ahead_m, body):
     """It shows what a machine does that turns about another point than the origin."""

@@ -59,7 +59,7 @@ def examples(count: int) -> settings:
 
 
 # but for the tables of which a viewer and an engine are started
-@pytest.mark.slow
+@pytest.mark.heavy
 @examples(TABLES)
 @given(seed=strategies.integers(0, 10**9).filter(lambda seed: seed % SLOW_EVERY))
 def test_a_drawn_table_ends_no_command_in_a_traceback_or_a_warning(seed: int) -> None:

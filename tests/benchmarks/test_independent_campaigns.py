@@ -54,7 +54,7 @@ def test_the_state_that_is_farthest_off_is_judged() -> None:
     assert (fills.deviation, fills.outside) == (11.0, 1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_campaign_of_shifts_goes_on_where_it_ended(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,7 +41,7 @@ def test_the_bench_imports_nothing_of_the_product(path: Path) -> None:
     assert all(name.startswith("benchmarks.independent.") for name in ours)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_nothing_of_the_product_is_loaded_by_making_a_log() -> None:
     code = (
         "import sys, benchmarks.independent.shift_logs as logs, benchmarks.independent.mcap_log\n"

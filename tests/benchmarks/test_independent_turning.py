@@ -6,7 +6,7 @@ import pytest
 from analysis.model.machine import Machine
 from benchmarks.independent.turning_logs import FAULTS, turn_log
 from benchmarks.turning import planar_of, turned
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 #: Logs of each fault for `make slow`; `make test` has one of two faults, of some seconds each.
 SEEDS = range(3)
@@ -15,7 +15,7 @@ SLOW = pytest.mark.slow
 
 @pytest.mark.parametrize(
     ("fault", "quantity", "seeds"),
-    mark_slow_after(
+    mark_heavy_after(
         1,
         [
             ("IMU 5 cm off", "com_x_m", (1,)),
@@ -47,7 +47,7 @@ def test_what_spins_tell_an_arc_is_a_covariance_where_priors_alone_tell_terms_ap
     assert all(row["inertia_z_std_kg_m2"] > 0.0 for row in told)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_machine_file_that_states_nothing_is_told_what_is_not_in_the_uncertainty():
     for seed in SEEDS:
         said = planar_of(turn_log(FAULTS["clean"], seed, stated=False)).filter(kind="joint")

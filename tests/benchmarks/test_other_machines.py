@@ -13,7 +13,7 @@ ONCE_WRONG = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("case", mark_slow_after(1, ONCE_WRONG))
 def test_each_file_has_its_load(case: str) -> None:
     mine = draw_machine(ONCE_WRONG[case], files=True)
@@ -24,7 +24,7 @@ def test_each_file_has_its_load(case: str) -> None:
     assert all(error is not None and abs(error) < 3.0 for error in found.errors)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_no_car_drives_into_a_pile_at_the_speed_of_a_road() -> None:
     found = told(draw_machine(553, files=False))
     assert found.piles == 0

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.own_rate import MASS_KG, Cell, cells, logged, machine_of, weighed
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 #: Where the noise came out at up to 1e14 m/s², or rows between samples counted.
 HARD = (
@@ -35,7 +35,7 @@ def test_no_cell_has_a_cutoff_above_what_its_rate_can_hold() -> None:
 
 @pytest.mark.parametrize(
     "cell",
-    mark_slow_after(1, [Cell(1.0, 20.0, derived=True), Cell(50.0, 2.0, derived=True)]),
+    mark_heavy_after(1, [Cell(1.0, 20.0, derived=True), Cell(50.0, 2.0, derived=True)]),
     ids=str,
 )
 def test_wheels_that_slip_and_give_the_acceleration_tell_how_much(cell: Cell) -> None:

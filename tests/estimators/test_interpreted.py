@@ -49,7 +49,7 @@ def both_ways(loop: CompiledLoop, *arguments: Any) -> Any:
     return compiled
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("log", mark_slow_after(1, LOGS))
 def test_every_call_of_a_replay(log: str, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: set[str] = set()

@@ -95,7 +95,7 @@ def assert_digits(found, exact, digits=1e-9):
 ACCEPTED = 1000.0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_ols_over_twelve_hours_is_that_of_each_window_alone(twelve_hours):
     A, f, index = twelve_hours
     solved = ls.solve_windows(A, f, W, index)

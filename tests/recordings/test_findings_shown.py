@@ -124,7 +124,7 @@ def test_the_lines_name_causes_and_proposals(drives) -> None:
     assert "   set channels.force_x_N.delay_s = 0.042" in lines
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_picture_is_drawn_of_every_kind_of_run(drives, tmp_path: Path) -> None:
     runs = {
         "nothing accepted": drives(30.0, accepted=False),

@@ -28,7 +28,7 @@ def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_p
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recorded_answer_is_the_answer(drives, tmp_path):
     run = drives(30.0)
     kept = read_recording(write_recording(run, tmp_path / "new.rrd"))

@@ -98,7 +98,7 @@ def bits(run: Run) -> list[object]:
 
 
 # each writes a recording, which takes a twentieth of a second and more
-@pytest.mark.slow
+@pytest.mark.heavy
 @settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
 @given(run=runs())
 def test_whatever_was_written_is_read_back_bit_for_bit_in_the_same_order(run: Run, tmp_path: Path):
@@ -111,7 +111,7 @@ def test_whatever_was_written_is_read_back_bit_for_bit_in_the_same_order(run: Ru
     }
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_run_with_every_frame_comes_back_equal_and_the_recorder_verifies_the_file(
     drives, tmp_path: Path
 ):
@@ -141,7 +141,7 @@ def test_rows_of_many_blocks_keep_their_order_also_after_the_recorder_rearranged
     assert read_recording(tidied) == run
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_what_the_recorder_put_apart_is_put_together_again(drives, tmp_path: Path):
     # it keeps thin columns, as those of booleans, in other chunks than thick ones
     run = drives(60.0)
@@ -188,7 +188,7 @@ def test_times_lie_on_the_utc_timeline_and_on_the_one_since_the_start(tmp_path: 
     assert batch.column("t").cast("int64").to_pylist() == [0, 5]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_one_frame_or_some_of_its_columns_are_read_alone_in_the_order_asked_for(
     drives, tmp_path: Path
 ):

@@ -12,7 +12,7 @@ from analysis.model.machine import Machine
 from replay import open_log, run
 from tests.replay import truck
 from tests.replay.sledge import MACHINE, Payscope
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 MASS_KG = 120.0
 FRICTION_N_S_M = 40.0
@@ -41,7 +41,7 @@ def strokes(seen: float = 1.0, count: int = 14) -> pl.DataFrame:
     return pl.DataFrame({"time_s": np.arange(speed.size) / RATE_HZ, **noisy})
 
 
-@pytest.mark.parametrize("seen", mark_slow_after(1, [1.0, 0.8, 0.5]))
+@pytest.mark.parametrize("seen", mark_heavy_after(1, [1.0, 0.8, 0.5]))
 def test_brakes_that_the_force_sees_in_part_do_not_lower_the_mass(
     seen: float, tmp_path: Path
 ) -> None:
@@ -88,7 +88,7 @@ def test_the_note_of_a_run_names_the_setting(payscope: Payscope, slide: Path) ->
     assert "settings.gate.exclude_braking = false" in said.out
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_explain_apply_mends_it(payscope: Payscope, slide: Path, tmp_path: Path) -> None:
     draft, target = tmp_path / "draft.toml", tmp_path / "mended.toml"
     draft.write_text(DRAFT)

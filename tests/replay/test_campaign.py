@@ -14,7 +14,7 @@ from analysis.simulation import Scenario
 from replay import load_machine
 from replay.demo.run_demo import replay_simulated_campaign
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def masses_of_bag(tmp_path_factory: pytest.TempPathFactory) -> pl.Series:
     return masses_of_one_load(tmp_path_factory.mktemp("bag") / "one.bag")
 
 
-@pytest.mark.parametrize("suffix", mark_slow_after(1, [".mcap", ".csv", ""]))
+@pytest.mark.parametrize("suffix", mark_heavy_after(1, [".mcap", ".csv", ""]))
 def test_every_format_gives_the_same_masses(
     masses_of_bag: pl.Series, tmp_path: Path, suffix: str
 ) -> None:
@@ -111,7 +111,7 @@ _CSV_CHANNELS = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_slope_is_in_the_specific_force_but_not_in_the_wheels(tmp_path: Path) -> None:
     steep = Scenario()
     steep = steep.model_copy(

@@ -49,7 +49,7 @@ def test_on_a_narrow_screen_a_wide_frame_stands_in_parts() -> None:
 
 class TestShow:
     # a stage in one of the formats in turn, and each in every one
-    @pytest.mark.slow
+    @pytest.mark.heavy
     @pytest.mark.parametrize("turns", mark_slow_after(1, [1, 3]))
     def test_lists_the_stages_and_prints_each_of_them_in_each_format(
         self, payscope: Payscope, recording: Path, tmp_path: Path, turns: int
@@ -125,7 +125,7 @@ class TestShow:
         join_to_one_line(payscope("show", recording, "masses", "--at", 2), "has no time")
         join_to_one_line(payscope("show", recording, "--at", 2), "need the name of a frame")
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_a_joints_name_in_a_column_is_no_markup(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:
@@ -161,7 +161,7 @@ class TestShow:
         join_to_one_line(payscope("show", recording, "gate", "--format", "parquet"), "-o")
         join_to_one_line(payscope("show", recording, "masses", "--from", 1), "no time")
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_plot_draws_a_page(self, payscope: Payscope, recording: Path, tmp_path: Path) -> None:
         picture = tmp_path / "page.png"
         assert payscope("plot", recording, "-o", picture).status == 0
@@ -230,7 +230,7 @@ class TestInit:
         assert "channels" not in tomllib.loads(made.read_text())
         assert "/arm" in made.read_text()
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_the_simulated_machine_runs_from_its_first_machine_file_and_what_only_a_person_knows(
         self, payscope: Payscope, tmp_path: Path
     ) -> None:

@@ -140,7 +140,7 @@ class TestRun:
         assert len(rows) > 40
         assert max(len(line) for line in rows) <= width
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_a_force_that_is_too_late_withholds_the_mass_says_how_to_mend_it_and_exits_1(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:
@@ -153,7 +153,7 @@ class TestRun:
         mended = ["--set", "channels.force_x_N.delay_s=0.12"]
         assert payscope("run", late, "-m", machine_file, *mended).status == 0
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_several_logs_are_one_time_line(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:
@@ -215,7 +215,7 @@ class TestRun:
         assert float(total[1]) >= 0.0
         assert float(total[2]) >= 1.0
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     @pytest.mark.usefixtures("not_kept")
     def test_the_bar_is_as_long_as_a_replay_with_its_recording_has_stages(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
@@ -236,7 +236,7 @@ class TestRun:
         kept = read_recording(tmp_path / "out.rrd").frames["masses"]
         assert kept["mass_kg"].null_count() == kept.height
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_strict_refuses_a_log_with_a_loss_and_writes_nothing(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:
@@ -306,7 +306,7 @@ methods = ["pooled"]
         said.drop("unix_ns").write_csv(path)
         return path
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_inertia_and_centre_of_mass_are_printed_and_recorded(
         self, payscope: Payscope, loader: Path, tmp_path: Path
     ) -> None:
@@ -325,7 +325,7 @@ methods = ["pooled"]
         shown = json.loads(payscope("show", recording, "planar", "--format", "json").out)
         assert shown == answer["planar"]
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_spins_that_fail_withhold_the_inertia_and_leave_exit_status_and_mass(
         self, payscope: Payscope, loader: Path, tmp_path: Path
     ) -> None:

@@ -210,7 +210,7 @@ class TestWrongInput:
         assert said.status == 0
         assert "2 of 4000 samples of force_N are missing or not finite" in said.out
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_stamps_that_go_backwards_are_sorted_and_the_masses_stay(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:
@@ -276,7 +276,7 @@ class TestOutputs:
         out = tmp_path / "no" / "out.rrd"
         join_to_one_line(payscope("run", log, "-m", machine_file, "-o", out), "out.rrd", "folder")
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_read_only_folder(self, log: Path, machine_file: Path, tmp_path: Path) -> None:
         locked = tmp_path / "locked"
         locked.mkdir(mode=0o555)

@@ -29,7 +29,7 @@ def damage(kept: Path) -> None:
         code.write_bytes(code.read_bytes()[:100])
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_loop_that_cannot_be_read_is_removed_and_compiled_anew(tmp_path: Path) -> None:
     said = []
     for _ in range(3):

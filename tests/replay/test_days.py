@@ -39,7 +39,7 @@ def test_a_run_of_another_day_than_its_log_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "evidence").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_day_is_that_of_the_machines_time_zone(tmp_path: Path) -> None:
     campaign = campaign_folder(tmp_path / "c", loads=(0,), begin_unix_s=BEGIN_UNIX_S)
     made = calibrate_from_campaign(campaign, tmp_path / "evidence")
@@ -86,7 +86,7 @@ def test_runs_that_were_recorded_at_the_same_time_are_irreproducible(
     assert "were recorded at the same time: one drive counts twice" in items(found)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_drive_that_counts_twice_under_another_name_is_refused(tmp_path: Path) -> None:
     campaign = campaign_folder(tmp_path / "c", loads=(0, 1, 2))
     shutil.copy(campaign.parent / "load-1.csv", campaign.parent / "again.csv")

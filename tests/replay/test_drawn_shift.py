@@ -9,7 +9,7 @@ from benchmarks.shift_logs import matched, reviewed_shift
 from benchmarks.shifts import table, totals
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_drawn_shift_is_reviewed_with_its_tonnes_in_their_interval(tmp_path: Path) -> None:
     found = reviewed_shift(102, tmp_path, hours=0.12, break_s=120.0)
     assert found.right >= found.true - 1

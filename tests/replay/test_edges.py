@@ -17,7 +17,7 @@ def ended(*cases: str) -> int:
     return subprocess.run(command, cwd=REPO, check=False).returncode
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_load_that_reaches_one_byte_too_far_ends_the_process() -> None:
     assert ended("overreach") in (-signal.SIGSEGV, -signal.SIGBUS)
 
@@ -29,7 +29,7 @@ def test_a_load_that_reaches_one_byte_too_far_ends_the_process() -> None:
         pytest.param(
             ("cdr_le", "cdr_be", "xcdr2_le", "xcdr2_be", "ros1", "text"),
             id="messages",
-            marks=pytest.mark.slow,
+            marks=pytest.mark.heavy,
         ),
     ],
 )

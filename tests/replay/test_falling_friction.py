@@ -6,7 +6,7 @@ import pytest
 
 from analysis.model.run_record import Run
 from tests.replay import truck
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 
 def friction_sign(found: Run) -> tuple[float, bool]:
@@ -14,7 +14,7 @@ def friction_sign(found: Run) -> tuple[float, bool]:
     return row["value"], row["passed"]
 
 
-@pytest.mark.parametrize("grease_N", mark_slow_after(1, [0.0, 1_000.0, 1_500.0]))
+@pytest.mark.parametrize("grease_N", mark_heavy_after(1, [0.0, 1_000.0, 1_500.0]))
 def test_grease_that_breaks_away_leaves_a_mass_that_is_right(
     grease_N: float, tmp_path: Path
 ) -> None:
@@ -26,7 +26,7 @@ def test_grease_that_breaks_away_leaves_a_mass_that_is_right(
     assert ("falling_friction" in causes) is (grease_N > 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_speed_of_the_wrong_sign_is_refused(tmp_path: Path) -> None:
     table = truck.starts()
     found = truck.replayed(tmp_path, table.with_columns(-table["speed_m_s"]))

@@ -17,7 +17,7 @@ ALL_METHODS = 'settings.trace.methods=["ls", "rls", "fgls", "tls", "rtls", "hube
 THREADS = ("NUMBA_NUM_THREADS", "POLARS_MAX_THREADS", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_one_line_shows_it_and_json_and_recording_hold_it_whole(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:
@@ -52,7 +52,7 @@ def test_another_setting_and_another_name_of_the_log_change_what_they_should(
     assert [name for name in first if first[name] != other[name]] == ["settings", "results"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread")
 def test_one_thread_and_two_give_the_same_fingerprint(machine_file: Path, tmp_path: Path) -> None:
     log = tmp_path / "long.csv"

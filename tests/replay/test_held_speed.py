@@ -12,7 +12,7 @@ from analysis.model.run_record import Run
 from replay import open_log, run
 from tests.replay import truck
 from tests.replay.sledge import MACHINE
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 HELD_NOTE = (
     "speed_x_m_s holds each reading for 5 rows of 50 Hz: it is taken at 10 Hz, without the rows "
@@ -52,7 +52,7 @@ def test_it_weighs_as_the_speed_of_its_sensor_does(table: pl.DataFrame, tmp_path
     assert any("the grid is at 10 Hz" in note for note in found.provenance.notes)
 
 
-@pytest.mark.parametrize("held_rows", mark_slow_after(1, [1, 2, 5]))
+@pytest.mark.parametrize("held_rows", mark_heavy_after(1, [1, 2, 5]))
 def test_noise_that_falls_as_fast_as_braking_takes_no_driving_apart(
     held_rows: int, tmp_path: Path
 ) -> None:
@@ -65,7 +65,7 @@ def test_noise_that_falls_as_fast_as_braking_takes_no_driving_apart(
     assert abs(load["mass_kg"] - truck.MASS_KG) <= 2.0 * load["u_kg"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_empty_cells_between_its_readings_say_the_same(table: pl.DataFrame, tmp_path: Path) -> None:
     held = hold(table, 5)
     own = pl.int_range(pl.len()) % 5 == 0
@@ -74,7 +74,7 @@ def test_empty_cells_between_its_readings_say_the_same(table: pl.DataFrame, tmp_
     assert one.equals(other)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_speed_that_is_not_held_has_no_note(table: pl.DataFrame, tmp_path: Path) -> None:
     notes = weighed(tmp_path, table).provenance.notes
     assert not any("holds each reading" in note for note in notes)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 REPO = Path(__file__).resolve().parents[2]
 COMMAND = Path(sys.executable).with_name("payscope")
@@ -25,7 +25,7 @@ def payscope(*words: str, path: Path) -> "subprocess.CompletedProcess[str]":
 
 
 @pytest.mark.parametrize(
-    "name", mark_slow_after(1, ["estimators", "analysis", "recordings", "replay"])
+    "name", mark_heavy_after(1, ["estimators", "analysis", "recordings", "replay"])
 )
 @pytest.mark.parametrize("content", ["__version__ = '0.3'\n", None], ids=["package", "folder"])
 def test_a_package_that_shadows_ours_is_named_in_one_line(

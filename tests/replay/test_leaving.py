@@ -41,7 +41,7 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "words",
     mark_slow_after(1, [["gate", "--format", "csv"], [], ["gate"], ["gate", "--format", "json"]]),
@@ -58,7 +58,7 @@ def test_a_reader_that_closes_the_pipe_is_no_fault(recording: Path, words: list[
     assert shown.returncode == 0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize("words", mark_slow_after(1, [["gate", "--format", "csv"], [], ["masses"]]))
 def test_a_full_disk_behind_stdout_is_one_line(recording: Path, words: list[str]) -> None:
@@ -89,7 +89,7 @@ def limited(size: int, *words: object) -> "subprocess.CompletedProcess[str]":
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.skipif(sys.platform == "win32", reason="files have no limit there")
 def test_a_disk_that_fills_up_under_a_recording_is_one_line_and_leaves_nothing(
     log: Path, machine_file: Path, tmp_path: Path
@@ -193,7 +193,7 @@ def test_ended_in_the_middle_it_leaves_no_half_file(tmp_path: Path, number: sign
     assert not list(folder.glob(".payscope-*"))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell is needed")
 @pytest.mark.parametrize("closed", mark_slow_after(1, ["<&- >&- 2>&-", ">&-", "<&-", "2>&-"]))
 def test_streams_that_are_closed_from_the_beginning_are_no_fault(

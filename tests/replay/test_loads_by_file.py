@@ -51,7 +51,7 @@ def test_one_load_in_one_file_is_one_load(tmp_path: Path) -> None:
     assert abs(only["mass_kg"] - 14_000.0) < 2.0 * only["u_kg"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "masses_kg",
     mark_slow_after(

@@ -15,7 +15,7 @@ from replay.simulation.simulate_logs import simulate_scenario_to_logs
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_replay_of_all_manoeuvres_finds_their_phases_and_the_forces_that_drove_them(tmp_path):
     scenario = load_scenario_file(PLANAR, ["log.dropout_share=0", "machine.slip_stiffness_N=0"])
     (path,) = simulate_scenario_to_logs(scenario, tmp_path / "planar.mcap")

@@ -13,7 +13,7 @@ from tests.recordings.review.test_review_page import page
 A4_PT = (595, 842)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_shift_of_231_loads_is_two_pages_of_a4_and_says_the_hours(
     chromium: Any, tmp_path: Path
 ) -> None:

@@ -59,7 +59,7 @@ def test_on_a_phone_the_page_scrolls_down_only_and_its_texts_can_be_read(opened:
     assert cut == []
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
 def test_every_table_and_figure_has_a_name(opened: Any) -> None:
     assert opened.evaluate(

@@ -99,7 +99,7 @@ def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
     assert again.ledger["payload_kg"].to_list() == pytest.approx(SHORT, abs=1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_ten_cuts_anywhere_give_the_ledger_of_the_whole(
     machine: Path, reviewed: ShiftReview, tmp_path: Path
 ) -> None:
@@ -111,7 +111,7 @@ def test_ten_cuts_anywhere_give_the_ledger_of_the_whole(
     assert again.ledger.equals(reviewed.ledger)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
     folder: Path,
     machine: Path,
@@ -141,7 +141,7 @@ def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
     assert pl.read_parquet(out / "ledger.parquet").equals(rows)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(
     machine: Path, evidence: CalibrationOutcome, tmp_path: Path
 ) -> None:
@@ -194,7 +194,7 @@ def test_wrong_input_is_one_line(
     assert not (tmp_path / "r" / RECORDING).exists()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(st.text(min_size=1, max_size=60))
 def test_no_name_reaches_the_terminal_as_a_command(reviewed: ShiftReview, name: str) -> None:
     check = FailedCheck(

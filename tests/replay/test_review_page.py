@@ -118,7 +118,7 @@ def test_every_cycle_has_the_command_that_opens_it_copied_by_a_click_and_by_a_ke
         assert copied.startswith("payscope view shift.rrd --at ")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
 def test_figures_and_tables_have_names(opened: Any) -> None:
     figures = opened.evaluate(

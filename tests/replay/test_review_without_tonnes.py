@@ -15,7 +15,7 @@ from tests.analysis.cycles.test_cycles import found
 from tests.replay.shift_review import verdict
 from tests.replay.sledge import Payscope, Said, sledge
 from tests.replay.sledge_shift import EMPTY_KG, PAYLOADS_KG, sledge_shift
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 LOADED_KG = EMPTY_KG + PAYLOADS_KG[0]
 WITHHELD = ("--set", "settings.verdict.r_squared_min=1.0")
@@ -73,7 +73,7 @@ def said_on_stderr(said: Said) -> str:
     return said.err.rstrip("\n")
 
 
-@pytest.mark.parametrize("case", mark_slow_after(1, CASES))
+@pytest.mark.parametrize("case", mark_heavy_after(1, CASES))
 def test_it_is_one_line_exit_1_and_a_page_with_the_reason(
     payscope: Payscope, machine_file: Path, case: str
 ) -> None:

@@ -128,7 +128,7 @@ def test_the_line_that_refuses_a_key_adds_it(made: Made, keyring: Path, payscope
     assert keyring.exists()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     made: Made, keyring: Path
 ) -> None:

@@ -20,7 +20,7 @@ from replay.simulation.simulate_logs import (
 )
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, join_to_one_line
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 SHIFT = Scenario.model_validate(
     {
@@ -53,7 +53,7 @@ def truth_of(output: Path) -> dict[str, Any]:
     return json.loads(make_shift_truth_path(output).read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("suffix", mark_slow_after(1, ["bag", "mcap", "db3", ""]))
+@pytest.mark.parametrize("suffix", mark_heavy_after(1, ["bag", "mcap", "db3", ""]))
 def test_the_logs_of_a_shift_are_read_as_one_time_line_and_the_torn_one_says_so(
     tmp_path: Path, suffix: str
 ) -> None:

@@ -39,20 +39,20 @@ def test_calibrated_masses_lie_in_their_intervals(plan):
     assert alone < 0.8
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("days", mark_slow_after(1, [2, 3]))
 def test_few_days_are_no_excuse(days):
     ours, without_u, _, _ = held(Plan(days, day_kg=25.0))
     assert 0.905 <= without_u <= ours
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_one_day_alone_says_nothing_of_another():
     assert held(Plan(1, 2, same_day=True))[0] >= 0.915
     assert held(Plan(1, 2))[0] < 0.9
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_alpha_and_beta_of_the_paper_s_campaign_lie_in_their_intervals():
     found = paper_outcomes(FEW, 2)
     for name in ("54 runs of one reading", "six runs of nine readings"):

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.shift_coverage import covered, tables
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_intervals_of_payloads_hold_and_are_about_as_wide_as_with_the_true_boundaries() -> None:
     out = covered(8, seed=41)
     for name in ("whole", "random", "common"):

@@ -24,7 +24,7 @@ from analysis.model.schema import FRAMES
 from analysis.model.verdict import Verdict
 from replay import load_machine
 from tests.analysis.cycles.drawn import NS, drawn_shift
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 MACHINE = load_machine(Path("cat262c.toml"))
 FINE = Verdict(())
@@ -115,7 +115,7 @@ def test_one_load_throughout_is_no_cycle() -> None:
     assert summed(frames)["cycles"] == 0
 
 
-@pytest.mark.parametrize("noise_kg", mark_slow_after(1, [5.0, 30.0]))
+@pytest.mark.parametrize("noise_kg", mark_heavy_after(1, [5.0, 30.0]))
 def test_intervals_of_payloads_and_of_the_sum_hold_what_they_say(noise_kg: float) -> None:
     held: list[bool] = []
     sums: list[float] = []

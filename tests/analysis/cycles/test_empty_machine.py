@@ -52,13 +52,13 @@ def summary(made: Run):
 
 @pytest.mark.parametrize("gain", mark_slow_after(1, [1.1, 0.9]))
 class TestAGainThatNoOneKnows:
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_leaves_payloads_as_they_are_with_a_ticket(self, gain: float):
         right = payloads(replayed(1.0, TICKET))
         assert payloads(replayed(gain, TICKET)) == pytest.approx(right, rel=1e-3)
         assert right == pytest.approx(PAYLOADS_KG, rel=0.02)
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_is_in_payloads_without_one(self, gain: float):
         right = [gain * each for each in payloads(replayed(1.0))]
         assert payloads(replayed(gain)) == pytest.approx(right, rel=1e-3)
@@ -68,7 +68,7 @@ class TestAGainThatNoOneKnows:
         assert abs(found["gain_1"] - gain) < 3.0 * found["gain_u_1"]
         assert found["gain_u_1"] < 0.02
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_leaves_payloads_of_loads_beside_those_of_the_log_alone(self, gain: float):
         span = ("settings.loads.empty_from_s=0", "settings.loads.empty_to_s=20")
         right = replayed(1.0, TICKET, *span).frames["loads"]
@@ -100,7 +100,7 @@ class TestUncertainty:
         both = summary(replayed(1.0, KNOWN, f"machine.empty_mass_u_kg={ticket_kg}"))
         assert both["payload_u_kg"] <= alone["payload_u_kg"] * (1.0 + 1e-9)
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_of_the_ticket_is_a_share_of_the_tonnes(self):
         exact, rough = (
             summary(replayed(1.0, f"machine.empty_mass_u_kg={u_kg}")) for u_kg in (0.0, 2.0)
@@ -135,7 +135,7 @@ class TestFuelOnBoard:
         assert payloads(found) == pytest.approx(payloads(right), rel=1e-3)
         assert summary(found)["gain_1"] == pytest.approx(summary(right)["gain_1"], rel=1e-3)
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_what_is_burnt_is_gone(self):
         # at a steady rate half of it is burnt when the empty passes are weighed on average
         hours = summary(replayed(1.1, TICKET))["duration_s"] / 3600.0
@@ -145,7 +145,7 @@ class TestFuelOnBoard:
         )
         assert none / burns == pytest.approx(1.0 - 0.8 * 2.0 / (EMPTY_KG + 4.0), rel=0.004)
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_litres_that_are_not_known_are_in_the_tonnes(self):
         exact, rough = (
             summary(replayed(1.0, TICKET, self.LIGHTER, *self.TANK, f"machine.fuel.u_L={u_L}"))
@@ -215,7 +215,7 @@ def test_a_log_without_a_clock_has_no_day_to_compare():
     assert not list_notes_on_outdated_tickets(body, 5 * 10**9)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_day_of_a_ticket_is_kept_with_the_run():
     made = replayed(1.0, TICKET, "machine.empty_mass_day=2023-11-14")
     assert '"empty_mass_day":"2023-11-14"' in made.provenance.model_dump_json()

@@ -15,7 +15,7 @@ from replay import load_machine
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.analysis.weighing.weighed import Weighed
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 TRUE_KG = 3614.0
 SCALE_STATED = ("force_gain_u=0.01", "wheel_radius_u_m=0.002", "force_share_u=0.002")
@@ -54,7 +54,7 @@ def first(log: Weighed) -> dict[str, object]:
     return log.replayed.frames["findings"].row(0, named=True)
 
 
-@pytest.mark.parametrize("times", mark_slow_after(1, [1 / 3.9, 0.5, 0.65]))
+@pytest.mark.parametrize("times", mark_heavy_after(1, [1 / 3.9, 0.5, 0.65]))
 def test_a_mass_far_below_the_empty_machine_is_withheld_as_a_negative_payload(times):
     log = scaled(times)
     assert log.load["mass_kg"] is None
@@ -85,7 +85,7 @@ def test_a_small_difference_is_of_no_unit():
     assert len(EmptyMassDifference(5200.0, 5000.0, 50.0, True, True, machine).possible_causes) == 1
 
 
-@pytest.mark.parametrize("times", mark_slow_after(1, [1.5, 2.7, 3.6]))
+@pytest.mark.parametrize("times", mark_heavy_after(1, [1.5, 2.7, 3.6]))
 def test_a_mass_far_above_it_is_told_with_the_factor_and_its_candidates(times):
     log = scaled(times)
     remark = log.check("empty_mass")
@@ -118,7 +118,7 @@ def test_a_stated_scale_is_judged_by_itself():
     assert scaled(1.0, *SCALE_STATED).check("negative_payload").passed is True
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_an_empty_state_tells_of_a_factor_that_one_load_does_not():
     log = scaled(1.3, before_start=3)
     assert log.check("empty_mass").passed is False

@@ -9,7 +9,7 @@ import pytest
 from analysis.diagnosis.measured_channels import RawSignals
 from benchmarks.dialects.dialect_file import DRIVE
 from tests.analysis.limited_car import MASS_KG, Car, Judged
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 
 @cache
@@ -26,7 +26,7 @@ def starts(car: Car) -> list[tuple[float, float]]:
 class TestWheelsAgainstTheAccelerometer:
     """Judged by the mass that each says, however noisy the speed is."""
 
-    @pytest.mark.parametrize("noise_m_s", mark_slow_after(1, [0.01, 0.3]))
+    @pytest.mark.parametrize("noise_m_s", mark_heavy_after(1, [0.01, 0.3]))
     def test_a_disagreement_that_moves_no_mass_is_told(
         self, noise_m_s: float, tmp_path: Path
     ) -> None:
@@ -37,7 +37,7 @@ class TestWheelsAgainstTheAccelerometer:
         assert found.verdict.can_weigh
         assert abs(found.error_u) <= 2.0
 
-    @pytest.mark.parametrize("noise_m_s", mark_slow_after(1, [0.01, 0.3]))
+    @pytest.mark.parametrize("noise_m_s", mark_heavy_after(1, [0.01, 0.3]))
     def test_one_that_moves_it_leaves_no_answer(self, noise_m_s: float, tmp_path: Path) -> None:
         car = driven(noise_m_s)
         deaf = np.where(np.sin(2.0 * np.pi * car.t / 13.0) > 0.0, 1.0, 0.3)
@@ -50,7 +50,7 @@ class TestWheelsAgainstTheAccelerometer:
         assert found.check("wheel_imu_residual").passed is False
         assert "by the wheels alone the mass moves by" in found.check("wheel_imu_residual").meaning
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_of_an_acceleration_by_the_wheels_the_accelerometer_is_the_other_one(
         self, tmp_path: Path
     ) -> None:
@@ -104,7 +104,7 @@ class TestFrozen:
         assert row["severity"] == "tell"
         assert "excluded: this moves the mass" in row["evidence"]
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_over_the_only_starts_it_withholds(self, tmp_path: Path) -> None:
         found = driven().frozen(*starts(driven())).replayed(tmp_path)
         assert "frozen_s" in {
@@ -136,7 +136,7 @@ class TestLimits:
         assert found.verdict.can_weigh
         assert abs(found.error_u) <= 2.0
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_a_sensor_that_clips_there_does_not(self, tmp_path: Path) -> None:
         car = driven()
         found = car.but(force=np.minimum(car.force, 2500.0)).replayed(tmp_path)

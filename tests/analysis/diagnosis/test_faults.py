@@ -126,7 +126,7 @@ def test_a_check_finds_the_fault_that_it_is_about(name):
     assert log.load["withheld"] or found.consequence != "withhold"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_where_the_force_is_ahead_the_remedy_is_the_delay_of_the_acceleration():
     late = weighed({"sensors": {"imu_delay_s": 0.15}}).check("force_delay_s")
     assert late.passed is False
@@ -171,7 +171,7 @@ def test_on_uneven_ground_the_remedy_is_a_pitch_that_is_measured():
     assert remedy.startswith("on uneven ground, channels.pitch_rad; else ")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("topic", mark_slow_after(1, ["IMU", "speed", "force"]))
 def test_a_topic_whose_values_repeat_is_found_whichever_it_is(topic):
     log = situation(f"frozen {topic}")

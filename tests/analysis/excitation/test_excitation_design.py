@@ -75,7 +75,7 @@ def rms(values, truth):
     return float(np.sqrt(np.mean((values - truth) ** 2)))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("index", mark_slow_after(1, range(6)))
 def test_the_predicted_error_of_the_mass_is_that_of_monte_carlo_for_every_waveform(index):
     made = designed("straight")
@@ -88,7 +88,7 @@ def test_the_predicted_error_of_the_mass_is_that_of_monte_carlo_for_every_wavefo
     assert found[:, 0].std() == pytest.approx(prediction.predicted_error_std, rel=SAMPLING)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_predicted_error_of_the_yaw_inertia_is_that_of_monte_carlo():
     made = designed("spin")
     for score in made.scores[:2]:
@@ -101,7 +101,7 @@ def test_the_predicted_error_of_the_yaw_inertia_is_that_of_monte_carlo():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_predicted_errors_of_a_joint_excitation_are_those_of_monte_carlo():
     made = designed("joint", "ahead")
     score = made.best

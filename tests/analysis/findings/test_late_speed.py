@@ -55,7 +55,7 @@ def write_shuttle_log(path: Path, speed_delay_s: float) -> None:
     ).write_csv(path)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("delay_s", mark_slow_after(1, [0.3, 0.1, 0.8]))
 def test_a_late_speed_is_named_with_its_delay(tmp_path: Path, delay_s: float) -> None:
     path, machine_path = tmp_path / "log.csv", tmp_path / "shuttle.toml"

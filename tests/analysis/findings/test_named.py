@@ -62,7 +62,7 @@ def test_a_log_without_a_fault_has_no_finding(named: Named, seed: int) -> None:
     assert named(seed=seed).is_empty()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_brakes_that_the_force_sees_are_no_finding(named: Named) -> None:
     assert named(("braking included", 0.0)).is_empty()
 
@@ -78,7 +78,7 @@ def test_a_payload_in_the_last_start_is_no_wind_up() -> None:
     assert "wind_up" not in found["cause"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "other",
     mark_slow_after(1, [pytest.param(("force late", 8.0)), pytest.param(("IMU biased", 5.0))]),
@@ -104,7 +104,7 @@ def test_a_recursion_behind_the_gate_does_not_wind_up(seed: int) -> None:
     assert "wind_up" not in found["cause"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_what_a_coarse_grid_sees_of_the_acceleration_is_all_of_it() -> None:
     rate = ["settings.align.rate_hz=5.0", "settings.gate.window_samples=16"]
     found = replayed(design(7, odd=False), (), AXES, rate).frames["findings"]
@@ -116,7 +116,7 @@ def test_two_faults_are_among_the_first_three(named: Named) -> None:
     assert {"delay", "wheel_radius"} <= set(found["cause"][:3])
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [8_000_015, 8_100_024]))
 def test_wheels_that_turn_slower_than_the_ground_are_larger_and_do_not_slip(
     named: Named, seed: int
@@ -146,7 +146,7 @@ def test_the_end_of_a_minutes_drive_is_no_load_that_falls(named: Named, seed: in
     assert found["cause"].to_list() == ["wind_up"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [8_400_000, 8_500_022, 8_900_001]))
 def test_the_knock_of_a_load_that_stops_pouring_is_not_the_reason_for_it(
     named: Named, seed: int
@@ -165,7 +165,7 @@ def test_a_pile_is_named_first_where_it_leaves_nothing_to_weigh_by(
     assert named(("a pile", size), seed=seed)["cause"][0] == "external_force"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("seed", "size"), mark_slow_after(1, [(9_000_004, 4.9), (9_000_006, 2.45)])
 )
@@ -186,7 +186,7 @@ def test_loads_at_every_second_start_are_no_load_transfer(seed: int) -> None:
     assert replayed(log).frames["findings"].is_empty()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [9_200_001, 9_200_003]))
 def test_a_load_transfer_beside_a_load_taken_once_keeps_its_kilograms(seed: int) -> None:
     machine = needed(design(seed, odd=False), [BY_NAME["load transfer"]])
@@ -207,7 +207,7 @@ def test_what_hardly_moves_has_no_wrong_sign(named: Named, seed: int) -> None:
     assert found["cause"].to_list() == ["too_little_excitation"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_steps_of_a_coarse_speed_are_no_spikes_and_hide_none(named: Named) -> None:
     found = named(("speed coarse", 10.0), ("torque with spikes", 10.0), seed=8_600_249)
     channels = dict(found.select("cause", "channel").iter_rows())
@@ -241,7 +241,7 @@ def test_without_an_accelerometer_a_late_speed_may_be_an_early_force() -> None:
     assert "ms late against force, or the force is early" in row["evidence"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_swing_stands_before_what_it_makes_of_noise_and_mass(named: Named) -> None:
     found = named(("a frame that swings", 10.0), seed=8)
     assert found["cause"][0] == "resonance"
@@ -265,14 +265,14 @@ def test_what_steps_leave_at_low_frequencies_is_no_swing(
     assert "resonance" not in named((fault, size), seed=8)["cause"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_slow_swing_is_one() -> None:
     swing = {"vibration_m_s2": 0.1, "vibration_hz": 2.5, "vibration_bandwidth_hz": 0.4}
     slow = join_designs(design(8, odd=False), {"defects": swing})
     assert replayed(slow, (), AXES).frames["findings"]["cause"][0] == "resonance"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("noise", "size"),
     mark_slow_after(1, [("slow noise", 10.0), ("noise that grows with the force", 10.0)]),

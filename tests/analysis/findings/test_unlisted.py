@@ -11,7 +11,7 @@ from benchmarks.unlisted_faults import try_fault
 from benchmarks.unlisted_rows import TORQUES, UNLISTED, drawn_log, memory_log
 from replay.pipeline import run
 from tests.analysis.weighing.weighed import RICH, RUNS, merged, weighed
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 BY_NAME = {fault.name: fault for fault in UNLISTED}
 #: An even seed is driven by the simulator, an odd one by the independent plant.
@@ -101,7 +101,7 @@ def test_an_engine_that_is_off_at_a_stand_is_no_frozen_channel(seed: int) -> Non
     assert replayed.frames["findings"].is_empty()
 
 
-@pytest.mark.parametrize("is_on_boom", mark_slow_after(1, [True, False]))
+@pytest.mark.parametrize("is_on_boom", mark_heavy_after(1, [True, False]))
 def test_an_imu_that_turns_with_the_boom_is_found_by_gravity_along_x(is_on_boom: bool) -> None:
     log = drawn_log(INDEPENDENT)
     imu, speed = log.topics["imu"], log.topics["speed"]
@@ -123,7 +123,7 @@ def test_an_imu_that_turns_with_the_boom_is_found_by_gravity_along_x(is_on_boom:
     assert causes[:1] == ["imu_on_boom"] if is_on_boom else "imu_on_boom" not in causes
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [INDEPENDENT, SIMULATED]))
 def test_a_torque_that_clips_is_found_where_arithmetic_makes_the_force_of_it(seed: int) -> None:
     log = drawn_log(seed)
@@ -149,7 +149,7 @@ def test_a_torque_that_clips_is_found_where_arithmetic_makes_the_force_of_it(see
     assert limits_N[1] == pytest.approx(limits_N[0], rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_pressure_that_rests_while_the_other_works_is_not_clipped() -> None:
     log = drawn_log(INDEPENDENT)
     torque = log.topics["torque"]

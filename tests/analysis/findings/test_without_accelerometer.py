@@ -10,10 +10,10 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.likelihood_search import FittedCause, build_whitened_equations
 from benchmarks.findings_rows import design, replayed
 from benchmarks.weighed import DERIVED
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 
-@pytest.mark.parametrize(("ways", "has_one"), mark_slow_after(1, [((), True), (DERIVED, False)]))
+@pytest.mark.parametrize(("ways", "has_one"), mark_heavy_after(1, [((), True), (DERIVED, False)]))
 def test_a_filter_of_the_accelerometer_is_named_where_one_is_measured(
     monkeypatch: pytest.MonkeyPatch, ways: Sequence[str], has_one: bool
 ) -> None:

@@ -33,7 +33,7 @@ def reachable_bytes(root):
     return total
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("laps", mark_slow_after(1, [3, 5]))
 def test_what_is_kept_after_many_manoeuvres_is_what_is_kept_after_a_few(laps: int):
     noise = {"force_N": 60.0, "acc_m_s2": 0.01, "speed_m_s": 0.005}

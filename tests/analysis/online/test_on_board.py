@@ -20,7 +20,7 @@ from analysis.stages.noise.channel_noise import estimate_channel_noise
 from tests.analysis import plane_drives as plane
 from tests.analysis.noisy_logs import noisy_log
 from tests.analysis.settings_by_name import settings_of
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 EVERY = tuple(METHODS)
 MANOEUVRES = ("standstill", "start", "cruise", "brake")
@@ -148,7 +148,7 @@ def test_every_decision_and_every_estimate_equals_the_replays(
     assert_as_in_replay(excitation, settings, noise if known else None)
 
 
-@pytest.mark.parametrize("coulomb", mark_slow_after(1, [False, True]))
+@pytest.mark.parametrize("coulomb", mark_heavy_after(1, [False, True]))
 def test_noise_of_the_log_refuses_and_corrects_on_board_as_in_replay(
     drive, excitation_of, noise, coulomb
 ):
@@ -182,7 +182,7 @@ def two_starts(drive, excitation_of):
     return excitation_of(drive(trip * 2, (1.5, 5.0, 2.0, 1.5) * 2))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_papers_window_accepts_and_pools_as_in_replay(two_starts):
     settings = Settings(trace={"methods": EVERY})
     gated, found = assert_as_in_replay(two_starts, settings)
@@ -197,7 +197,7 @@ def test_a_log_that_ends_in_braking_pools_nothing_that_braking_may_claim(two_sta
     assert found["pooled"][-1][0] == braking[0] - 20
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_with_a_coulomb_column(drive, excitation_of, machine):
     trip = ("standstill", "start", "brake", "standstill", "start")
     coulomb = machine({"coulomb": True, "methods": EVERY, "window_samples": 200})
@@ -212,7 +212,7 @@ def test_with_the_gate_of_nearest_neighbours(two_starts):
     assert gated["ksg_x_nat"].is_not_null().any()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_log_without_an_accelerometer_or_any_row(two_starts):
     settings = Settings(trace={"methods": EVERY})
     assert_as_in_replay(two_starts.drop("specific_force_x_m_s2"), settings)
@@ -251,7 +251,7 @@ def test_a_step_leaves_the_state_that_it_was_given(two_starts):
     assert repr(first) == repr(again)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_deviations_are_those_of_a_moving_mean_over_white_noise(drive, excitation_of):
     """Their own, but of the size of the replay's."""
     settings = Settings(trace={"methods": tuple(METHODS)})
@@ -296,7 +296,7 @@ def assert_both_axes_as_in_replay(log, settings, noise):
         assert_axis_as_in_replay(excitation, gated, frames, stepped, axis)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(log=drives_in_the_plane(), settings=choices(), known=st.booleans())
 @examples(2)
 def test_spins_and_straight_motion_of_one_drive_equal_the_replays(yaw_noise, log, settings, known):
@@ -312,7 +312,7 @@ def test_spins_and_straight_motion_of_many_drives_equal_the_replays(
     assert_both_axes_as_in_replay(log, settings, yaw_noise if known else None)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_spins_give_the_inertia_on_board(yaw_noise):
     excitation = plane.excitation(plane.sensors(plane.spins()))
     settings = Settings(trace={"methods": EVERY})
@@ -323,7 +323,7 @@ def test_spins_give_the_inertia_on_board(yaw_noise):
     np.testing.assert_allclose(inertia, plane.LOADER[1], rtol=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_spin_that_slows_down_is_pooled_only_where_braking_is_welcome(yaw_noise):
     excitation = plane.excitation(plane.sensors(plane.spins()))
     samples = {}

@@ -57,7 +57,7 @@ def first_loaded_by_a_drive(methods, *, rehearsed):
     ).stdout.strip()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_drive_loads_nothing_that_was_not_rehearsed():
     assert first_loaded_by_a_drive(tuple(METHODS), rehearsed=True) == "[]"
     assert "advance_window" in first_loaded_by_a_drive(("ls",), rehearsed=False)

@@ -213,7 +213,7 @@ def test_coulomb_friction_holds_the_machine_at_each_reversal_until_the_drive_ove
     assert run.speed_x_m_s.min() < -0.3
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @settings(max_examples=15, deadline=None)
 @given(
     coulomb=st.floats(0, 2000),

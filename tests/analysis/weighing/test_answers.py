@@ -15,7 +15,7 @@ from tests.analysis.weighing.weighed import (
     weighed,
 )
 from tests.trials.situations import SITUATIONS
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 BRAKING_AS_DRIVING = "settings.gate.exclude_braking=false"
 
@@ -48,7 +48,7 @@ class TestTerms:
         assert abs(log.off("direction", 300.0)) < 3.0
         assert abs(log.off("const", 0.0)) < 3.0
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_one_start_in_reverse_among_nine_has_friction_of_the_other_sign(self):
         """Without the term, it was forced to the same sign: 4287 ± 687 kg for 3614."""
         forwards = [{"kind": "start", "cruise_s": 6.0}] * 9
@@ -69,14 +69,14 @@ class TestTerms:
         assert_weighed(log)
         assert abs(log.off("const", 300.0)) < 3.0
 
-    @pytest.mark.parametrize("delay_s", mark_slow_after(1, [0.02, 0.05]))
+    @pytest.mark.parametrize("delay_s", mark_heavy_after(1, [0.02, 0.05]))
     def test_a_force_that_is_late_is_in_the_lag(self, delay_s):
         log = weighed(merged(RICH, {"sensors": {"force_delay_s": delay_s}}))
         assert_weighed(log)
         assert abs(log.off("lag", delay_s)) < 3.0
         assert log.terms["lag"]["posterior_std"] < 0.002
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_slip_is_in_its_term_and_the_wheels_tell_its_stiffness(self):
         log = situation("slip 80 kN", rich=True)
         assert_weighed(log)
@@ -86,7 +86,7 @@ class TestTerms:
         of_slip, std = wheels.slip_1_N
         assert abs(of_slip - 1.0 / 80_000.0) < 3.0 * std
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_wheels_that_are_larger_are_seen_and_widen_until_the_truth_is_inside(self):
         """Five percent of radius are in the force; the log cannot say which of both is wrong."""
         log = situation("wheels 5 % larger", rich=True)
@@ -99,7 +99,7 @@ class TestTerms:
         assert wheels.is_gain_significant
         assert abs(wheels.gain[0]) == pytest.approx(0.05, abs=0.01)
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_a_speed_that_is_late_costs_nothing_beside_an_accelerometer(self):
         log = situation("speed late 30 ms", rich=True)
         assert_weighed(log)
@@ -112,7 +112,7 @@ class TestTerms:
         log = situation("hills", rich=True)
         assert log.load["withheld"] or abs(log.error_u) <= 3.0
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_a_reversal_without_a_standstill_parts_the_directions(self):
         """It is fitted through, but for the moment in which friction turns round."""
         wave = {"waveform": "triangular", "period_s": 8.0, "lowest_N": -6000.0, "highest_N": 6000.0}
@@ -140,7 +140,7 @@ class TestTerms:
 
 
 class TestBraking:
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_brakes_that_the_force_sees_in_part_are_left_out(self):
         log = weighed({"campaign": {"brake_measured_share": 0.4}}, BRAKING_AS_DRIVING)
         assert_weighed(log)
@@ -155,7 +155,7 @@ class TestBraking:
         assert "braking_bias" not in log.fired
         assert log.load["u_kg"] < clean().load["u_kg"] / 2
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_brakes_so_gentle_that_they_count_as_cruising_do_not_move_the_mass(self):
         unseen = {"campaign": {"braking_m_s2": 0.1, "brake_measured_share": 0.0}}
         log = weighed(unseen)

@@ -32,7 +32,7 @@ ROUND = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_digs_bend_no_mass_where_braking_counts_as_driving() -> None:
     campaign = {"runs": 4, "manoeuvres": ROUND, "brake_measured_share": 1.0}
     log = weighed({"campaign": campaign}, BRAKING_AS_DRIVING)

@@ -30,7 +30,7 @@ def shift(drift_1: float) -> Weighed:
     return weighed(merged(SHIFT, {"defects": {"force_gain_drift": drift_1}}))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("drift_1", mark_slow_after(1, [-0.08, 0.08]))
 def test_a_gain_that_drifts_is_found_named_and_in_the_budget(drift_1: float) -> None:
     log = shift(drift_1)
@@ -94,7 +94,7 @@ def test_small_loads_are_told_from_an_empty_machine_whose_mass_drifts() -> None:
     assert np.ptp(empty_kg) < 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_gain_that_stays_is_no_finding() -> None:
     log = shift(0.0)
     drift = estimate_empty_mass_drift(log.weighing.fit)

@@ -50,7 +50,7 @@ def test_where_nothing_fills_the_machine_a_growth_is_in_the_uncertainty() -> Non
     assert not np.any(digs.filling.significant_mass_changes_kg)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_growth_is_judged_by_the_payload_as_well_whose_uncertainty_is_smaller() -> None:
     """Ten starts without and with a load that all fill: the masses of both have common causes."""
     fills = {"loading": {"fill_kg_s": FILLS_KG_S[0]}, "campaign": {"loads_kg": (0.0, 400.0)}}

@@ -13,7 +13,7 @@ from tests.twins import mark_slow_after
 
 
 #: Racks whose springs take a mass of 13 to 41 % less where the fit has none.
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [101, 102, 104, 106]))
 def test_a_rack_is_weighed_beside_its_spring(seed: int, tmp_path: Path) -> None:
     scenario = rack(seed)
@@ -36,7 +36,7 @@ def test_an_arm_whose_weight_pulls_by_its_place_has_one_load(seed: int, tmp_path
     assert abs(load["mass_kg"] - drawn.mass_kg) < 3.0 * load["u_kg"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_what_drives_on_has_no_such_force(tmp_path: Path) -> None:
     terms = set(replayed(electric_car(0), tmp_path).frames["nuisances"]["term"])
     assert "const" in terms

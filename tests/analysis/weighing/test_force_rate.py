@@ -17,7 +17,7 @@ from analysis.weighing.motion_samples import Floats
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.kinematic_machine import machine_of_force_and_speed
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 RATE_HZ = 50.0
 NOISE_N = 260.0
@@ -135,7 +135,7 @@ def drive_and_cut_throttle(seed: int, brake: float) -> pl.DataFrame:
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(2, range(8)))
-@pytest.mark.parametrize("brake", mark_slow_after(1, [0.0, -0.3]))
+@pytest.mark.parametrize("brake", mark_heavy_after(1, [0.0, -0.3]))
 def test_noise_of_the_force_hides_no_slip(tmp_path: Path, seed: int, brake: float) -> None:
     path = tmp_path / "crawler.csv"
     drive_and_cut_throttle(seed, brake).write_csv(path)

@@ -53,7 +53,7 @@ def findings(log: Weighed) -> dict[str, str]:
     return {row["cause"]: row["evidence"] for row in log.replayed.frames["findings"].to_dicts()}
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("by_1", mark_slow_after(1, [0.05, 0.02, 0.1]))
 def test_a_constant_load_whose_force_has_another_gain_in_reverse_counts_no_cycle(
     by_1: float,
@@ -65,7 +65,7 @@ def test_a_constant_load_whose_force_has_another_gain_in_reverse_counts_no_cycle
     assert not log.replayed.frames["cycles"]["counted"].any()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("starts", mark_slow_after(1, [8, 5]))
 def test_a_gain_that_friction_leaves_uncertain_may_still_be_all_the_loads(starts: int) -> None:
     """Starts at full throttle tell a gain by direction from friction by a hundredth only."""
@@ -85,7 +85,7 @@ def test_the_gain_that_is_said_is_that_of_the_log() -> None:
     assert found.gain_1 == pytest.approx(1.0 / 1.05, abs=3.0 * found.std_1)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_gain_that_is_stated_is_taken_off_the_force() -> None:
     log = to_and_fro(0.05, f"machine.force_gain_in_reverse={1.0 / 1.05}")
     assert log.weighing.fit.mass_count == 1
@@ -93,14 +93,14 @@ def test_a_gain_that_is_stated_is_taken_off_the_force() -> None:
     assert "gain_by_direction" not in findings(log)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_who_states_that_both_directions_are_alike_has_loads() -> None:
     log = to_and_fro(0.05, "machine.force_gain_in_reverse=1.0")
     assert log.weighing.by_direction is None
     assert log.weighing.fit.mass_count > 1
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_gain_that_leaves_one_load_is_in_its_uncertainty() -> None:
     log = to_and_fro(-0.05)
     assert log.weighing.fit.mass_count == 1
@@ -109,7 +109,7 @@ def test_a_gain_that_leaves_one_load_is_in_its_uncertainty() -> None:
     assert log.verdict.can_weigh
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_who_states_a_single_load_has_one_with_the_gain_in_its_uncertainty() -> None:
     log = to_and_fro(0.05, "settings.loads.single_load=true")
     assert log.weighing.fit.mass_count == 1
@@ -118,13 +118,13 @@ def test_who_states_a_single_load_has_one_with_the_gain_in_its_uncertainty() -> 
     assert log.verdict.can_weigh
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_an_empty_machine_on_a_ticket_tells_loads() -> None:
     assert to_and_fro(0.05).weighing.by_direction is not None
     assert to_and_fro(0.05, ticket=True).weighing.by_direction is None
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_load_of_a_half_of_the_machine_is_no_gain() -> None:
     assert to_and_fro(0.5).weighing.by_direction is None
 

@@ -10,7 +10,7 @@ from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 PRIORS = Settings.model_validate({}).priors
 RATE_HZ = 100.0
@@ -84,7 +84,7 @@ def test_a_stiff_body_is_found_to_be_stiff_on_hills(seed: int, hills: float) -> 
 
 
 @pytest.mark.parametrize("hills", [-HILLS_M_S2, -0.01, 0.0, HILLS_M_S2])
-@pytest.mark.parametrize("seed", mark_slow_after(1, range(3)))
+@pytest.mark.parametrize("seed", mark_heavy_after(1, range(3)))
 def test_a_squat_is_found_on_hills(seed: int, hills: float) -> None:
     """A tenth more mass makes the body pitch by three percent of the acceleration more."""
     squat = squat_of(*hauls(0.03, hills, seed))

@@ -9,7 +9,7 @@ from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_ch
 from replay.pipeline import run
 from tests.trials.drawn_designs import brought_to_size, draw_design, join_designs
 from tests.trials.situations import SITUATIONS, sections
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 SEEDS = (11, 12)
 #: The fit has a term, or a part of the budget, for each of these; many of them must be weighed.
@@ -60,14 +60,14 @@ def test_a_fault_is_in_the_interval(name, seed, machine):
     assert holds(load, true_kg), (load["mass_kg"], load["u_kg"])
 
 
-@pytest.mark.parametrize("name", mark_slow_after(1, HARMLESS))
+@pytest.mark.parametrize("name", mark_heavy_after(1, HARMLESS))
 def test_what_is_harmless_is_weighed(name, machine):
     load, true_kg = weighed(Scenario.model_validate(sections(name)), machine)
     assert not load["withheld"], load["withheld_for"]
     assert holds(load, true_kg)
 
 
-@pytest.mark.parametrize("seed", mark_slow_after(1, DESIGNS))
+@pytest.mark.parametrize("seed", mark_heavy_after(1, DESIGNS))
 def test_a_machine_that_was_drawn_is_weighed(seed, machine):
     load, true_kg = weighed(Scenario.model_validate(draw_design(seed)), machine)
     assert not load["withheld"], load["withheld_for"]

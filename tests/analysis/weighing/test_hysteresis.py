@@ -48,7 +48,7 @@ def deviations(found: Run) -> float:
     return (mass_kg - MASS_KG) / u_kg
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("cell", CELLS, ids=str)
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3100, 3104)))
 def test_play_of_one_percent_is_found_corrected_and_named(replayed, cell: Cell, seed: int) -> None:
@@ -60,7 +60,7 @@ def test_play_of_one_percent_is_found_corrected_and_named(replayed, cell: Cell, 
     assert row["u_kg"] > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("cell", CELLS, ids=str)
 def test_a_force_without_play_has_no_such_term(replayed, cell: Cell) -> None:
     found = replayed(cell, 3110, 0.0)

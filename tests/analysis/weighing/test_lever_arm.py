@@ -13,7 +13,7 @@ from analysis.weighing.lever_arm import (
     subtract_swing_from_accelerometer,
 )
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 RATE_HZ = 100.0
 START_S = 4.0
@@ -73,7 +73,7 @@ def swing_of(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     return None if springs is None else estimate_body_swing(measured, motion, springs)
 
 
-@pytest.mark.parametrize("height_m", mark_slow_after(1, [0.5, 0.25, -0.4]))
+@pytest.mark.parametrize("height_m", mark_heavy_after(1, [0.5, 0.25, -0.4]))
 def test_wheels_tell_the_lever_arm_and_the_springs(height_m: float) -> None:
     for seed in range(3):
         motion = starts(height_m, seed)
@@ -96,7 +96,7 @@ def test_where_the_pitch_takes_gravity_off_only_the_height_is_left() -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_an_accelerometer_where_nothing_swings_has_none() -> None:
     """At the height of a pendulum as quick as the springs, gravity and swing cancel."""
     for seed in range(6):

@@ -22,7 +22,7 @@ from estimators.joint.group_effects import FILLED, HINTED, NAMED, GroupEffects
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 #: The first two of four manoeuvres, and the others.
 LEFT = np.array([1.0, 1.0, -1.0, -1.0])
@@ -86,7 +86,7 @@ class TestTwoLoads:
             assert np.sqrt((own["u_kg"].drop_nulls() ** 2).sum()) == pytest.approx(load["u_kg"])
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_every_empty_pass_counts_and_not_the_lightest_alone():
     loads = loaded([0.0, 400.0, 0.1, 500.0, 0.2], 3).frames["loads"]
     assert loads["empty"].to_list() == [True, False, True, False, True]
@@ -95,7 +95,7 @@ def test_every_empty_pass_counts_and_not_the_lightest_alone():
     assert (np.abs(payload - [0.0, 400.0, 0.0, 500.0, 0.0]) < 3.0 * u).all()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_empty_state_is_the_one_that_is_named():
     span = ("settings.loads.empty_from_s=0", "settings.loads.empty_to_s=60")
     replayed = loaded([0.0, 250.0], 5, (*POOLED, *span), empty_mass_kg=None)
@@ -104,7 +104,7 @@ def test_the_empty_state_is_the_one_that_is_named():
     assert abs(full["payload_kg"] - 250.0) < 3.0 * full["payload_u_kg"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_loads_that_are_as_near_as_the_mass_is_uncertain_are_not_taken_for_empty():
     loads = loaded([150.0, 250.0], 5).frames["loads"]
     assert loads["payload_to"].null_count() == 2
@@ -112,7 +112,7 @@ def test_loads_that_are_as_near_as_the_mass_is_uncertain_are_not_taken_for_empty
     assert (loads["payload_u_kg"] >= loads["u_kg"]).all()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_load_with_most_manoeuvres_may_be_the_last(monkeypatch):
     """The mean's length is chosen on the first stretches, which need not have that load."""
     monkeypatch.setattr(joint_fit, "LIMITS", replace(LIMITS, pilot_stretches=3))
@@ -121,7 +121,7 @@ def test_the_load_with_most_manoeuvres_may_be_the_last(monkeypatch):
     assert abs(loads["payload_kg"][1] - 250.0) < 3.0 * loads["payload_u_kg"][1]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_braking_is_compared_load_by_load():
     """Brakes that are seen whole agree with driving, whichever load has most manoeuvres."""
     settings = (*POOLED, "settings.gate.exclude_braking=false")
@@ -146,7 +146,7 @@ def test_a_stretch_of_emptiness_has_two_ends(span, fault):
         machine(span)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_an_empty_stretch_that_is_no_load_is_said():
     span = ("settings.loads.empty_from_s=9000", "settings.loads.empty_to_s=9999")
     loads = loaded([0.0, 250.0], 4, (*POOLED, *span)).frames["loads"]
@@ -162,7 +162,7 @@ def test_a_log_without_a_fit_has_one_state_and_no_number():
 
 
 class TestRepeatability:
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_one_start_a_load_is_told_apart_where_it_is_known(self):
         span = ("settings.loads.empty_from_s=0", "settings.loads.empty_to_s=12")
         loads = loaded([0.0, 250.0], 1, (*POOLED, *span), repeatability_kg=3.0).frames["loads"]
@@ -187,7 +187,7 @@ def test_throttles_that_differ_by_a_third_are_one_state(name):
     assert whole_states(name, 0) == (1, False)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("arm", mark_slow_after(1, ["boom_rad", "bucket_rad"]))
 def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
     """Of the same manoeuvres, with an angle that stays and one that differs from log to log."""
@@ -209,7 +209,7 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
     assert probable[1.0] < 0.5 < probable[0.0]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_no_load_changes_while_the_machine_is_named_as_empty():
     """Whatever the masses say."""
     frames = loaded([0.0, 250.0, 120.0, 370.0, 180.0], 1).frames
@@ -250,7 +250,7 @@ def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
     )
 
 
-@pytest.mark.parametrize("seed", mark_slow_after(1, [30932002, 30932004]))
+@pytest.mark.parametrize("seed", mark_heavy_after(1, [30932002, 30932004]))
 def test_a_load_that_a_load_transfer_explains_as_well_is_said_with_both(seed):
     """Empty forward and loaded in reverse: a share that changes with the acceleration is alike."""
     log = row_log(Task("row", "250 kg more at every second start", "drawn", seed))

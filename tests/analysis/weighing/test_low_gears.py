@@ -14,11 +14,11 @@ from replay import open_log
 from replay import run as replay
 from tests.analysis.other_machine_logs import replayed
 from tests.trials.other_machines import car, cart
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 
 #: Without the terms of gears the mass is 5 u off, or none.
-@pytest.mark.parametrize("seed", mark_slow_after(1, [405, 406]))
+@pytest.mark.parametrize("seed", mark_heavy_after(1, [405, 406]))
 def test_a_car_with_gears_has_one_load_and_the_mass_that_its_top_gear_moves(
     seed: int, tmp_path: Path
 ) -> None:
@@ -107,7 +107,7 @@ def lorry(*, with_ratio: bool) -> Machine:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [1, 2]))
 def test_with_its_gear_ratio_a_lorry_weighs_as_much_in_every_gear(
     seed: int, tmp_path: Path
@@ -124,7 +124,7 @@ def test_with_its_gear_ratio_a_lorry_weighs_as_much_in_every_gear(
     assert min(usual_u_kg) > 3.0 * max(load["u_kg"] for load in loads[True])
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_ratio_read_five_times_a_second_leaves_the_grid_at_the_rate_of_the_torque(
     tmp_path: Path,
 ) -> None:

@@ -56,7 +56,7 @@ def missing_term_kg(found: Run) -> float:
     return 0.0 if part.is_empty() else part["u_kg"][0]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3300, 3304)))
 @pytest.mark.parametrize(
     ("cell", "change"),

@@ -8,11 +8,11 @@ import pytest
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.without_bucket import WITHOUT_BUCKET
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(6)))
-@pytest.mark.parametrize("name", mark_slow_after(1, ["a rack", "an arm"]))
+@pytest.mark.parametrize("name", mark_heavy_after(1, ["a rack", "an arm"]))
 def test_no_load_is_said_that_the_machine_could_not_carry(
     name: str, seed: int, tmp_path: Path
 ) -> None:

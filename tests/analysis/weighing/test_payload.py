@@ -80,7 +80,7 @@ def test_the_payload_holds_its_uncertainty_with(name: str):
     assert load["payload_u_kg"] < 20.0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_heavy_payload_holds_its_uncertainty_where_rolling_resistance_grows_with_the_speed():
     load, terms = weighed("rolling resistance 4 % that grows with the speed", load_kg=1000.0)
     # -2.8 u with one viscous friction for both loads
@@ -111,7 +111,7 @@ def test_a_log_without_a_drift_has_none_in_its_fit():
     assert abs(terms["gain_drift"]) < 0.002
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_derived_acceleration_has_its_slip_as_a_term_of_the_mass():
     _, terms = weighed("none", settings=(*DERIVED, "settings.loads.empty_to_s=60.0"))
     assert "slip_acceleration" in terms

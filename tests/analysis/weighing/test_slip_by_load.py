@@ -9,7 +9,7 @@ import pytest
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.kinematic_machine import machine_of_force_and_speed
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 EMPTY_KG = 18_000.0
 LOAD_KG = 5_000.0
@@ -64,7 +64,7 @@ def drive(seed: int, stiffness_share: float) -> tuple[pl.DataFrame, float]:
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(4)))
-@pytest.mark.parametrize("stiffness_share", mark_slow_after(1, [0.0, 1.0]))
+@pytest.mark.parametrize("stiffness_share", mark_heavy_after(1, [0.0, 1.0]))
 def test_a_payload_holds_whether_the_load_presses_the_tracks_or_not(
     tmp_path: Path, seed: int, stiffness_share: float
 ) -> None:

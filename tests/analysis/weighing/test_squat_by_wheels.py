@@ -27,7 +27,7 @@ def squat_of(log: Weighed) -> tuple[float, float]:
     return wheels.squat
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_wheels_of_a_known_radius_show_the_squat() -> None:
     share, std = squat_of(squatting(radius_known=True))
     assert share == pytest.approx(SQUAT_1, abs=0.006)
@@ -57,7 +57,7 @@ def test_wheels_that_are_wrong_by_less_than_their_uncertainty_are_no_squat() -> 
     assert "wheel_imu_gain_error" in log.fired
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_stiff_body_has_no_squat() -> None:
     log = squatting(radius_known=True, deg_s2_m=0.0)
     assert squat_of(log) == (0.0, 0.0)
@@ -81,7 +81,7 @@ def with_pitch(changed: Callable[..., dict[str, pl.DataFrame]]) -> Weighed:
     return weighed(scenario, channel, body=KNOWN_RADIUS, changed=changed)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_pitch_that_shows_the_squat_is_believed() -> None:
     kinematics = with_pitch(show_squat).weighing.fit.kinematics
     assert kinematics is not None
@@ -89,7 +89,7 @@ def test_a_pitch_that_shows_the_squat_is_believed() -> None:
     assert kinematics.squat[0] == pytest.approx(SQUAT_1, abs=0.006)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_pitch_that_hides_the_squat_is_outvoted_by_wheels_of_a_known_radius() -> None:
     log = with_pitch(hide_squat)
     kinematics = log.weighing.fit.kinematics

@@ -177,7 +177,7 @@ class TestPartitions:
             assert bare.stretch_count < 5
             assert filled.best.stretch_count >= 18
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     @pytest.mark.parametrize("scatter", mark_slow_after(1, [45.0, 0.0, 15.0]))
     def test_what_is_taken_for_fillings_may_tell_nothing(self, scatter):
         kind = ([1, FILLED, 1, HINTED] * 8)[:-1]
@@ -218,7 +218,7 @@ class TestPartitions:
         found = find_best_partitions(units([3600.0] * 2 + [3680.0] * 2, seed=3), SPREAD, USUAL)
         assert 0.02 < found.single_probability < 0.999
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     @pytest.mark.parametrize("scatter", mark_slow_after(1, [45.0, 0.0, 15.0]))
     def test_a_log_without_a_change_is_hardly_ever_split(self, scatter):
         states = [

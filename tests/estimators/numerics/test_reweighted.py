@@ -5,10 +5,10 @@ import pytest
 
 from estimators.methods import fgls, huber
 from estimators.numerics.reweighted import AT_ONCE
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 
-@pytest.mark.parametrize("method", mark_slow_after(1, [huber, fgls]), ids=["huber", "fgls"])
+@pytest.mark.parametrize("method", mark_heavy_after(1, [huber, fgls]), ids=["huber", "fgls"])
 def test_every_window_of_full_batches_is_that_of_the_window_alone(method):
     generator = np.random.default_rng(8)
     window, windows = 30, 2 * AT_ONCE + 3

@@ -30,7 +30,7 @@ def found(windows: int, further: float) -> Table1:
     return make_table_1_mass_errors(extracts)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("windows", "further", "says"),
     mark_slow_after(

@@ -17,7 +17,7 @@ from recordings import plot_run
 from recordings.plots.convergence_plot import draw_convergence_of_estimates
 from recordings.plots.run_plots import FIGURES, draw_run_overview
 from recordings.report.report_limits import LIMITS
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 DRAWN_S = (36.0, 60.0)
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -35,14 +35,14 @@ def pages(drives) -> dict[float, Figure]:
     return {seconds: draw_run_overview(drives(seconds)) for seconds in DRAWN_S}
 
 
-@pytest.mark.parametrize("suffix", mark_slow_after(1, SIGNATURES))
+@pytest.mark.parametrize("suffix", mark_heavy_after(1, SIGNATURES))
 def test_the_suffix_says_the_format(drives, tmp_path: Path, suffix: str):
     path = plot_run(drives(60.0), tmp_path / f"loads{suffix}", figure_name="loads")
     assert path.read_bytes().startswith(SIGNATURES[suffix])
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_run_without_a_calibration_can_be_drawn(drives, tmp_path: Path):
     plot_run(drives(60.0, calibration=False), tmp_path / "page.png")
 
@@ -52,7 +52,7 @@ def test_an_empty_run_and_names_that_look_like_formulas_can_be_drawn(tmp_path: P
     plot_run(Run({"gate": pl.DataFrame(schema={"t_ns": pl.Int64})}, about), tmp_path / "page.png")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_names_of_many_logs_stay_on_the_page(drives, tmp_path: Path):
     run = drives(30.0)
     logs = tuple(InputFile(name=f"shift_{n}.bag", sha256="0", size_bytes=1) for n in range(40))
@@ -294,7 +294,7 @@ def lanes(figure: Figure) -> Axes:
     return figure.subfigs[1].axes[named.index(["gate", "yaw gate", "phase"])]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_few_states_are_drawn_as_stretches_and_many_as_shares_of_time(drives, pages):
     short, long = lanes(pages[60.0]), lanes(draw_run_overview(drives(2400.0)))
     assert not short.patches
@@ -309,7 +309,7 @@ def test_few_states_are_drawn_as_stretches_and_many_as_shares_of_time(drives, pa
     assert len(full) > 0.9 * len(tops)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_no_legend_covers_a_panel(drives, pages):
     for figure in (pages[60.0], draw_run_overview(drives(700.0))):
         figure.draw_without_rendering()

@@ -15,7 +15,7 @@ from recordings.rrd.recording_table import TABS
 from recordings.rrd.recording_views import MethodLayout, Tab, ViewKind
 from recordings.rrd.writer import make_scene_of_run
 from tests.recordings.conftest import METHODS
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 
 def _components(path: Path) -> dict[tuple[str, str], pa.DataType]:
@@ -47,7 +47,7 @@ def _mappings(path: Path) -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize(
-    "duration_s", mark_slow_after(1, [60.0, 700.0]), ids=["short", "long, with an overview"]
+    "duration_s", mark_heavy_after(1, [60.0, 700.0]), ids=["short", "long, with an overview"]
 )
 def test_every_mapping_of_the_embedded_blueprint_names_a_component_that_can_be_drawn(
     drives, tmp_path: Path, duration_s: float

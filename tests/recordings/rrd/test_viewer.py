@@ -62,7 +62,7 @@ class TestViewer:
             own = [int(colours.choose_method_colour(method)[at : at + 2], 16) for at in (1, 3, 5)]
             assert np.sum(abs(pixels - own).max(axis=1) < 12) > 50, method
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_a_recording_is_seen_while_it_is_written_and_the_file_is_the_same(
         self, drives, tmp_path: Path
     ):

@@ -55,13 +55,13 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOu
     assert made.document.machine.settings.priors.learnt == {}
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: CalibrationOutcome) -> None:
     with replays_anew():
         assert not verify_bundle(made.folder, log_folder=folder).findings
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_evidence_that_counts_gain_as_a_common_error_is_replayed_as_it_was_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,7 +157,7 @@ def test_evidence_that_is_not_of_this_log_is_refused_in_a_line(
     refused(evidence=broken, says="report.html")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_what_is_no_calibration_calibrates_nothing(
     folder: Path, made: CalibrationOutcome, tmp_path: Path
 ) -> None:
@@ -190,7 +190,7 @@ def test_evidence_expires_by_the_day_of_the_log(made: CalibrationOutcome) -> Non
         held.refuse_after_expiry((last + 3 * 86_400) * 10**9, "a.bag")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recording_made_without_it_is_of_other_priors(
     folder: Path, made: CalibrationOutcome, tmp_path: Path, payscope: Payscope
 ) -> None:

@@ -178,7 +178,7 @@ def test_the_private_key_is_not_taken_for_the_public_one(
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("readers_in_this_process")
 def test_a_known_mass_shows_drift_or_none(
     made: CalibrationOutcome, keys: tuple[Path, Path], tmp_path: Path
@@ -219,7 +219,7 @@ def test_nothing_is_chained_to_tampered_evidence_or_another_machine(
     join_to_one_line(said, "is evidence of machine 'sledge-7'")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_evidence_is_checked_within_seconds_without_its_logs(made: CalibrationOutcome) -> None:
     verify_bundle(made.folder)
     with replays_anew():

@@ -124,7 +124,7 @@ def test_a_machine_without_the_uncertainty_of_its_mass_is_refused(campaign: Path
         load_campaign_and_machine(campaign)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     tmp_path: Path, payscope: Payscope
 ) -> None:

@@ -122,7 +122,7 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
         assert words in said
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("readers_in_this_process", "without_pdf")
 def test_what_later_intervals_depend_on_is_compared_with_the_replays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -172,7 +172,7 @@ def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(printed: Pa
     assert (f"the words of {PDF}" in done) != (f"Whether {PDF} has the same words as" in unseen)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("readers_in_this_process")
 def test_evidence_with_former_names_of_checks_holds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -212,7 +212,7 @@ def exchanged(bundle: Path, tmp_path: Path, name: str, write: Callable[[Path], o
     return digested(folder)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recording_of_another_run_is_found_by_its_fingerprint(
     bundle: Path, tmp_path: Path
 ) -> None:
@@ -225,7 +225,7 @@ def test_a_recording_of_another_run_is_found_by_its_fingerprint(
     assert f"{name}: differs in its frames from the replay of load-0.csv" in items(found)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recording_with_one_number_changed_or_damaged_is_found(
     bundle: Path, tmp_path: Path
 ) -> None:
@@ -248,7 +248,7 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
     assert f"runs/{second.name}: " in items(found)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("readers_in_this_process")
 def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     bundle: Path, tmp_path: Path

@@ -71,7 +71,7 @@ def made(folder: Path) -> CalibrationOutcome:
     return calibrate_from_campaign(folder / "campaign.toml", folder / "evidence")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_evidence_keeps_what_each_log_calls_its_machine(
     made: CalibrationOutcome, folder: Path
 ) -> None:
@@ -94,7 +94,7 @@ def test_a_campaign_of_a_sisters_log_or_machine_file_is_refused(tmp_path: Path) 
     assert not (tmp_path / "evidence").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
     made: CalibrationOutcome, folder: Path, tmp_path: Path, payscope: Payscope
 ) -> None:
@@ -178,7 +178,7 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_log_that_does_not_name_its_machine_says_so_beside_the_mass(
     made: CalibrationOutcome, folder: Path, tmp_path: Path, payscope: Payscope
 ) -> None:

@@ -30,7 +30,7 @@ from replay.notary.notarise_folder import notarise_folder
 from tests.replay.attacker import Bundle, key_files, sign_with, tampered
 from tests.replay.made_evidence import ALIKE, items
 from tests.replay.sledge_campaign import campaign_folder
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 pytestmark = pytest.mark.usefixtures("kept_replays", "without_pdf")
 
@@ -240,7 +240,7 @@ ATTACKS: dict[str, tuple[Callable[[Bundle], None], BundleOutcome | None, str]] =
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", mark_slow_after(1, ATTACKS))
+@pytest.mark.parametrize("name", mark_heavy_after(1, ATTACKS))
 def test_what_is_done_to_a_stretch_is_found_though_the_evidence_is_signed_anew(
     name: str, notarised: Notarised, tmp_path: Path
 ) -> None:

@@ -29,7 +29,7 @@ from tests.replay.made_evidence import Made
 from tests.replay.released_evidence import FORMAT_2, FORMAT_3, unpacked
 from tests.replay.sledge import Payscope, join_to_one_line
 from tests.replay.tamperings import TAMPERINGS, in_evidence
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -229,7 +229,7 @@ def test_alpha_changed_in_evidence_and_page_alike_is_found(
 
 @pytest.mark.parametrize(
     "name",
-    mark_slow_after(
+    mark_heavy_after(
         1,
         [
             "alpha",
@@ -483,7 +483,7 @@ def test_it_is_accessible_and_fits_a_phone(opened: Any, made: Made) -> None:
     assert not opened.complaints
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_statement_that_was_made_for_another_bundle_is_found(
     verifier: Verifier, made: Made, tmp_path: Path
 ) -> None:

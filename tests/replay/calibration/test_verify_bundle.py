@@ -115,7 +115,7 @@ def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> 
     assert "logs: load-2.csv" in items(found)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_readings_that_the_logs_do_not_give_are_irreproducible(
     made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,7 +168,7 @@ def verified_elsewhere(
     return left
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "variables",
     mark_slow_after(
@@ -184,7 +184,7 @@ def test_it_verifies_in_another_folder_time_zone_and_locale(
     assert left.returncode == 0, left.stdout + left.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_it_verifies_as_another_user_who_may_only_read_it(made: Made) -> None:
     user = of_another_user()
     with readable_folder() as folder:
@@ -193,7 +193,7 @@ def test_it_verifies_as_another_user_who_may_only_read_it(made: Made) -> None:
     assert left.returncode == 0, left.stdout + left.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_path: Path) -> None:
     """Where everything else follows from them, only the logs tell."""
     relearnt = TAMPERINGS["priors made narrow throughout"].tamper

@@ -53,7 +53,7 @@ def test_two_replays_with_the_same_settings_are_equal(payscope: Payscope, record
     assert found["columns"] == sum(frame.width for frame in frames.values())
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_changed_setting_is_named_with_what_it_moves_and_nothing_else(
     payscope: Payscope, recorded
 ) -> None:
@@ -74,7 +74,7 @@ def test_a_changed_setting_is_named_with_what_it_moves_and_nothing_else(
     assert traced["common"] == estimates[1] < estimates[0]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_estimates_stand_side_by_side_and_those_that_moved_most_first(
     payscope: Payscope, recorded
 ) -> None:
@@ -93,7 +93,7 @@ def test_estimates_stand_side_by_side_and_those_that_moved_most_first(
     assert ls["change"] == pytest.approx(of_ls[1] - of_ls[0])
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_manoeuvres_whose_mass_moved_stand_side_by_side(payscope: Payscope, recorded) -> None:
     a, b = recorded("a.rrd"), recorded("w.rrd", "--set", "settings.smooth.samples=5")
     found = json.loads(payscope("compare", a, b, "--json").out)
@@ -103,7 +103,7 @@ def test_manoeuvres_whose_mass_moved_stand_side_by_side(payscope: Payscope, reco
     assert len(of_mass) == moved > 0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_mass_that_is_withheld_in_one_replay_is_none_there(payscope: Payscope, recorded) -> None:
     refused = recorded("refused.rrd", "--set", "settings.gate.threshold_nat=9")
     said = payscope("compare", recorded("a.rrd"), refused)
@@ -112,7 +112,7 @@ def test_a_mass_that_is_withheld_in_one_replay_is_none_there(payscope: Payscope,
     assert " none " in said.out
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_rtol_forgives_what_is_smaller(payscope: Payscope, recorded) -> None:
     a = recorded("a.rrd")
     c = recorded("c.rrd", "--set", "machine.gravity_m_s2=9.80666")
@@ -130,7 +130,7 @@ def test_rtol_forgives_what_is_smaller(payscope: Payscope, recorded) -> None:
     assert {c["largest_relative"] < 1e-5 for c in masses if c["name"] == "mass_kg"} == {True}
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_another_grid_is_compared_at_the_times_that_both_have(payscope: Payscope, recorded) -> None:
     slow = recorded("slow.rrd", "--set", "settings.align.rate_hz=50")
     found = json.loads(payscope("compare", recorded("a.rrd"), slow, "--json").out)
@@ -138,7 +138,7 @@ def test_another_grid_is_compared_at_the_times_that_both_have(payscope: Payscope
     assert aligned["rows_a"] > aligned["rows_b"] == aligned["common"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recording_of_both_is_written_beside_what_is_printed(
     payscope: Payscope, recorded, tmp_path: Path
 ) -> None:
@@ -153,7 +153,7 @@ def test_a_recording_of_both_is_written_beside_what_is_printed(
     join_to_one_line(payscope("compare", a, b, "-o", tmp_path / "ab.mcap"), ".rrd")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recording_of_both_shows_what_only_one_of_them_found(
     payscope: Payscope, recorded, tmp_path: Path
 ) -> None:
@@ -171,7 +171,7 @@ def test_a_recording_of_both_shows_what_only_one_of_them_found(
 class TestRefused:
     """Nothing on stdout, one line on stderr, exit status 2."""
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_other_logs_unless_asked_for(
         self, payscope: Payscope, recorded, tmp_path: Path
     ) -> None:
@@ -190,7 +190,7 @@ class TestRefused:
         )
         assert pooled["change"] == pytest.approx(10.0, abs=1.0)
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_the_same_log_under_another_name_is_no_other_log(
         self, payscope: Payscope, recorded, log: Path, tmp_path: Path
     ) -> None:
@@ -209,7 +209,7 @@ class TestRefused:
         join_to_one_line(payscope("compare", a, a, "--rtol", "-1"), "--rtol")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_replay_of_a_recording_is_compared_with_it(
     payscope: Payscope, recorded, machine_file: Path, tmp_path: Path
 ) -> None:
@@ -225,7 +225,7 @@ def test_a_replay_of_a_recording_is_compared_with_it(
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_shortest_of_what_both_have_is_compared_when_rows_are_lost(
     payscope: Payscope, recorded, kept: Path
 ) -> None:

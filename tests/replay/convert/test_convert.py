@@ -54,7 +54,7 @@ def converted(path: Path, target: Path, **options: Any) -> Path:
     return target
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_every_log_is_itself_again(own_logs: list[Path], tmp_path: Path) -> None:
     compared = 0
     for path in own_logs:
@@ -171,7 +171,7 @@ print("taken up", made.resumed_spans, "of", made.spans)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_conversion_killed_anywhere_is_taken_up(bag: Path, tmp_path: Path) -> None:
     whole = converted(bag, tmp_path / "whole", span_messages=40)
     target, words = tmp_path / "shift", [sys.executable, "-c", KILLED, str(bag)]

@@ -31,7 +31,7 @@ def late(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recording_is_explained_as_it_is_and_a_log_by_its_replay(
     payscope: Payscope, log: Path, late: Path, tmp_path: Path
 ) -> None:
@@ -65,7 +65,7 @@ def recovered(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path)
     return saved
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_what_a_recording_lost_is_not_taken_for_what_its_log_does_not_show(
     payscope: Payscope, recovered: Path, tmp_path: Path
 ) -> None:
@@ -77,7 +77,7 @@ def test_what_a_recording_lost_is_not_taken_for_what_its_log_does_not_show(
     assert both.exists()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recording_that_keeps_no_stages_is_not_explained_or_drawn(
     payscope: Payscope, log: Path, machine_file: Path, late: Path, tmp_path: Path
 ) -> None:
@@ -144,7 +144,7 @@ def test_a_mended_machine_file_keeps_comments_and_order_and_is_replayed(
     assert json.loads(again.out)["loads"][0]["mass_kg"] == mass
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_delay_is_mended_to_within_a_millisecond(
     payscope: Payscope, log: Path, late: Path, tmp_path: Path
 ) -> None:
@@ -177,7 +177,7 @@ def with_findings(run: Run, *findings: dict[str, str]) -> Run:
     return Run({**run.frames, "findings": wrong}, run.provenance)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_proposal_that_leaves_the_log_unable_to_weigh_is_taken_back(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:
@@ -194,7 +194,7 @@ def test_a_proposal_that_leaves_the_log_unable_to_weigh_is_taken_back(
     assert not target.exists()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_what_a_cause_explains_that_stays_is_not_mended(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:

@@ -9,7 +9,7 @@ BY_NAME = {fault.name: fault for fault in UNLISTED}
 SIMULATED, INDEPENDENT = 2_900_000, 2_900_001
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_one_wheel_that_turns_too_far_is_no_radius() -> None:
     made = applied(BY_NAME["left wheel high"], INDEPENDENT)
     assert made.causes == ["unlike_sides"]

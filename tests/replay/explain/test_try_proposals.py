@@ -28,7 +28,7 @@ def off_kg(mended: MendedTrial) -> float:
     return abs(mended.mended_kg - mended.clean_kg) / mended.true_kg
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("name", "size", "cause"),
     mark_slow_after(

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.fleet_logs import SerialEngine
 from replay.fleet import ray_engine as module
 from tests.replay.sledge import Payscope, join_to_one_line
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 SQL = "SELECT machine, count(*) AS n FROM loads GROUP BY machine"
 
@@ -21,7 +21,7 @@ def serial(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "start_ray_engine", lambda *_: SerialEngine())
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("serial", "kept_replays")
 def test_run_again_query_report_compare_open(
     payscope: Payscope, fleet_folder: Path, tmp_path: Path
@@ -124,7 +124,7 @@ main()
 
 @pytest.mark.parametrize(
     "words",
-    mark_slow_after(
+    mark_heavy_after(
         1, [[], ["query", "x", "y"], ["run", "x", "-m", "y", "-o", "z"], ["report", "x", "-o", "y"]]
     ),
 )
@@ -139,7 +139,7 @@ def test_without_the_extra_it_says_in_one_line_what_to_install(words: list[str])
     assert left.stderr == ("payscope: fleet: ray is not installed; pip install 'payscope[fleet]'\n")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_nothing_but_a_fleets_run_imports_ray() -> None:
     code = (
         "import sys, replay.commands.cli, replay.fleet.gathered_tables\n"

@@ -79,7 +79,7 @@ def test_drifts_are_drawn_and_figures_and_tables_have_names(opened: Any) -> None
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_what_is_said_as_json_is_what_the_page_shows(report: FleetReport) -> None:
     said = report.to_dict()
     text = report.path.read_text(encoding="utf-8")

@@ -68,7 +68,7 @@ for name in ("die", "large", "raise", "threads"):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_nodes_and_workers_may_die_and_what_is_given_up_has_its_reason() -> None:
     first, *said = run([sys.executable, "-c", ENGINE]).splitlines()
     assert first == "killed both"

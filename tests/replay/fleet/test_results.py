@@ -155,7 +155,7 @@ def test_an_interrupted_run_leaves_done_what_is_done(run_in: Run, tmp_path: Path
     assert (did.replayed, did.up_to_date) == (4, 2)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_other_settings_are_other_results_and_those_of_the_last_run_count(
     results: Path, run_in: Run, fleet_folder: Path
 ) -> None:

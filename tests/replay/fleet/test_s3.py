@@ -22,7 +22,7 @@ def given_back(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv(name, os.environ.get(name, ""))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_runs_and_queries_with_the_server_away_for_a_while(tmp_path: Path) -> None:
     assert checked(tmp_path, "twin", 2, 1.5, SerialEngine) == []
 

@@ -132,7 +132,7 @@ def assert_no_number_without_validity(report: dict[str, Any]) -> None:
 
 
 # a log of messages and a table; a bag is another log of messages
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("suffix", mark_slow_after(1, [".mcap", ".csv", ".bag"]))
 def test_the_last_replay_of_a_recorded_log_is_what_run_says(
     suffix: str, logs: dict[str, Path], tmp_path: Path, payscope: Payscope
@@ -158,7 +158,7 @@ def test_the_last_replay_of_a_recorded_log_is_what_run_says(
     assert last["loads"][0]["mass_kg"] is not None
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_load_states_are_there_while_the_log_grows(
     logs: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
@@ -184,7 +184,7 @@ def test_load_states_are_there_while_the_log_grows(
     assert again.out == "", "what is on disc is not said again"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_log_that_cannot_weigh_names_the_check_that_withholds(payscope: Payscope) -> None:
     table = sledge()
     table.with_columns(force_N=-table["force_N"]).write_csv("inverted.csv")
@@ -259,7 +259,7 @@ def test_without_a_share_there_is_no_replay(logs: dict[str, Path]) -> None:
     assert not told
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_replays_keep_to_their_share_of_one_core(logs: dict[str, Path], tmp_path: Path) -> None:
     """The processor time of all but the last is within the share of the time until the last."""
     target, data = tmp_path / "growing.mcap", logs[".mcap"].read_bytes()
@@ -281,7 +281,7 @@ def test_replays_keep_to_their_share_of_one_core(logs: dict[str, Path], tmp_path
         assert each.processor_s == pytest.approx(sum(took))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_killed_process_is_said_in_a_line_and_the_last_replay_is_the_same(
     logs: dict[str, Path], payscope: Payscope
 ) -> None:
@@ -303,7 +303,7 @@ def test_a_killed_process_is_said_in_a_line_and_the_last_replay_is_the_same(
     assert report.fingerprint == said["fingerprint"]["results"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_log_that_grows_on_when_following_ends_is_replayed_once_more(
     logs: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -377,7 +377,7 @@ def test_a_format_of_messages_is_not_cut_at_its_last_line(name: str) -> None:
     assert not is_text_table(Path(name))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc tells the children of a process")
 @pytest.mark.parametrize("ending", mark_slow_after(1, [signal.SIGINT, signal.SIGKILL]))
 def test_the_process_ends_with_its_follower(

@@ -75,7 +75,7 @@ def test_ctrl_c_again_ends_a_poll_and_each_row_that_was_stepped_is_told(
     assert len(rows) == following.follower.rows_stepped == 1000
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_half_a_line_of_a_table_that_is_recorded_is_no_row_after_ctrl_c(
     monkeypatch: pytest.MonkeyPatch, payscope: Payscope
 ) -> None:
@@ -91,7 +91,7 @@ def test_half_a_line_of_a_table_that_is_recorded_is_no_row_after_ctrl_c(
     assert "gate: " in said.err
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_one_run_has_one_machine_file(monkeypatch: pytest.MonkeyPatch, payscope: Payscope) -> None:
     other = MACHINE.replace("empty_mass_kg = 100.0", "empty_mass_kg = 50.0")
     after_rows(monkeypatch, 1000, lambda: void(Path("sledge.toml").write_text(other)))
@@ -119,7 +119,7 @@ def test_a_machine_file_that_is_touched_or_replaced_by_the_same_has_not_changed(
     assert not change.has_file_changed()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("becomes", mark_slow_after(1, ["shorter", "gone"]))
 def test_a_log_that_does_not_grow_because_it_shrank_or_is_gone_says_so(
     becomes: str,
@@ -145,7 +145,7 @@ def spoil(path: Path, becomes: str) -> None:
         os.truncate(path, 100)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("becomes", mark_slow_after(1, ["shorter", "gone"]))
 def test_a_log_that_is_lost_leaves_what_was_recorded(
     becomes: str, monkeypatch: pytest.MonkeyPatch, payscope: Payscope

@@ -158,7 +158,7 @@ def test_what_is_followed_is_what_the_replay_has_bit_for_bit(
     assert following.follower.log.late_samples == 0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_an_active_bag_is_followed_over_its_renaming(logs: dict[str, Path], tmp_path: Path) -> None:
     target, active = tmp_path / "drive.bag", tmp_path / "drive.bag.active"
 
@@ -196,7 +196,7 @@ def test_a_chunk_is_read_when_its_last_byte_is_there(
             assert pl.concat(parts[topic]).equals(whole.read(topic, names))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_log_whose_recorder_was_killed_is_given_up_to_its_last_whole_chunk(
     logs: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -212,7 +212,7 @@ def test_a_log_whose_recorder_was_killed_is_given_up_to_its_last_whole_chunk(
     assert reasons == whole[: len(reasons)]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_digests_say_from_which_minute_on_a_replay_differs(logs: dict[str, Path]) -> None:
     machine = machine_of(logs[".bag"])
     digests = FollowedDigests()
@@ -230,7 +230,7 @@ def test_digests_say_from_which_minute_on_a_replay_differs(logs: dict[str, Path]
     assert not compared["tls"].is_rounding
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_holes_of_a_log_are_as_in_the_replay(logs: dict[str, Path], tmp_path: Path) -> None:
     """A drop-out, and a pause of which the grid keeps the ends alone."""
     source, target = tmp_path / "holes.csv", tmp_path / "growing.csv"
@@ -288,7 +288,7 @@ def test_logs_of_others_are_followed_as_replayed(
         assert each.is_rounding, each
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_memory_does_not_grow_with_the_log(logs: dict[str, Path], tmp_path: Path) -> None:
     """What is kept of the samples is the newest seconds, whatever came before."""
     machine = machine_of(logs[".mcap"])

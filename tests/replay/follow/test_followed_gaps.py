@@ -13,7 +13,7 @@ from replay.follow.agreement import FollowedDigests
 from replay.follow.follow_logs import FollowedLogState, follow_logs
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.follow.recorders import mcap_recorder
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 CAUSAL = [
     "settings.filter.causal=true",
@@ -31,7 +31,7 @@ def complete_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate_scenario_to_logs(plan, tmp_path_factory.mktemp("whole") / "whole.mcap")[0]
 
 
-@pytest.mark.parametrize("is_late", mark_slow_after(1, [True, False]))
+@pytest.mark.parametrize("is_late", mark_heavy_after(1, [True, False]))
 def test_a_topic_that_is_missing_at_an_end_is_followed_as_in_the_replay(
     complete_log: Path, tmp_path: Path, is_late: bool
 ) -> None:

@@ -55,7 +55,7 @@ def machine() -> Machine:
     return loader.model_copy(update={"channels": {**loader.channels, "yaw_acc_rad_s2": derived}})
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_spins_agree_with_the_causal_replay_and_are_reported(
     turning: Path, machine: Machine
 ) -> None:

@@ -26,7 +26,7 @@ from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.one_line import assert_one_line
 from tests.replay.follow.recorders import Recording, mcap_recorder, rosbag2_recorder
 from tests.replay.sledge import Payscope
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 REPO = Path(__file__).resolve().parents[3]
 DRIVE: dict[str, Any] = {"campaign": {"loads_kg": [150], "runs": 2}}
@@ -156,7 +156,7 @@ def assert_goes_on(
     assert all(each in reference for each in printed)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_killed_follower_goes_on(
     sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
@@ -178,7 +178,7 @@ def test_followers_killed_at_many_moments_go_on(
         assert_goes_on(target.name, recording, kills=5, seed=seed, payscope=payscope)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
@@ -221,7 +221,7 @@ def test_a_recording_of_another_log_or_of_other_settings_is_not_continued(
         assert_one_line(said.error)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("place", mark_slow_after(1, [0.6, 0.95]))
 def test_a_recording_cut_anywhere_goes_on_behind_its_last_whole_second(
     place: float, sources: dict[str, Path], tmp_path: Path, payscope: Payscope
@@ -295,7 +295,7 @@ def test_reports_that_do_not_fit_are_given_up_whole(
     assert 0 < len(printed_reports(rest)) < len(everything)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_recorder_that_is_killed_loses_its_torn_chunk_and_the_next_file_goes_on(
     sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
@@ -314,7 +314,7 @@ def test_a_recorder_that_is_killed_loses_its_torn_chunk_and_the_next_file_goes_o
     assert last["manoeuvres"] >= 3
 
 
-@pytest.mark.parametrize("step_s", mark_slow_after(1, [-30.0, 30.0]))
+@pytest.mark.parametrize("step_s", mark_heavy_after(1, [-30.0, 30.0]))
 def test_a_clock_that_is_set_costs_no_row_twice(
     step_s: float, sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:

@@ -71,7 +71,7 @@ def browser() -> Iterator[Any]:
         launched.close()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_browser_shows_what_is_followed(page: str, tmp_path: Path, browser: Any) -> None:
     opened = browser.new_page(viewport={"width": 1200, "height": 800})
     opened.goto(page)

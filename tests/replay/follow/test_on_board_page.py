@@ -69,7 +69,7 @@ def one_start(bags: dict[int, Path], tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("demo")
 def test_the_example_weighs_in_a_loop(capsys: pytest.CaptureFixture[str]) -> None:
     text = (REPO / "docs/on-board.md").read_text(encoding="utf-8")
@@ -84,7 +84,7 @@ def test_the_example_weighs_in_a_loop(capsys: pytest.CaptureFixture[str]) -> Non
         assert abs(mass_kg - 3764.0) < 40.0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("demo")
 def test_json_lines_give_no_number_without_validity(payscope: Payscope) -> None:
     said = payscope(
@@ -103,7 +103,7 @@ def test_json_lines_give_no_number_without_validity(payscope: Payscope) -> None:
     assert reports[-1]["validity"] == "valid"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("one_start")
 def test_reports_are_a_topic_that_others_read(payscope: Payscope) -> None:
     words = ("demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json")
@@ -145,7 +145,7 @@ def test_the_topic_of_a_follower_that_was_killed_has_every_report(tmp_path: Path
         assert log.read("/payscope/mass", ["mass_kg"])["mass_kg"].to_list() == [3600.0, 3600.0]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("one_start")
 def test_a_mass_grows_old(payscope: Payscope) -> None:
     words = ("-m", "demo/cat262c.toml", "--json", "--valid-s", "1", *ALONE)
@@ -192,7 +192,7 @@ def test_an_inertia_that_is_not_worth_its_name_is_not_valid(
     assert judge_spin_validity(None, 10**9, 60.0) == "none_yet"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("one_start")
 def test_what_cannot_be_followed_is_said_in_a_line(payscope: Payscope, tmp_path: Path) -> None:
     (tmp_path / "shift.parquet").write_bytes(b"PAR1")
@@ -228,7 +228,7 @@ def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> N
     assert "followed.rrd" in again.err
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.usefixtures("one_start")
 def test_json_lines_go_to_stdout_also_where_a_panel_is_drawn() -> None:
     """On a terminal, `follow --json > FILE` draws on stderr and writes lines into the file."""

@@ -15,7 +15,7 @@ from estimators.errors import LogError
 from replay import open_log
 from tests.replay.logs.conftest import write_log  # noqa: F401 - a fixture
 from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 HEAVY = ("rerun", "matplotlib", "scipy", "numba", "llvmlite")
 
@@ -26,7 +26,7 @@ def joints(count: int) -> list[Joints]:
     ]
 
 
-@pytest.mark.parametrize("write", mark_slow_after(1, [write_bag, write_mcap]))
+@pytest.mark.parametrize("write", mark_heavy_after(1, [write_bag, write_mcap]))
 def test_a_small_log_is_read_without_compiled_code(
     tmp_path: Path, write: Callable[[Path, Sequence[Joints]], object]
 ) -> None:

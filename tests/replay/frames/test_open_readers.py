@@ -24,7 +24,7 @@ print(rows["x"].to_list(), flush=True)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_script_that_takes_the_head_of_a_log_ends_well():
     for _ in range(3):
         left = subprocess.run(

@@ -45,7 +45,7 @@ def time(step: int) -> datetime:
     return datetime.fromtimestamp(START_NS // 10**9, UTC) + timedelta(microseconds=step * 10_000)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_every_topic_of_every_log_is_as_read_with_its_losses(own_logs: list[Path]) -> None:
     compared = 0
     for path in own_logs:

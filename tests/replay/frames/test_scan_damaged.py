@@ -16,7 +16,7 @@ from replay import open_log
 from replay.logs import Log
 from tests.replay.logs.fuzz.campaign import make_case
 from tests.replay.logs.fuzz.sources import SOURCES, Source
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "2"))
 FIRST = int(os.environ.get("PAYSCOPE_FUZZ_FIRST", "0"))
@@ -66,7 +66,7 @@ def faults(path: Path) -> Iterator[str]:
             yield f"{topic}: silent about {missing}"
 
 
-@pytest.mark.parametrize("container", mark_slow_after(1, SOURCES))
+@pytest.mark.parametrize("container", mark_heavy_after(1, SOURCES))
 def test_a_damaged_log_is_scanned_as_it_is_read(
     container: str, sources: dict[str, Source], tmp_path: Path
 ) -> None:

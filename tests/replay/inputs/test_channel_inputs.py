@@ -37,7 +37,7 @@ def test_topics_have_distinct_names_in_a_run_whatever_they_are(topics: set[str])
     assert all(name.startswith("raw/") for name in named)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_topic_with_a_slash_and_one_without_are_two_in_the_recording(tmp_path: Path) -> None:
     log, machine_file = tmp_path / "shift.mcap", tmp_path / "sledge.toml"
     recorded = [

@@ -43,7 +43,7 @@ def of(*parts: pl.DataFrame) -> pl.DataFrame:
 spans = st.lists(st.tuples(st.integers(0, ROWS), st.integers(1, ROWS)), min_size=1, max_size=6)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(spans, st.booleans(), st.randoms())
 def test_parts_with_any_overlap_are_the_whole_of_what_they_cover(
     cut: list[tuple[int, int]], stamped: bool, random: "object"

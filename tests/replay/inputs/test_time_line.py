@@ -103,7 +103,7 @@ def test_tables_that_hold_some_in_common_are_refused_in_a_line_with_both_ways(
     assert "parallel logs with no common" in said
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_tables_with_no_column_in_common_are_one_log(tmp_path: Path) -> None:
     machine_file = tmp_path / "sledge.toml"
     machine_file.write_text(MACHINE_FILE)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block_into
 from replay.logs.storage.file_bytes import FileBytes
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 CONTENT = np.random.default_rng(1).bytes(3000) * 40
 SKIPPED = struct.pack("<II", 0x184D2A5F, 5) + b"aside"
@@ -56,7 +56,7 @@ def test_frames_of_any_make_are_unpacked(folder: Path, make: str) -> None:
     assert unpacked(folder, FRAMES[make], len(CONTENT)) == CONTENT
 
 
-@pytest.mark.parametrize("make", mark_slow_after(1, FRAMES))
+@pytest.mark.parametrize("make", mark_heavy_after(1, FRAMES))
 @given(data=st.data())
 def test_frames_without_their_end_are_damaged_even_if_all_content_is_there(
     folder: Path, make: str, data: st.DataObject

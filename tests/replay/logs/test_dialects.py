@@ -12,7 +12,7 @@ from estimators.errors import LogError
 from replay.commands.common_options import make_time_axis_from_options
 from replay.logs import open_log
 from tests.one_line import assert_one_line
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 #: What is lost or moved in them is declared.
 DECLARED = (
@@ -34,7 +34,7 @@ def written(tmp_path: Path, file: DialectFile) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", mark_slow_after(1, SETS))
+@pytest.mark.parametrize("name", mark_heavy_after(1, SETS))
 def test_a_dialect_is_read_as_it_was_driven(
     tmp_path: Path, name: str, subtests: pytest.Subtests
 ) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.damaged_tables import damaged, hostile, outcome, packed
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 #: The process may grow by so much over all of them, in MB.
 MOST_MB = 600
@@ -19,7 +19,7 @@ CASES = {n: (".csv", data) for n, data in hostile().items() if n != LONG} | pack
 SEEDS = range(0, 200, 8)
 
 
-@pytest.mark.parametrize("seed", mark_slow_after(1, SEEDS))
+@pytest.mark.parametrize("seed", mark_heavy_after(1, SEEDS))
 def test_a_damaged_table_is_one_line_or_declared_losses(tmp_path: Path, seed: int) -> None:
     suffix, data = damaged(seed)
     path = tmp_path / f"log{suffix}"
@@ -27,7 +27,7 @@ def test_a_damaged_table_is_one_line_or_declared_losses(tmp_path: Path, seed: in
     assert outcome(path) in ("refused", "losses declared", "whole")
 
 
-@pytest.mark.parametrize("name", mark_slow_after(1, CASES))
+@pytest.mark.parametrize("name", mark_heavy_after(1, CASES))
 def test_a_hostile_table_is_one_line_or_declared_losses(tmp_path: Path, name: str) -> None:
     suffix, data = CASES[name]
     path = tmp_path / f"log{suffix}"

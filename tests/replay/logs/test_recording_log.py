@@ -15,12 +15,12 @@ from replay import load_machine, open_log
 from replay.logs import Log
 from replay.pipeline import run
 from tests.replay.sledge import Payscope, join_to_one_line
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
 
 
-@pytest.mark.parametrize("name", mark_slow_after(1, ["straight.mcap", "planar.mcap", "table.csv"]))
+@pytest.mark.parametrize("name", mark_heavy_after(1, ["straight.mcap", "planar.mcap", "table.csv"]))
 def test_a_replay_of_the_recording_equals_that_of_the_log_bit_for_bit(
     name: str, tmp_path: Path
 ) -> None:
@@ -45,7 +45,7 @@ def recorded(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path) 
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_commands_take_it_in_the_place_of_a_log(
     payscope: Payscope, recorded: Path, machine_file: Path, tmp_path: Path
 ) -> None:

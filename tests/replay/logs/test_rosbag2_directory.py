@@ -12,7 +12,7 @@ from estimators.errors import LogError
 from replay import open_log
 from tests.replay.logs.one_line import one_line_at_most
 from tests.replay.logs.written_logs import Joints, write_mcap, write_rosbag2
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(30)]
 EFFORT = [float(k) for k in range(30)]
@@ -70,7 +70,7 @@ def test_broken_metadata_is_a_loss_and_the_files_are_read(split: Path, old: str,
 
 @pytest.mark.parametrize(
     ("text", "fault"),
-    mark_slow_after(
+    mark_heavy_after(
         1,
         [
             ("", "it is not laid out as rosbag2 does"),

@@ -186,7 +186,7 @@ def test_a_table_that_was_closed_says_so_as_every_log_does(table: Path) -> None:
         log.read("table", ["count"])
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_page_that_asks_for_more_than_all_memory_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "shift.parquet"
     SAMPLES.write_parquet(path)

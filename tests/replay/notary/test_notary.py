@@ -452,7 +452,7 @@ def killed_at(folder: Path, key: Path, after_s: float, environment: dict[str, st
     child.communicate()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_notary_that_is_killed_loses_and_invents_nothing(
     folder: Path, keys: tuple[Path, Path]
 ) -> None:

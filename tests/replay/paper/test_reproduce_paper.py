@@ -17,7 +17,7 @@ from replay import load_machine
 from replay.paper.reproduce_paper import Reproduction, replay_simulated_campaign_in_memory
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.sledge import Payscope, join_to_one_line
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 TRIALS, CAMPAIGNS = 10, 2
 
@@ -124,7 +124,7 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_bound_is_the_same_to_the_last_digit_each_time() -> None:
     short = Scenario()
     campaign = short.campaign.model_copy(update={"loads_kg": (0.0, 100.0), "runs": 6})
@@ -134,7 +134,7 @@ def test_the_bound_is_the_same_to_the_last_digit_each_time() -> None:
     assert len({compute_cramer_rao_bound_of_trial_kg(replayed) for _ in range(20)}) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_simulation_replayed_from_memory_is_that_of_its_bags(tmp_path: Path) -> None:
     from replay.demo.run_demo import replay_simulated_campaign
 
@@ -178,7 +178,7 @@ def test_claims_are_given_of_the_payload_range_as_well(found: dict[str, ItemResu
     assert constant["of_load_range_percent"] == pytest.approx(34.2, abs=0.1)
 
 
-@pytest.mark.parametrize("output_format", mark_slow_after(1, ["md", "csv"]))
+@pytest.mark.parametrize("output_format", mark_heavy_after(1, ["md", "csv"]))
 def test_files_are_written_all_or_none(
     found: dict[str, ItemResult], tmp_path: Path, output_format: str
 ) -> None:

@@ -91,7 +91,7 @@ def test_a_file_of_somebody_else_is_answered_at_once_with_the_documented_status(
     assert time.monotonic() - began < 5.0
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_log_without_a_machine_file_shows_its_columns_with_joints_by_name(
     bag: Path, tmp_path: Path
 ) -> None:
@@ -111,7 +111,7 @@ def test_a_machine_file_beside_the_log_replays_it(bag: Path, tmp_path: Path) -> 
     assert "payscope:mass_kg" in entities(left.stdout, tmp_path)["/display/loads"]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_where_the_machine_file_does_not_fit_the_columns_are_shown_and_why(
     bag: Path, tmp_path: Path
 ) -> None:
@@ -145,7 +145,7 @@ ASKED = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_prefix_is_of_everything_and_a_time_of_every_row(bag: Path, tmp_path: Path) -> None:
     left = imported(bag, *ASKED)
     assert (left.returncode, left.stderr) == (0, b"")
@@ -161,7 +161,7 @@ def test_a_prefix_is_of_everything_and_a_time_of_every_row(bag: Path, tmp_path: 
     assert "log_time" not in found
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_replay_with_a_machine_file_that_a_variable_names_lies_under_a_prefix_too(
     bag: Path, tmp_path: Path
 ) -> None:
@@ -172,7 +172,7 @@ def test_the_replay_with_a_machine_file_that_a_variable_names_lies_under_a_prefi
     assert "/display/loads" not in shown
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_sdk_opens_a_log_under_a_prefix_at_its_own_times(
     script: Path, bag: Path, tmp_path: Path
 ) -> None:
@@ -196,7 +196,7 @@ def test_the_sdk_opens_a_log_under_a_prefix_at_its_own_times(
     assert times(tmp_path, "/yard/axis")["lap"] == ("int64", {7})
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_log_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "torn.bag"
     path.write_bytes(b"no bag at all")
@@ -210,7 +210,7 @@ def test_a_log_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
 class TestViewer:
     pytestmark = VIEWER
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_the_viewer_opens_a_ros_1_bag_without_one_view_error(
         self, script: Path, data_in_kind: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -10,7 +10,7 @@ from tests.viewer_needed import VIEWER
 pytestmark = VIEWER
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_stretch_of_one_tab_is_photographed(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:

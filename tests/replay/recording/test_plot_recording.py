@@ -22,7 +22,7 @@ def test_the_command_offers_the_figures_that_there_are() -> None:
     assert [each.value for each in FigureName] == list(FIGURES)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_moment_is_drawn_with_what_lies_around_it(
     payscope: Payscope, recording: Path, tmp_path: Path
 ) -> None:

@@ -242,7 +242,7 @@ def test_a_review_whose_recording_was_changed_is_refused(folder: Path, payscope:
     join_to_one_line(payscope("review", folder), "review its logs again")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_review_whose_ledger_was_changed_is_refused(
     folder: Path, payscope: Payscope, tmp_path: Path
 ) -> None:

@@ -62,7 +62,7 @@ def test_what_is_not_there_is_said_with_what_is(text: str, says: str, tmp_path: 
         read_label_spans([log], [parse_label_channel(text)], load_machine(Path("cat262c.toml")))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_review_of_logs_has_the_operator_of_each_load(tmp_path: Path, payscope: Payscope) -> None:
     logs, machine, truth = shift_folder(tmp_path)
     dumps = [each["dump_ns"] for each in truth["cycles"]]

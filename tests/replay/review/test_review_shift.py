@@ -183,7 +183,7 @@ def test_a_folder_of_other_files_takes_no_review(
         review_shift(logs, machine, tmp_path, ReviewOptions())
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_review_of_another_shift_is_replaced_only_on_request(
     driven: tuple[list[Path], Path, Any], folder: Path, tmp_path: Path
 ) -> None:
@@ -226,7 +226,7 @@ def _command(logs: list[Path], machine: Path, folder: Path) -> list[str]:
     return [sys.executable, "-c", "from payscope import main; main()", *words]
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_review_that_is_killed_leaves_no_half_file_and_the_next_gives_the_same_ledger(
     driven: tuple[list[Path], Path, Any], reviewed: ShiftReview, tmp_path: Path
 ) -> None:

@@ -14,7 +14,7 @@ from recordings.review.shift_ledger import PARQUET
 from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder, verdict
 from tests.replay.sledge import Payscope, join_to_one_line
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 pytestmark = pytest.mark.usefixtures("kept_replays")
 
@@ -136,7 +136,7 @@ def test_a_limit_of_the_friction_needs_a_week(reviewed: Path, payscope: Payscope
     assert "--week" in done.err
 
 
-@pytest.mark.parametrize("scheme", mark_slow_after(1, ["light", "dark"]))
+@pytest.mark.parametrize("scheme", mark_heavy_after(1, ["light", "dark"]))
 def test_the_page_is_accessible_and_scrolls_down_only_on_a_phone(
     on_day: Callable[..., Path], payscope: Payscope, chromium: Any, tmp_path: Path, scheme: str
 ) -> None:

@@ -12,7 +12,7 @@ import pytest
 from analysis.simulation import Scenario
 from replay.simulation.simulate_logs import simulate_scenario_to_logs
 from tests.replay.sledge import Payscope, join_to_one_line, sledge
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 KEYS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "payload_kg", "accepted_share", "verdict")
 
@@ -88,7 +88,7 @@ def test_when_no_combination_can_weigh_the_answer_is_no_as_of_run(
     assert said.err == "No combination can weigh: every mass is withheld.\n"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_truth_beside_a_campaign_gives_the_errors_of_tables_3_and_4(
     payscope: Payscope, tmp_path: Path
 ) -> None:
@@ -126,7 +126,7 @@ def test_the_truth_beside_a_campaign_gives_the_errors_of_tables_3_and_4(
     assert "calibrated_rmse_kg" not in row  # one load determines no line
 
 
-@pytest.mark.parametrize("suffix", mark_slow_after(1, [".csv", ".json", ".parquet"]))
+@pytest.mark.parametrize("suffix", mark_heavy_after(1, [".csv", ".json", ".parquet"]))
 def test_the_suffix_says_the_format_and_nothing_is_overwritten(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path, suffix: str
 ) -> None:
@@ -147,7 +147,7 @@ def test_the_suffix_says_the_format_and_nothing_is_overwritten(
     join_to_one_line(payscope(*words, log, "--force"), "is also an input")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_keys_that_end_alike_and_lists_have_their_columns_in_a_file(
     payscope: Payscope, log: Path, machine_file: Path
 ) -> None:
@@ -232,7 +232,7 @@ class TestWrongInput:
         join_to_one_line(said, "s.csv.truth.json", "payscope simulate")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_figure_shows_every_method_the_reference_and_what_cannot_weigh(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:
@@ -255,7 +255,7 @@ def test_the_figure_shows_every_method_the_reference_and_what_cannot_weigh(
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_figure_of_words_and_several_keys_has_a_place_for_each(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:

@@ -65,7 +65,7 @@ def watched(
     return watching(log, "-m", machine_file, "-o", tmp_path / "out.rrd")
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_change_is_replayed_a_fault_is_one_line_and_ctrl_c_ends_quietly(
     watched: Watched, machine_file: Path, tmp_path: Path
 ) -> None:
@@ -87,7 +87,7 @@ def test_a_change_is_replayed_a_fault_is_one_line_and_ctrl_c_ends_quietly(
     assert not list(tmp_path.glob(".payscope-*"))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_machine_file_that_is_gone_is_said_and_waited_for(
     watching: Callable[..., Watched], log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -113,7 +113,7 @@ def test_a_fault_before_the_first_replay_is_refused_as_without_a_watch(
 class TestViewer:
     pytestmark = VIEWER
 
-    @pytest.mark.slow
+    @pytest.mark.heavy
     def test_the_open_viewer_shows_the_next_replay_at_the_time_of_the_last(
         self, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:

@@ -39,7 +39,7 @@ def test_a_scenario_that_is_written_reads_back_as_it_was(tmp_path, made):
     assert load_scenario_file(path) == made
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(excite, tmp_path):
     answer = excite("-o", "best.toml", "--json")
     assert answer.status == 0, answer.err

@@ -19,7 +19,7 @@ from replay.simulation.simulate_logs import (
 )
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, join_to_one_line
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 SHORT = Scenario.model_validate(
     {
@@ -51,7 +51,7 @@ def stamp_ns(message):
     return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
-@pytest.mark.parametrize("suffix", mark_slow_after(1, ["bag", "mcap", "db3", ""]))
+@pytest.mark.parametrize("suffix", mark_heavy_after(1, ["bag", "mcap", "db3", ""]))
 def test_messages_read_back_hold_exactly_the_simulated_numbers(tmp_path, suffix):
     paths = simulate_scenario_to_logs(SHORT, named(tmp_path, suffix))
     for log, path in zip(simulate_campaign(SHORT), paths, strict=True):

@@ -30,7 +30,7 @@ with force_compilation():
 """
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("log", mark_slow_after(1, LOGS))
 def test_a_run_compiles_nothing_that_was_not_compiled_ahead(
     log: str, monkeypatch: pytest.MonkeyPatch
@@ -51,7 +51,7 @@ def test_a_run_compiles_nothing_that_was_not_compiled_ahead(
     assert asked - ready == set()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_two_processes_that_compile_at_once_do_each_other_no_harm(tmp_path: Path) -> None:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
 
@@ -85,7 +85,7 @@ def chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "chosen"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_what_is_ready_is_not_gone_through_again(
     chosen: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

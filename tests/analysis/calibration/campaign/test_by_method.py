@@ -70,7 +70,7 @@ def test_a_constant_scores_85_kg_on_the_papers_loads():
 estimates = st.lists(st.lists(st.floats(-50, 50), min_size=3, max_size=3), min_size=4, max_size=8)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(estimates)
 @example([[0.0] * 3, [0.0] * 3, [0.0] * 3, [0.0, 0.0, 1e-8]])  # they scatter by rounding alone
 def test_with_as_many_starts_each_load_counts_alike(noise):

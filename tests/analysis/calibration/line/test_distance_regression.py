@@ -53,7 +53,7 @@ X_COV = 0.4**2 + np.minimum.outer(np.arange(1, 6), np.arange(1, 6)) * 0.3**2
 Y_COV = np.diag([0.5, 0.5, 0.5, 1.0, 1.0]) ** 2 + 0.3**2
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_correlated_references_have_the_uncertainties_of_a_monte_carlo():
     dice = np.random.default_rng(4)
     drawn = []

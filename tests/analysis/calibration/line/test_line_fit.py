@@ -179,7 +179,7 @@ def test_an_outlier_is_named_and_stays_in_the_fit():
     assert any("it is in the fit" in said for said in found.says)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_outliers_are_found_by_chance_in_one_campaign_of_ten_at_most():
     found = sum(bool(fitted(seed=seed).outliers) for seed in range(60))
     # two tests at 5 % each

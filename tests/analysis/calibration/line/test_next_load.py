@@ -47,7 +47,7 @@ def test_a_run_of_another_day_is_worth_more_than_one_of_the_same():
     assert new.half_width_kg < same.half_width_kg
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_run_is_worth_what_it_then_is_on_the_average():
     """The promised determinant is that of campaigns that have the run."""
     promised, found = [], []

@@ -15,7 +15,7 @@ from analysis.calibration.use.error_limits import (
 )
 from estimators.errors import DataError
 from tests.analysis.calibration.campaigns import readings, references
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 
 @cache  # two classes are judged by the same forty lines
@@ -98,7 +98,7 @@ def test_the_guard_band_leaves_the_risk_that_was_asked_for():
         assert (row.verdict == "within") == (row.outside_1 <= 0.05)
 
 
-@pytest.mark.parametrize("name", mark_slow_after(1, ["OIML R 134 0.5", "OIML R 134 1"]))
+@pytest.mark.parametrize("name", mark_heavy_after(1, ["OIML R 134 0.5", "OIML R 134 1"]))
 def test_what_is_said_to_be_within_is_within(name):
     """Of later masses few are accepted and err by more than the limit."""
     dice = np.random.default_rng(8)

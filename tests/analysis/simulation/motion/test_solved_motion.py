@@ -61,7 +61,7 @@ def test_full_throttle_follows_the_closed_form_of_two_first_order_lags():
     np.testing.assert_allclose(run.speed_x_m_s[rows], closed[rows], atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @settings(max_examples=12, deadline=None)
 @given(
     friction=st.floats(500, 5000),
@@ -85,7 +85,7 @@ def test_a_long_start_ends_at_the_speed_where_friction_and_slope_take_the_thrott
     assert run.speed_x_m_s[0] == pytest.approx((6000.0 - resistance) / friction, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @settings(max_examples=20, deadline=None)
 @given(
     coulomb=st.floats(0, 800),

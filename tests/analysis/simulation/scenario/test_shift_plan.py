@@ -127,7 +127,7 @@ def test_starts_and_stops_are_those_of_the_scenario() -> None:
     assert drawn.is_between(0.6, 1.0).all()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_loads_are_as_the_distribution_has_them() -> None:
     quick = {"duration_h": 0.6, "haul_m": 12.0, "reverse_share": 1.0, "pause_s": 0.2, "topics": []}
     keys = {"load_kg": 500.0, "load_std_kg": 200.0, "load_least_kg": 300.0, "load_most_kg": 800.0}

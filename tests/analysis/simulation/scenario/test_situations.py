@@ -8,7 +8,7 @@ import pytest
 from analysis.simulation import Scenario, simulate_campaign
 from replay.simulation.scenario_file import format_scenario_file, load_scenario_file
 from tests.trials.situations import SITUATIONS, sections
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 SHORT = {"campaign": {"runs": 2, "standstill_s": 1.0}}
 
@@ -20,7 +20,7 @@ def plain_log(loads_kg):
     return next(simulate_campaign(Scenario.model_validate(plain)))
 
 
-@pytest.mark.parametrize("name", mark_slow_after(1, SITUATIONS))
+@pytest.mark.parametrize("name", mark_heavy_after(1, SITUATIONS))
 def test_a_situation_is_simulated_and_differs_from_the_plain_log(name, tmp_path):
     made = Scenario.model_validate(sections(name, **SHORT))
     log, again = (next(simulate_campaign(made)) for _ in range(2))

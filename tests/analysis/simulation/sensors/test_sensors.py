@@ -13,7 +13,7 @@ from analysis.stages.signals.mounting import transfer_acceleration_to_origin
 from estimators.errors import ScenarioError
 from tests.analysis.simulation.quiet import NO_NOISE as QUIET
 from tests.analysis.simulation.quiet import TOGETHER
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 WHEELS = MachineBody(name="as simulated", wheel_radius_m=0.42, track_width_m=1.5, force_share=0.5)
 PLANAR = (
@@ -122,7 +122,7 @@ def test_the_gyroscopes_bias_is_on_its_three_axes_and_nowhere_else():
 
 @pytest.mark.parametrize(
     ("key", "topic", "pattern", "lsb"),
-    mark_slow_after(
+    mark_heavy_after(
         1,
         [
             ("torque_lsb_N_m", "torque", "^torque_.*$", 5.0),

@@ -12,7 +12,7 @@ from analysis.stages.gating.digging import find_digging_starts, reject_windows_w
 from replay import load_machine, open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.without_bucket import WITHOUT_BUCKET
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 MACHINE = load_machine(Path("cat262c.toml"))
 RATE_HZ = 100
@@ -82,7 +82,7 @@ def test_no_start_without_a_pile_digs(
     assert find_digging_starts(frame, MACHINE).is_empty()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(
     st.floats(3600.0, 4700.0),
     st.floats(0.0, 600.0),
@@ -198,7 +198,7 @@ def test_a_machine_that_drives_on_is_in_no_pile() -> None:
 
 
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3)))
-@pytest.mark.parametrize("name", mark_slow_after(1, WITHOUT_BUCKET))
+@pytest.mark.parametrize("name", mark_heavy_after(1, WITHOUT_BUCKET))
 def test_machines_without_a_bucket_have_no_pile(name: str, seed: int, tmp_path: Path) -> None:
     drawn = WITHOUT_BUCKET[name](seed)
     path = tmp_path / "drawn.parquet"

@@ -108,7 +108,7 @@ def test_a_faster_topic_is_averaged_over_the_grid_step_about_the_row(channels_of
     np.testing.assert_allclose(aligned[IMU].to_numpy()[1:-1], expected[1:-1], atol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(delay_us=st.integers(-40_000, 40_000))
 def test_a_delay_of_any_fraction_of_a_step_is_taken_off(raw_topic, machine, delay_us):
     """What says 5 t + 1 at the time t says so still, however late it is stamped."""
@@ -142,7 +142,7 @@ def test_t_ns_climbs_strictly_on_the_lattice_of_the_rate(channels_of, machine, r
     assert (n - 1) * 10 * MS - t[-1] < 1e9 / rate
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(
     seed=st.integers(0, 2**32 - 1),
     cut=st.integers(150, 290),

@@ -10,7 +10,7 @@ from analysis.stages.signals.timestamps import (
     find_largest_relative_clock_drift,
     measure_clock_drifts_by_topic,
 )
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 T0 = 1_700_000_000_000_000_000
 SPAN_S = 150.0
@@ -59,7 +59,7 @@ def test_a_drift_is_found_whatever_the_latency(drift_ppm, rate_hz, latency):
     assert found["span_s"] == pytest.approx(SPAN_S, abs=0.3)
 
 
-@pytest.mark.parametrize("latency", mark_slow_after(1, [jitter, queues]))
+@pytest.mark.parametrize("latency", mark_heavy_after(1, [jitter, queues]))
 def test_the_standard_deviation_is_that_of_the_drift(latency):
     found = [row(stamped(seed=seed, latency=latency)) for seed in range(200)]
     off = np.array([each["drift_ppm"] / each["drift_std_ppm"] for each in found])
@@ -120,7 +120,7 @@ def test_clocks_that_run_apart_are_found_though_the_recorders_runs_wrong():
     assert same.drift_ppm < 5 * same.drift_std_ppm
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(st.integers(0, 2**32 - 1), st.permutations(range(40)))
 def test_the_order_of_the_rows_does_not_matter(seed, order):
     frame = stamped(50.0, seed=seed, rate_hz=5.0)

@@ -44,7 +44,7 @@ def sits(guess):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @given(fives, fives, fives)
 @example(90.0, 0.0, 0.0)  # gravity on +y
 @example(0.0, 90.0, 0.0)

@@ -18,7 +18,7 @@ from replay.logs.messages.message_types import ListOf, RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, types
 from tests.replay.logs.decoding.test_equality import RANDOM_TYPES, fields_of, same
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 #: The bytes of the last are swapped; `test_equality.py` reads it whole.
 ENCODINGS = mark_slow_after(2, ("cdr_le", "ros1", "cdr_be"))
@@ -41,7 +41,7 @@ def torn(stored: list[bytes]) -> RawBatch:
     return RawBatch(0, batch.data, starts, cuts, np.arange(starts.size))
 
 
-@pytest.mark.parametrize("encoding", mark_slow_after(1, ENCODINGS))
+@pytest.mark.parametrize("encoding", mark_heavy_after(1, ENCODINGS))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
 def test_a_message_torn_at_any_byte_is_whole_only_where_rosbags_says_so(
@@ -57,7 +57,7 @@ def test_a_message_torn_at_any_byte_is_whole_only_where_rosbags_says_so(
     assert bool(decoded.first_fault) == bool(decoded.undecodable)
 
 
-@pytest.mark.parametrize("encoding", mark_slow_after(1, ENCODINGS))
+@pytest.mark.parametrize("encoding", mark_heavy_after(1, ENCODINGS))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
 def test_a_message_with_flipped_bits_is_read_as_rosbags_reads_it(

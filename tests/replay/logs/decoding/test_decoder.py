@@ -34,7 +34,7 @@ from tests.twins import mark_slow_after
 LONG_DOUBLE = "module t { module msg { struct A { long double a[2]; octet b; }; }; };"
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("release", mark_slow_after(1, [Stores.ROS2_HUMBLE, Stores.ROS1_NOETIC]))
 def test_every_type_of_a_release_is_columnar_and_equal_to_rosbags(release: Stores) -> None:
     store = get_typestore(release)

@@ -14,7 +14,7 @@ from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.messages.message_fields import Field, resolve_message_field
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, every_field, types
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 #: In each encoding; `make decoding` sets 2500.
 TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "24"))
@@ -59,7 +59,7 @@ def columnar(sample: Sample, fields: list[Field], encoding: str) -> pl.DataFrame
     return decoded.frame
 
 
-@pytest.mark.parametrize("encoding", mark_slow_after(1, ["cdr_le", "cdr_be", "ros1"]))
+@pytest.mark.parametrize("encoding", mark_heavy_after(1, ["cdr_le", "cdr_be", "ros1"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
 def test_all_fields_of_a_random_type_are_those_of_rosbags(
@@ -70,7 +70,7 @@ def test_all_fields_of_a_random_type_are_those_of_rosbags(
     assert same(columnar(sample, fields, encoding), rosbags(sample, fields, encoding))
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 @pytest.mark.parametrize("encoding", mark_slow_after(1, ["xcdr2_be", "xcdr2_le"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))

@@ -25,7 +25,7 @@ from replay.logs.decoding.decoder import DecodedBatch
 from replay.logs.mcap.mcap_grammar import RECORD_FINDERS as MCAP
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, types
 from tests.replay.logs.decoding.test_equality import RANDOM_TYPES, fields_of, same
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 T = TypeVar("T")
 _TIMES = st.one_of(st.integers(0, 40), st.integers(0, 2**64 - 1))
@@ -54,7 +54,7 @@ def assert_alike(ways: tuple[DecodedBatch, DecodedBatch]) -> None:
     assert compiled.first_fault == by_python.first_fault
 
 
-@pytest.mark.parametrize("encoding", mark_slow_after(1, ["cdr_le", "cdr_be", "ros1", "xcdr2_le"]))
+@pytest.mark.parametrize("encoding", mark_heavy_after(1, ["cdr_le", "cdr_be", "ros1", "xcdr2_le"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
 def test_messages_of_a_random_type_whole_and_damaged(

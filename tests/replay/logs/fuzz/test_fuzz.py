@@ -20,7 +20,7 @@ from tests.replay.logs.fuzz.judgement import Reading, faults_of, faults_of_comma
 from tests.replay.logs.fuzz.recorded import START_NS, STEP_NS, STEPS
 from tests.replay.logs.fuzz.sources import SOURCES, Source
 from tests.replay.sledge import Payscope
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "4"))
 FIRST = int(os.environ.get("PAYSCOPE_FUZZ_FIRST", "0"))
@@ -94,7 +94,7 @@ def machine(tmp_path: Path, container: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("container", mark_slow_after(1, SOURCES))
+@pytest.mark.parametrize("container", mark_heavy_after(1, SOURCES))
 def test_damage_costs_what_it_hit_and_is_said_in_lines(
     container: str,
     sources: dict[str, Source],

@@ -104,7 +104,7 @@ def test_an_mcap_file_is_the_one_that_its_library_writes(log: SimulatedLog, tmp_
     assert (tmp_path / "ours.mcap").read_bytes() == (tmp_path / "theirs.mcap").read_bytes()
 
 
-@pytest.mark.slow
+@pytest.mark.heavy
 def test_a_rosbag2_directory_holds_the_messages_of_rosbags_for_every_reader(
     log: SimulatedLog, tmp_path: Path
 ) -> None:

@@ -17,7 +17,7 @@ from replay.logs.decoding.wire import CDR, ROS1
 from replay.logs.writers.message_columns import Column, RaggedColumn
 from replay.logs.writers.serialise_messages import SameLayout, serialise_messages
 from tests.replay.logs.decoding.random_types import Sample, Types, random_message, types
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after
 
 TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "35"))
 RANDOM_TYPES = settings(
@@ -71,7 +71,7 @@ def messages_of(made: Sequence[SameLayout], count: int) -> list[bytes]:
     return found
 
 
-@pytest.mark.parametrize("encoding", mark_slow_after(1, ["cdr_le", "ros1"]))
+@pytest.mark.parametrize("encoding", mark_heavy_after(1, ["cdr_le", "ros1"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32))
 def test_messages_of_a_random_type_are_those_of_rosbags(
