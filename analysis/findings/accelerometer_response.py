@@ -53,7 +53,7 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     if used.sum() < CHANNEL_LIMITS.gain_min_spans:
         return None
     x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
-    # noise of the speed is no acceleration, and would look like one that is not seen
+    # noise of the speed would look like an acceleration that the accelerometer does not measure
     reads_speed = (
         0.0
         if inputs.column_noise is None
@@ -64,9 +64,9 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     if not power > CHANNEL_LIMITS.gain_motion_fraction * seen:
         return None
     gain = float(x @ y) / power
-    # neighbours share half of what they are of
+    # adjacent blocks share half of their samples
     std = float(np.sqrt(1.5 * seen * ((y - gain * x) ** 2).sum() / (x.size - 2))) / power
-    # what noise is taken off is known to a share of it
+    # the noise that is subtracted is itself uncertain by a fraction
     return gain, float(np.hypot(std, gain * CHANNEL_LIMITS.gain_noise_u_1 * (seen - power) / power))
 
 
