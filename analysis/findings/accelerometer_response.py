@@ -17,7 +17,7 @@ _BOOM: Final = "boom_rad"
 
 
 class StartAndRestSpectra(NamedTuple):
-    """Mean power (k,) of the accelerometer's residual after starts and at rest."""
+    """Mean power of the accelerometer's residual, (frequencies,), after starts and at rest."""
 
     frequency_hz: Floats
     after_starts: Floats
@@ -96,7 +96,7 @@ def fit_imu_to_boom_angle_slope_and_std(inputs: FindingInputs) -> tuple[float, f
 def compute_imu_spectra_after_starts_and_at_rest(
     inputs: FindingInputs,
 ) -> StartAndRestSpectra | None:
-    """Spectra of the accelerometer's residual after starts and at rest; None of too few."""
+    """Spectra of the accelerometer's residual after starts and at rest; None if too few."""
     rate_hz = inputs.machine.settings.align.rate_hz
     size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
@@ -130,7 +130,7 @@ def compute_imu_spectra_after_starts_and_at_rest(
 
 
 def find_force_rise_ends(inputs: FindingInputs, force: Floats, min_held_samples: int) -> list[int]:
-    """End (grid sample) of each rise of the force after a standstill that is then held."""
+    """Grid sample at the end of each rise of the force from standstill to a level that holds."""
     rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
         return []

@@ -98,7 +98,7 @@ def does_exclusion_keep_answer(
 
 
 def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tuple[int, int]]:
-    """Long repeats in motion of a channel that else never repeats; (begin, end) in Unix ns."""
+    """Long repeats in motion of a channel that else never repeats: start and end in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []

@@ -196,7 +196,7 @@ def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, 
     force = average_blocks(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
-    # a central difference has the time of its middle
+    # a central difference has no delay
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.select_measured_channels(ACC):
         found["imu"] = average_blocks(

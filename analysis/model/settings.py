@@ -1,4 +1,4 @@
-"""The settings of a replay, a part a stage: the paper's values where the paper gives one."""
+"""The settings of a replay, one part per stage, with the paper's values where it gives them."""
 
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -150,7 +150,7 @@ class TraceSettings(MethodOptions):
 class NoiseSettings(BaseModel):
     """Standard deviation of one sample of each column, before the moving mean; None: from the log.
 
-    A value stands for white noise.
+    A value means white noise.
     """
 
     model_config = STRICT
@@ -164,7 +164,7 @@ class NoiseSettings(BaseModel):
 
 
 class LoadSettings(BaseModel):
-    """When the machine carried nothing, for the payload as a difference."""
+    """When the machine is known to be empty, so that payloads are differences to it."""
 
     model_config = STRICT
 
@@ -199,17 +199,17 @@ class PlanarSettings(BaseModel):
 def suggest_similar_setting(
     unknown_key: str, models_by_stage: Mapping[str, type[BaseModel]]
 ) -> str | None:
-    """The setting, with its stage, whose name is most like a key that is none."""
+    """The setting, with its stage, whose name is most similar to an unknown key; else None."""
     stages = {name: stage for stage, part in models_by_stage.items() for name in part.model_fields}
     close = get_close_matches(unknown_key, stages, n=1)
     return f"{stages[close[0]]}.{close[0]}" if close else None
 
 
 class Settings(BaseModel):
-    """How a log is replayed. Every field can be overridden with `--set settings.STAGE.NAME=VALUE`.
+    """Settings of a replay; `--set settings.STAGE.NAME=VALUE` overrides any field.
 
-    A part belongs to the stage that it is named after; later stages read it where they must know
-    what was done (the gate's window, the grid's rate).
+    A part belongs to the stage that it is named after; later stages also read it where they need it
+    (window of the gate, rate of the grid).
     """
 
     model_config = STRICT
@@ -230,7 +230,7 @@ class Settings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _require_stage_of_values(cls, content: Any) -> Any:
-        """Name the stage of a value that was given without one."""
+        """Raise an error that names the stage if a value is given without one."""
         if not isinstance(content, Mapping):
             return content
         for key, value in content.items():
@@ -258,7 +258,7 @@ class Settings(BaseModel):
         }
 
     def get_setting(self, dotted_name: str) -> Any:
-        """The setting of a dotted name, as `gate.threshold_nat`."""
+        """The setting with a dotted name such as `gate.threshold_nat`."""
         part, _, key = dotted_name.partition(".")
         return getattr(getattr(self, part), key)
 
@@ -266,9 +266,9 @@ class Settings(BaseModel):
         """Copy the settings with changes by dotted name: `{"gate.window_samples": 400}`.
 
         Raises:
-            ValidationError: no such setting, or a value that it does not take.
+            ValidationError: unknown setting, or a value that is not valid for it.
         """
-        # what was not set stays so: a log's own rate fills it in
+        # unset fields stay unset, so that the rate of the log can fill them
         content = self.model_dump(exclude_unset=True)
         for name, value in changes.items():
             part, _, key = name.partition(".")
