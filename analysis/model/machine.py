@@ -62,7 +62,7 @@ class LogSection(BaseModel):
 
     @model_serializer(mode="wrap")
     def _serialise_given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Keep the given keys only, so that a later version's keys change no earlier file."""
+        """Keep only the given keys, so that keys of later versions change no earlier file."""
         return {name: value for name, value in handler(self).items() if value is not None}
 
 
@@ -334,7 +334,7 @@ class Machine(BaseModel):
 
     @staticmethod
     def _measures_force(channel_name: str) -> bool:
-        """Whether a channel of arithmetic is in the unit of a force, or a torque in per cent."""
+        """Whether a channel used in arithmetic is in a unit of force, or a torque in percent."""
         unit = split_unit_from_name(channel_name)[1]
         if unit is None:
             return False

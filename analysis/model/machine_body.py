@@ -30,9 +30,9 @@ def _require_known_timezone(timezone_name: str) -> str:
 
 
 class ImuMounting(BaseModel):
-    """Mounting of the IMU on the machine: roll, pitch, yaw (intrinsic z-y'-x''), and position.
+    """How the IMU sits on the machine: roll, pitch, yaw (intrinsic z-y'-x''), and where.
 
-    `position_u_m` is the standard uncertainty of the position in each direction.
+    The standard uncertainty of its place is that of each direction.
     """
 
     model_config = STRICT
@@ -45,13 +45,13 @@ class ImuMounting(BaseModel):
 
 
 class FuelTank(BaseModel):
-    """Fuel in the tank when the empty machine was weighed, and when the log begins.
+    """Fuel on board: litres when the empty machine was weighed, and when the log begins.
 
     Attributes:
         empty_mass_L: litres in the tank when the empty machine was weighed.
         begin_L: litres in the tank when the log begins.
         rate_L_h: mean rate at which the engine burns fuel, for a log without `fuel_rate_L_h`.
-        u_L: standard uncertainty of the difference between `empty_mass_L` and `begin_L`.
+        u_L: standard uncertainty of the difference of both litres.
         density_kg_L: density of the fuel; diesel at 15 °C by EN 590 (0.820 to 0.845).
     """
 

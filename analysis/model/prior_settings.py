@@ -33,9 +33,9 @@ class LearntTerm(BaseModel):
 
 
 class PriorSettings(BaseModel):
-    """Prior standard deviations of the terms of the joint fit besides mass and friction.
+    """Standard deviations of what the answer's fit allows besides mass and friction.
 
-    A share is a fraction of the driving force of the log (its 95 % quantile).
+    A share is of the force that the log drives with (its 95 % quantile).
     """
 
     model_config = STRICT

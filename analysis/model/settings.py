@@ -150,7 +150,7 @@ class TraceSettings(MethodOptions):
 class NoiseSettings(BaseModel):
     """Standard deviation of one sample of each column, before the moving mean; None: from the log.
 
-    A value means white noise.
+    A value stands for white noise.
     """
 
     model_config = STRICT
@@ -164,7 +164,7 @@ class NoiseSettings(BaseModel):
 
 
 class LoadSettings(BaseModel):
-    """When the machine is known to be empty, so that payloads are differences to it."""
+    """When the machine carried nothing, for the payload as a difference."""
 
     model_config = STRICT
 
@@ -206,10 +206,10 @@ def suggest_similar_setting(
 
 
 class Settings(BaseModel):
-    """Settings of a replay; `--set settings.STAGE.NAME=VALUE` overrides any field.
+    """How a log is replayed. Every field can be overridden with `--set settings.STAGE.NAME=VALUE`.
 
-    A part belongs to the stage that it is named after; later stages also read it where they need it
-    (window of the gate, rate of the grid).
+    A part belongs to the stage that it is named after; later stages read it where they must know
+    what was done (the gate's window, the grid's rate).
     """
 
     model_config = STRICT

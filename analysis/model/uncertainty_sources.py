@@ -92,12 +92,12 @@ def has_side_torques(machine: Machine) -> bool:
 
 
 def compute_relative_uncertainty(u: float | None, value: float | None) -> float | None:
-    """A standard uncertainty over its value; None if one of them is not stated."""
+    """A standard uncertainty divided by its value; None if one of them is not stated."""
     return None if u is None or value is None else u / value
 
 
 def compute_relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
-    """Relative u of a mass due to the radius under load: of the force, and of a wheel's motion."""
+    """Relative u of a mass by the wheel radius under load, in the force and in wheel speeds."""
     u = machine.machine.wheel_radius_by_load_u
     by_wheels = machine.settings.forces.acceleration == "kinematic"
     return None if u is None else u * (2.0 if by_wheels else 1.0)
@@ -158,7 +158,7 @@ TRACK_WIDTH: Final = ScaleFactor(
     "track width, which converts the torques of the two sides to a yaw torque",
     remedy="measuring it",
 )
-#: Where the accelerometer sits.
+#: Position of the accelerometer.
 IMU_POSITION: Final = ScaleFactor(
     "imu_position",
     lambda machine: machine.settings.forces.acceleration == "specific_force",
