@@ -37,7 +37,7 @@ def compute_cramer_rao_mass_bounds_kg(
         sum_v_squared: (...,) sum of the squared speeds.
 
     Returns:
-        (...,); infinite if the samples cannot separate mass from friction.
+        (...,) bounds in kg; infinite if the samples cannot separate mass from friction.
     """
     determinant = sum_a_squared * sum_v_squared - sum_a_v**2
     # to working precision
