@@ -46,7 +46,7 @@ class MeasuredSignals(NamedTuple):
 
 
 def compute_sensor_noise_stds(scenario: Scenario) -> MeasuredSignals:
-    """The standard deviation of one sample of each channel, (17) and (18) applied."""
+    """Noise standard deviation of one sample of each signal; force and torque by (17) and (18)."""
     sensors = scenario.sensors
     values = (
         sensors.force_noise_N,
