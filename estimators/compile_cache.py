@@ -79,7 +79,7 @@ def _find_all_cached_marker_path() -> Path:
 
 
 def describe_cache_state() -> str:
-    """Cache folder of each module with loops, which identifies its sources, and its owner."""
+    """State of the cache as text: numba's version, and the folder of each module with loops."""
     sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_compiled_loops(path))
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
 

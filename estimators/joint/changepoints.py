@@ -265,7 +265,7 @@ def partition_into_two_alternating_levels(
 
 
 def partition_by_fill_cycles(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
-    """Partition by two levels: heavy after each filling, until the light level fits better.
+    """Partition the units by two levels: heavy after each filling until light fits better.
 
     Args:
         values: (n,) level of each unit, for given effects.

@@ -1,9 +1,9 @@
-"""Gain of an estimate, θ = gain · scores + …, and the inverse that it comes with.
+"""Gain of an estimate, θ = gain · scores + …, and the inverse matrix (bread) that belongs to it.
 
 H = C S⁻¹ C + P with C the normal equations, S the covariance of the scores and P the priors;
-bread = H⁻¹, gain = H⁻¹ C S⁻¹. Of few levels both are dense matrices. Of many they are found from
-[S C; C −P] [y; θ] = [b; −P θ₀], whose levels are eliminated one by one: both are then diagonal but
-for a product of (wide, r) matrices, r twice the number of shared parameters and one.
+bread = H⁻¹, gain = H⁻¹ C S⁻¹. With few levels both are dense matrices. With many levels they are
+found from [S C; C −P] [y; θ] = [b; −P θ₀] by eliminating the levels one by one: both are then
+diagonal plus a product of (wide, r) matrices, r being twice the number of shared parameters plus 1.
 """
 
 from dataclasses import dataclass

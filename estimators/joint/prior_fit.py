@@ -41,10 +41,10 @@ class Grouping:
     """Grouping of the samples.
 
     Attributes:
-        direction: (n,) sign that makes the groups' residuals comparable; None: 1.
-        shortest: minimum samples of a group that is compared with others.
-        levels: levels of the first parameter; None uses one, and widens by groups that disagree.
-        taken: (n, q) columns projected out of each group's response and columns; None: none.
+        direction: (n,) sign that makes the groups' residuals comparable; None means 1.
+        shortest: smallest number of samples of a group that is compared with others.
+        levels: levels of the first parameter; None uses one, and disagreement adds uncertainty.
+        taken: (n, q) columns projected out of each group's response and columns; None for none.
         loss: `compute_autocovariance_loss` of the fit, if already computed.
     """
 
@@ -195,7 +195,7 @@ class PriorSolution:
         return self._fit
 
     def compute_uncertainty_and_release_samples(self) -> None:
-        """Compute the uncertainty now: of a shift the samples are hundreds of megabytes."""
+        """Compute the uncertainty now, to release samples of hundreds of megabytes for a shift."""
         _ = self.fit
         return_freed_memory_to_os()  # no larger block fits where they were
 

@@ -136,7 +136,7 @@ def advance_window(state: WindowState, sample: Floats) -> WindowState:
 def compute_window_statistics_for_gate(
     states: Sequence[WindowState], noise: Floats | None = None
 ) -> WindowStatistics:
-    """Statistics for the gate of the windows of m states, (m,) each; `noise` is as for `ls`."""
+    """Gate statistics of m windows, (m,) each; `noise` as in `ls.compute_window_statistics`."""
     window = states[0].z.shape[1]
     rho, spread = np.empty(len(states)), np.empty(len(states))
     for k, state in enumerate(states):

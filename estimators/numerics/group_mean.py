@@ -10,7 +10,7 @@ from estimators.interpreted import compiled_with_array_form
 
 
 def iter_group_runs(group: Ints) -> Iterator[tuple[int, int]]:
-    """First and end sample of each run of one group (n,)."""
+    """Yield the first sample of each run of one group, and the sample after its last."""
     begins = np.flatnonzero(np.diff(group)) + 1
     bounds = [0, *begins.tolist(), group.size] if group.size else []
     return pairwise(bounds)
@@ -49,8 +49,8 @@ def fill_trailing_group_means(
     """
     p, n = columns.shape
     count = np.empty(requested_rows.size, np.int64)
-    # sums of the group so far, so that rounding does not add up over the log: those that a mean
-    # still needs, in turn
+    # cumulative sums of the group only, so that rounding does not accumulate over the log; a ring
+    # buffer of those that a mean still needs
     kept = samples + 1
     total = np.zeros((kept, p))
     begin, at, now = 0, 0, 0
