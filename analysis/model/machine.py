@@ -195,7 +195,7 @@ class Machine(BaseModel):
             return content
         body = content.get("machine")
         if not isinstance(body, Mapping):
-            return content  # that it has no such table says more than what needs it
+            return content  # the error about the missing table is clearer than one about its key
         radius_m = body.get(_WHEEL_RADIUS)
         misspelt = {*content} - {*cls.model_fields} | {*body} - {*Body.model_fields}
         if radius_m is None and misspelt:

@@ -30,7 +30,7 @@ def _sum_basis_products_vectorised(Q: Floats, lag_count: int) -> Floats:
 
 @compiled_with_array_form(_sum_basis_products_vectorised)
 def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
-    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
+    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for lags d < `lag_count`, as (p, p, lags)."""
     n, p = Q.shape
     # zeros behind the end, so that all distances have as many terms
     columns = np.zeros((p, n + lag_count + 4))

@@ -42,7 +42,7 @@ def fill_trailing_group_means(
         group: (n,) group of each sample, negative for none.
         samples: largest number of samples in a mean.
         requested_rows: (m,) samples whose means are requested, ascending; all in groups.
-        mean: (m, p) overwritten with the means; for a shift it needs hundreds of megabytes.
+        mean: (m, p) array to fill with the means; for a shift it has hundreds of megabytes.
 
     Returns:
         (m,) number of samples in each mean.

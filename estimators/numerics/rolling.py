@@ -227,7 +227,7 @@ def sum_moments_of_block_pair(
     end_row: int,
     workspace: Workspace,
 ) -> None:
-    """Compute the moments of windows row … end - 1, which begin in one block, into `workspace`."""
+    """Compute the moments of the windows of some rows, which begin in one block, in `workspace`."""
     p = A.shape[1]
     start = window_ends[first_row] - window + 1
     samples = window_ends[end_row - 1] + 1 - start

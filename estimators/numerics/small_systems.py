@@ -231,7 +231,7 @@ def _rotate_by_jacobi_in_place_vectorised(N: Floats, p: int, i: int, j: int, _m:
 
 @compiled_with_array_form(_rotate_by_jacobi_in_place_vectorised)
 def rotate_by_jacobi_in_place(N: Floats, p: int, i: int, j: int, m: int) -> None:
-    """One rotation of Jacobi that makes entry (i, j) zero."""
+    """Apply the Jacobi rotation that makes entry (i, j) of m matrices 0."""
     a, b, c = (
         N[find_packed_index(i, i, p)],
         N[find_packed_index(j, j, p)],

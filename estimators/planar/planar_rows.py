@@ -73,8 +73,8 @@ def make_straight_regressor(
 def make_spin_regressor(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
     """Stage 2, the yaw row of (8) alone: ω̇ Izz + ω b_ψ = τ_z, for a spin about the origin.
 
-    Rows 1 and 2 as printed require ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which holds for I13
-    = I23 = 0 only: they weigh reactions of the ground that nothing measures.
+    The printed rows 1 and 2 require ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which is true only
+    for I13 = I23 = 0: they describe reactions of the ground, which are not measured.
 
     Args:
         yaw_acceleration: (n,) ω̇ in rad/s².
