@@ -1,11 +1,11 @@
 """Cache folders for compiled functions, one for each state of the sources compiled into them.
 
-Numba keeps what it compiles, so that only the first use waits for it. But it looks at a function's
-own file alone to see whether that still holds, and a compiled loop contains those that it calls
-from other files. So a folder is named after a module and the sources of all that the module imports
-of its own package and of this one: an edit elsewhere compiles nothing anew. Where neither the
-folder of the sources nor the user's can be written to (an installation by root, a service account)
-compiled functions last as long as the process.
+Numba caches compiled functions, so that only the first use waits for the compiler. But it checks
+only a function's own file for changes, while a compiled loop contains functions that it calls from
+other files. So a cache folder is named after a module and the sources of all its imports from its
+own package and this one; an edit elsewhere causes no recompilation. If neither the folder of the
+sources nor the user's folder is writable (an installation by root, a service account), compiled
+functions last as long as the process.
 """
 
 import atexit
@@ -19,12 +19,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
-#: Holds the packages.
+#: Folder that contains the packages.
 _HOUSE: Final = Path(__file__).parent.parent
 _NAME: Final = "payscope-numba"
-#: Folders of other states of a module that are left: the latest used.
+#: Number of folders of other states of a module that are kept: those used last.
 _MOST_STATES: Final = 3
-#: Imports at the top level of a module: compiled functions see no others.
+#: Top-level import in a module with compiled loops.
 _LOOPS: Final = re.compile(rb"^from estimators\.(?:compiled|interpreted) import", re.M)
 _IMPORT: Final = re.compile(rb"^(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)|.*))?", re.M)
 
@@ -79,7 +79,7 @@ def _find_all_cached_marker_path() -> Path:
 
 
 def describe_cache_state() -> str:
-    """Cache folder of each module with loops, which identifies its sources, and its owner."""
+    """State of the cache as text: numba's version, and the folder of each module with loops."""
     sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_compiled_loops(path))
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
 
@@ -93,7 +93,7 @@ def _has_compiled_loops(module_file: Path) -> bool:
 
 
 def remove_compile_cache() -> list[Path]:
-    """Remove the cache, because part of it is unreadable; returns the removed folders."""
+    """Remove the cache, for when part of it is unreadable; return the removed folders."""
     packages = [path.parent.name for path in _HOUSE.glob("*/__init__.py")]
     kept = {
         parent for package in packages for parent in _list_cache_parents(package) if parent.is_dir()
@@ -123,7 +123,7 @@ def _make_temporary_folder() -> Path:
 class _Source(NamedTuple):
     """Digest of a module's source, and the files that it imports; it names the cache folder."""
 
-    #: of its file, from the packages' folder
+    #: path of its file, relative to the packages' folder
     name: str
     package: str
     sha256: bytes
@@ -135,7 +135,7 @@ def _digest_source_and_imports(module_file: Path) -> str:
     """Hash the sources of a module and of its imports from its own package and this one."""
     packages = {Path(__file__).parent.name, _read_source_and_imports(module_file).package}
     found: dict[Path, _Source] = {}
-    # how it is compiled, which a loop that may be interpreted does not import
+    # include the compiler options, whose module an interpreted loop does not import
     left = [module_file, _HOUSE / Path(__file__).parent.name / "compiled.py"]
     while left:
         path = left.pop()
@@ -156,7 +156,7 @@ def _read_source_and_imports(module_file: Path) -> _Source:
     for package, names in _IMPORT.findall(text):
         home = _HOUSE.joinpath(*package.decode().split("."))
         modules.add(home)
-        if home.is_dir():  # of a module they are what it defines
+        if home.is_dir():  # in a module, imported names are what it defines
             modules |= {home / name for name in re.findall(r"\w+", names.decode())}
     files = (path for each in modules for path in (each.with_suffix(".py"), each / "__init__.py"))
     return _Source(

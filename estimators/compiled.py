@@ -1,13 +1,13 @@
 """The decorators that compile loops, with the same options for all of them.
 
-With numpy's error model a division by zero is infinite, without which no loop that divides is
-vectorised; the interpreter's lock is released, so that threads may share a log; what is compiled is
-kept for the next process (`estimators.compile_cache`). Nothing may be reassociated or contracted: a
-loop gives the same bits for one window as for many, and so on board as in replay.
+With numpy's error model a division by zero gives infinity, without which no loop with a division is
+vectorised. The interpreter's lock is released, so that threads may share a log. Compiled code is
+cached for the next process (`estimators.compile_cache`). No operations may be reassociated or
+contracted: a loop gives the same bits for one window as for many, and so on board as in replay.
 
-Processes may compile at once into one folder. Numba numbers the files of a function's compiled
-forms, and two that take the same number leave one's name on the other's code; here a file is named
-after what it holds.
+Several processes may compile into one folder at a time. Numba numbers the files of a function's
+compiled forms, so two processes with the same number would exchange their code; here a file is
+named after its content.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ _OPTIONS: Final[dict[str, Any]] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",
-    # nothing takes these functions as pointers of C
+    # these functions are not used as C pointers
     "no_cfunc_wrapper": True,
 }
 _SETTINGS: Final[Any] = config
@@ -44,8 +44,8 @@ def compiled(function: F) -> F:
 def compiled_without_refcounts(function: F) -> F:
     """Compile a function that allocates nothing, without reference counts for its arrays.
 
-    In a loop of millions that passes arrays between functions, counting costs more than the work.
-    The functions that it calls are compiled likewise.
+    In a loop of millions of iterations that passes arrays between functions, counting costs more
+    than the work. The functions that it calls are compiled in the same way.
     """
     return _compile_on_first_call(function, {**_OPTIONS, "_nrt": False})
 
@@ -70,14 +70,14 @@ class _ContentNamedIndex(cast("Any", IndexDataCacheFile)):
 
     def save(self, key: Any, data: Any) -> None:
         name = self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:12], 16))
-        # the code before its name, so that no index names what is not there
+        # save the code before its name, so that the index names no missing file
         self._save_data(name, data)
         self._save_index({**self._load_index(), key: name})
 
 
 @contextmanager
 def _cache_decorated_functions_in_folder(folder: Path) -> Generator[None]:
-    """Cache functions decorated inside this context in a folder, and no others."""
+    """Context in which decorated functions are cached in a folder; others are not."""
     with _ONE_AT_A_TIME:
         usual = _SETTINGS.CACHE_DIR
         _SETTINGS.CACHE_DIR = str(folder)

@@ -21,7 +21,7 @@ from difflib import get_close_matches
 
 
 class PayscopeError(Exception):
-    """Root of all errors: one line a user can act on; `args` keeps the original text."""
+    """Root of all errors; its text is one line that a user can act on, `args` the original text."""
 
     def __str__(self) -> str:
         return join_to_one_line(super().__str__())
@@ -64,7 +64,7 @@ class RecordingError(PayscopeError):
 
 
 class DataError(PayscopeError):
-    """The samples cannot be used."""
+    """The samples cannot be used (lengths, no common time, no numbers)."""
 
 
 class NoReadingError(DataError):

@@ -1,4 +1,4 @@
-"""Results of an estimator: one window's `Estimate`, or the `Trace` of many windows."""
+"""Results of an estimator: the `Estimate` of one window, or the `Trace` of many windows."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""SHA-256 of files, the identity of inputs, recordings and evidence."""
+"""SHA-256 of files, which identifies inputs, recordings and evidence."""
 
 import hashlib
 from pathlib import Path

@@ -1,9 +1,9 @@
-"""Loops that run interpreted for little work, and compiled otherwise.
+"""Loops that are interpreted for little work, and compiled otherwise.
 
-Numba takes 0.6 s of the processor before the first compiled loop runs, though it was compiled
-before: as long as a million turns of a loop in Python. So a process that reads a log begins by
-interpreting small work, of which it has so many seconds, and is then done with it. A replay imports
-numba before it opens a log: it interprets nothing that is kept.
+Numba needs 0.6 s of processor time before the first compiled loop runs, even if it is cached: as
+long as a million iterations of a loop in Python. So a process that reads a log first interprets
+small work, up to a budget of seconds. A replay imports numba before it opens a log, and then
+interprets no loop that is cached.
 
 Where nothing is kept of a loop yet, compiling it takes half a second, and all that a run needs
 45 s. Until `payscope warm-up` or a longer log has compiled it, a loop interprets a short log.
@@ -27,18 +27,18 @@ from estimators.compile_cache import is_function_cached
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: Work of one call above which it is compiled, in turns of its loop.
+#: Number of iterations above which a call is compiled.
 MOST_TURNS: Final = 8192
-#: Processor seconds that a process interprets, a third of what numba takes to begin.
+#: Processor seconds of interpreted work in a process: a third of numba's start-up time.
 MOST_SECONDS: Final = 0.2
-#: Rows of one call above which it is compiled though nothing is kept of it: 330 s at 100 Hz.
+#: Rows above which a call is compiled although the loop is not cached: 330 s at 100 Hz.
 MOST_COLD_ROWS: Final = 32_768
-#: Turns likewise of a loop that reads: a topic of 100 s, with a dozen marks a message.
+#: Iterations, likewise, for a loop that reads: a topic of 100 s with a dozen marks per message.
 MOST_COLD_TURNS: Final = 131_072
-#: Processor seconds that a loop of which nothing is kept is interpreted, twice what compiling one
-#: takes: at worst a loop costs three times its compilation.
+#: Processor seconds for which a loop that is not cached is interpreted, twice its compilation time:
+#: at worst a loop costs three times its compilation.
 MOST_COLD_SECONDS: Final = 1.0
-#: How a function is compiled, by the name of the decorator in `estimators.compiled`.
+#: Names of the decorators in `estimators.compiled` that compile a function.
 _COMPILED, _WITHOUT_REFCOUNTS, _INLINED = (
     "compiled",
     "compiled_without_refcounts",
@@ -47,7 +47,7 @@ _COMPILED, _WITHOUT_REFCOUNTS, _INLINED = (
 
 
 def is_numba_imported() -> bool:
-    """Whether this process has imported numba, as every replay does: it will compile anyway."""
+    """Whether this process has imported numba, like every replay, so that its start-up is paid."""
     return "numba" in sys.modules
 
 
@@ -121,7 +121,7 @@ class CompiledLoop:
 
     @cached_property
     def is_cached(self) -> bool:
-        """Whether a process has compiled it before, so that it starts at once."""
+        """Whether a compiled form is in the cache, so that it starts without compilation."""
         return is_function_cached(
             Path(self._function.__code__.co_filename), self._function.__qualname__
         )
@@ -156,7 +156,7 @@ class CompiledLoop:
         return self._cold_seconds > 0 and not self.is_cached
 
     def _run_in_python(self, arguments: tuple[Any, ...]) -> Any:
-        # as compiled code, it lets integers run over and divides by zero
+        # like compiled code, it lets integers overflow and divides by zero
         with np.errstate(all="ignore"):
             return convert_numpy_scalars_to_python(self.interpreted(*arguments))
 

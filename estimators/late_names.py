@@ -1,4 +1,4 @@
-"""Lazy imports: names of a package that are imported on first use."""
+"""Lazy imports: names of a package that are only imported on first use."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module

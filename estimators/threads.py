@@ -1,4 +1,4 @@
-"""Work on windows in chunks on several cores, with results independent of their number."""
+"""Processing of windows in chunks on several cores, with results independent of their number."""
 
 import ctypes
 import os
@@ -13,9 +13,9 @@ from numba.core import config
 T = TypeVar("T")
 R = TypeVar("R")
 
-#: Windows that are worked on together: their sums stay in the cache, and Python costs nothing.
+#: Windows in a chunk: few enough for the cache, and enough that Python's overhead is negligible.
 CHUNK: Final = 8192
-#: Fewer chunks than these are not worth starting threads for.
+#: Smallest number of chunks for which threads are started.
 _WORTH_THREADS: Final = 8
 
 #: Parameters of glibc's `mallopt`, by number.
@@ -29,11 +29,11 @@ _MOST_KEPT: Final = 1 << 30
 
 
 def keep_freed_memory_in_glibc() -> None:
-    """Have glibc keep freed memory, where there is a glibc that the environment does not set.
+    """Make glibc keep freed memory, if there is a glibc and the environment does not configure it.
 
-    Left alone, it gives blocks beyond a threshold back to the system. Each chunk's arrays would be
-    paged in anew, which costs more than the work. Heaps of threads other than the first hold 64
-    MiB; larger blocks are mapped there as before.
+    By default it returns blocks above a threshold to the system, so that the arrays of each chunk
+    would be paged in again, which costs more than the work. Heaps of threads other than the first
+    are limited to 64 MiB; larger blocks are still mapped there.
     """
     is_set = any(name.startswith(("MALLOC_", "GLIBC_TUNABLES")) for name in os.environ)
     if sys.platform != "linux" or is_set:
@@ -48,7 +48,7 @@ keep_freed_memory_in_glibc()
 
 
 def return_freed_memory_to_os() -> None:
-    """Give freed memory back to the system, where glibc holds it: after a stage that needs much."""
+    """Return memory that glibc keeps to the system, after a stage that needed a lot of it."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
     if trim:
         trim(0)
@@ -87,7 +87,7 @@ def limit_blas_to_one_thread() -> Generator[None]:
 
     BLAS splits sums over long vectors among its threads, so that their last bits depend on the
     number of threads. Long vectors are summed by this package's own loops, so nothing becomes
-    slower. The limit holds for the process: the first to set it lifts it for all.
+    slower. The limit applies to the whole process and ends with the first context that set it.
     """
     from threadpoolctl import threadpool_limits  # sets an environment variable when imported
 

@@ -1,7 +1,7 @@
 """Alignment of two runs: B on A's time line, manoeuvre by manoeuvre, and B minus A.
 
-Replays of one log differ by where their time begins; of two logs of the same manoeuvres, each
-manoeuvre of B is moved to where its counterpart of A begins.
+Replays of one log may differ in the start of their time. For two logs of the same manoeuvres, each
+manoeuvre of B is shifted to the start of its counterpart in A.
 """
 
 from collections.abc import Sequence
@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.model.run_record import Run
 
-#: Leaving a manoeuvre without a counterpart costs as much as a pair of which one lasts 1.6 times
-#: as long.
+#: Cost of a manoeuvre without a counterpart: half that of a pair with a ratio of durations of 1.6.
 _LEFT_OUT: Final = 0.25
 _ROW: Final = "_row"
 
@@ -24,15 +23,15 @@ def match_manoeuvres_of_runs(
 ) -> list[tuple[int, int]]:
     """Match the manoeuvres of two logs in order, by phase and duration.
 
-    The alignment has the least cost (Needleman and Wunsch 1970), where a pair costs |ln| of the
-    ratio of its durations and only manoeuvres of one phase pair.
+    The alignment has the lowest cost (Needleman and Wunsch 1970): a pair costs |ln| of the ratio of
+    its durations, and only manoeuvres of the same phase can be paired.
 
     Args:
         segments_a: frame `segments` with start_t_ns, end_t_ns, phase.
-        segments_b: the other frame.
+        segments_b: frame `segments` of the other log.
 
     Returns:
-        The rows of each pair.
+        Row in A and row in B of each pair.
     """
     cost = np.full((segments_a.height + 1, segments_b.height + 1), np.inf)
     steps = _LEFT_OUT * np.arange(segments_b.height + 1)
@@ -41,7 +40,7 @@ def match_manoeuvres_of_runs(
     for row in range(segments_a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
-        # the rest of the row is what leaving out manoeuvres of B costs
+        # along the row, add the cost of leaving out manoeuvres of B
         cost[row + 1] = np.minimum.accumulate(best - steps) + steps
     found: list[tuple[int, int]] = []
     i, j = segments_a.height, segments_b.height
@@ -70,16 +69,16 @@ def compute_manoeuvre_matching_costs(
 
 
 def shift_run_b_to_time_of_a(a: Run, b: Run, *, is_same_log: bool) -> Run:
-    """Run B on the time line of A.
+    """Shift the times of run B to the time line of A.
 
     Args:
         a: run that defines the time line.
-        b: run that is moved.
+        b: run that is shifted.
         is_same_log: whether both are of the same samples; otherwise manoeuvres are matched, and
             unmatched ones left out.
 
     Returns:
-        B, with A's start of time.
+        B, with times counted from the start of A.
     """
     about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
     zones = None if is_same_log else find_time_shifts_of_run_b(a, b)
@@ -116,7 +115,7 @@ def extend_spans_into_gaps(manoeuvres: pl.DataFrame) -> list[tuple[int, int]]:
 def shift_frame_times(
     frame: pl.DataFrame, shift_by_time_span: pl.DataFrame | None, offset_ns: int
 ) -> pl.DataFrame:
-    """Shift the times of a frame, by zone or by one offset."""
+    """Shift the times of a frame, by a shift for each time span or by one offset."""
     times = [name for name in ("t_ns", "start_t_ns", "end_t_ns") if name in frame.columns]
     if not times:
         return frame
@@ -130,22 +129,22 @@ def shift_frame_times(
     inside = placed.filter(pl.col(first) < pl.col("to_ns")).sort(_ROW)
     moved = inside.with_columns(pl.col(name) + pl.col("shift_ns") for name in times)
     if first == "t_ns" and "axis" not in frame.columns:
-        # an empty row where a stretch ends, or a line would cross to the next
+        # an empty row at the end of a stretch, so that no plotted line connects it to the next
         ends = moved.group_by("from_ns").agg(pl.col(first).max() + 1)
         moved = pl.concat([moved, ends.select(first)], how="diagonal").sort(first)
     return moved.select(frame.columns)
 
 
 def subtract_runs_in_common_rows(a: Run, b: Run) -> Run:
-    """B minus A, in common rows: at equal times, or of overlapping manoeuvres and loads.
+    """B minus A in common rows: rows at equal times, or of overlapping manoeuvres and loads.
 
     Args:
         a: baseline run.
         b: other run, in A's time (`shift_run_b_to_time_of_a`).
 
     Returns:
-        A run with A's times, differences in the columns of numbers, and no standard deviations:
-        the two share most of their errors.
+        A run with A's times and with differences in numeric columns, but no standard deviations,
+        since the two runs share most of their errors.
     """
     period_ns = min(round(1e9 / run.provenance.settings.align.rate_hz) for run in (a, b))
     frames = {
@@ -169,7 +168,7 @@ def subtract_frames_in_common_rows(
     time = (pl.col("start_t_ns") + pl.col("end_t_ns")) // 2 if held else pl.col("t_ns")
     left, right = (_add_row_key(each, time.alias("_at"), by) for each in (a, b))
     reach = None if held else tolerance_ns
-    # B's own copy of the time says whether a row of a manoeuvre overlaps
+    # B's own copy of the time shows whether rows of manoeuvres overlap
     renamed = (pl.col(name).alias(_make_name_in_run_b(name)) for name in numbers)
     theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *renamed)
     joined = left.join_asof(

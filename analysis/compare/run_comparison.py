@@ -47,7 +47,7 @@ class EstimateChange:
 
     @property
     def change_in_stds(self) -> float | None:
-        """The change over the larger standard deviation."""
+        """The change over the larger of both standard deviations; None if either is unknown."""
         std = max(self.a_std or 0.0, self.b_std or 0.0)
         return None if self.value_change is None or not std else self.value_change / std
 
@@ -84,7 +84,7 @@ class Comparison:
         ) and not any(change.name == "contents" for change in self.inputs)
 
     def to_dict(self) -> dict[str, Any]:
-        """The comparison as JSON-compatible values, with the changes of estimates."""
+        """The comparison as JSON-compatible values, including the change of each estimate."""
         plain = asdict(self)
         for name in ("estimates", "manoeuvres"):
             changes: tuple[EstimateChange, ...] = getattr(self, name)
@@ -204,7 +204,7 @@ def _read_stage_rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
 
 
 def list_estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
-    """Changes of the whole log's masses, by method, and of its loads' masses."""
+    """Changes of the masses of the whole log, by method, and of the masses of its loads."""
     mine, theirs = (
         {row["method"]: row for row in _read_stage_rows(each, "masses")} for each in (a, b)
     )
@@ -222,7 +222,7 @@ def list_estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateCh
 def list_manoeuvre_changes(
     a: Replay, b: Replay, rtol: float, offset_ns: int
 ) -> tuple[EstimateChange, ...]:
-    """Changes of manoeuvres, with those of B assigned to A's at their middle."""
+    """Changes of the manoeuvres' masses; a manoeuvre of B is paired with A's at its middle."""
     mine, theirs = (_read_stage_rows(each, "segments") for each in (a, b))
     found: list[tuple[str, dict[str, Any], dict[str, Any]]] = []
     left = list(theirs)
@@ -249,7 +249,7 @@ def _format_time_span_of_row(spanned_row: Mapping[str, Any], offset_ns: int) -> 
 def select_differing_estimates(
     pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], rtol: float
 ) -> tuple[EstimateChange, ...]:
-    """Estimates that differ: appeared or missing ones first, then by size of the change."""
+    """Estimates that differ: those that only one run has first, then by size of the change."""
     changes = [
         EstimateChange(about, name, a.get(name), a.get(std), b.get(name), b.get(std))
         for about, a, b in pairs
@@ -273,7 +273,7 @@ def is_equal_within_tolerance(a: float | None, b: float | None, rtol: float) -> 
 
 
 def iter_changed_checks(a: Replay, b: Replay) -> Iterator[ValueChange]:
-    """Checks that passed in only one of the two."""
+    """Yield the checks whose outcome differs between the two replays."""
     passed = [
         {row["check"]: row["passed"] for row in _read_stage_rows(each, "verdict")}
         for each in (a, b)

@@ -1,6 +1,6 @@
 """Comparison of a stage of two replays: corresponding rows, and columns that differ.
 
-Rows correspond by what they are about: the time of a sample or window, the start of a manoeuvre,
+Rows correspond if their keys are equal: the time of a sample or window, the start of a manoeuvre,
 the method of a mass. Frames are read a few columns at a time, so that the memory is bounded.
 """
 
@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.model.run_record import Provenance
 
-#: What a row of a frame is about; `t_ns` and its like count from another start in each replay.
+#: Key columns of each frame; `t_ns` and similar times count from another start in each replay.
 _KEYS: Final = {
     "aligned": ("t_ns",),
     "excitation": ("t_ns",),
@@ -31,7 +31,7 @@ _KEYS: Final = {
     "calibration": ("method", "load_kg"),
 }
 _TIMES: Final = ("t_ns", "start_t_ns", "end_t_ns")
-#: Values of a recording that are held in memory together.
+#: Number of values of a recording that are in memory at a time.
 _VALUES: Final = 1 << 24
 
 
@@ -156,9 +156,9 @@ def read_shifted_row_keys(
 
 
 def match_rows_by_key(a: pl.DataFrame, b: pl.DataFrame, key_columns: Sequence[str]) -> pl.DataFrame:
-    """Corresponding rows of A and B, as `row_a` and `row_b`."""
+    """Pairs of rows of A and B with equal keys, as `row_a` and `row_b`."""
     on = list(key_columns) or ["row"]
-    nth = pl.int_range(pl.len()).over(on).alias("_nth")  # of several about the same
+    nth = pl.int_range(pl.len()).over(on).alias("_nth")  # of several rows with one key
     left = a.with_row_index("row_a").with_columns(nth)
     right = b.with_row_index("row_b").with_columns(nth)
     found = left.join(right, on=[*on, "_nth"], how="inner", nulls_equal=True)
@@ -177,7 +177,7 @@ def compute_times_of_matched_rows_s(
 
 
 def iter_column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
-    """Columns in batches that are read together."""
+    """Yield the columns in batches that are read together."""
     size = max(1, _VALUES // max(height, 1))
     for begin in range(0, len(columns), size):
         yield columns[begin : begin + size]
@@ -223,7 +223,7 @@ def compare_values_of_column(
 
 
 def normalise_zero_and_nan_bits(series: pl.Series) -> pl.Series:
-    """A column in which equal values have equal bits: 0.0 is not -0.0, and all NaN are equal."""
+    """Column of the values' bits, for comparison: 0.0 differs from -0.0, and all NaN are equal."""
     if isinstance(series.dtype, pl.Enum):
         return series.cast(pl.String)
     if not series.dtype.is_float():

@@ -1,7 +1,7 @@
-"""Dumps shown by the boom: it is out while the machine hardly moves.
+"""Dumps shown by the boom: it is extended while the machine hardly moves.
 
-The boom angle of a dump is taken from the log itself: from the boom between loaded passes and the
-empty passes after them.
+The typical boom angle of a dump is taken from the log itself: from the boom's movement between each
+loaded pass and the empty pass after it.
 """
 
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ class BoomDump(NamedTuple):
     """A dump that the boom shows; times in ns.
 
     Attributes:
-        start_ns: first time with the boom out.
-        end_ns: last time with the boom out.
+        start_ns: first time with the boom extended.
+        end_ns: last time with the boom extended.
         bucket_emptied_ns: time when the bucket is emptied.
     """
 
@@ -65,7 +65,7 @@ class BoomDumps:
         return self.shows_dumps and not self.select_dumps_overlapping_span(start_ns, end_ns)
 
 
-#: Of a log whose boom shows none.
+#: Result for a log whose boom shows no dumps.
 NO_DUMPS: Final = BoomDumps(shows_dumps=False)
 
 
@@ -77,8 +77,8 @@ def find_boom_dumps(
     Args:
         aligned: frame with `boom_rad`, if measured.
         excitation: frame with phases and speed.
-        unloading_spans: spans that each contain a dump according to the masses; None if unknown:
-            the typical reach of a dump is then that of the boom while the machine is slow.
+        unloading_spans: spans that each contain a dump according to the masses; None if unknown, in
+            which case the typical reach is taken from all times at which the machine is slow.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), get_column_values(aligned, "boom_rad")
     slow = mark_standing_or_creeping_samples(excitation)
@@ -138,10 +138,9 @@ def mark_standing_samples(excitation: pl.DataFrame) -> Bools:
 
 
 def estimate_signed_dumping_deflection_rad(deflection_rad: Floats) -> float:
-    """Signed reach of a boom that dumps: upwards, unless it reaches far less that way.
+    """Signed deflection of the boom at dumps: upwards, unless it moves much farther downwards.
 
-    A boom that moves during driving is far from its usual position both at the dump and at the
-    pile.
+    A boom whose usual position is halfway up is deflected both at the dump and at the pile.
 
     Args:
         deflection_rad: (n,) angle of the boom from its usual position, while slow.
@@ -153,14 +152,14 @@ def estimate_signed_dumping_deflection_rad(deflection_rad: Floats) -> float:
 def find_largest_boom_deflection_rad(
     deflection_rad: Floats, is_slow: Bools, t_ns: Ints, span: Span
 ) -> float:
-    """Largest deflection of the boom (n,) in a span while slow, with its sign; 0 if unknown."""
+    """Largest deflection of the boom in a span while the machine is slow, signed; 0 if unknown."""
     first, last = np.searchsorted(t_ns, span)
     inside = deflection_rad[first : last + 1][is_slow[first : last + 1]]
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
 def find_times_with_boom_up_ns(times_ns: Ints, boom_angle_rad: Floats, span: Span) -> Ints:
-    """Times in a span at which the boom is about as far out as it gets there."""
+    """Times in a span at which the boom is close to its farthest reach in the span."""
     first, end = np.searchsorted(times_ns, span[0]), np.searchsorted(times_ns, span[1], "right")
     inside = boom_angle_rad[first:end]
     return times_ns[first:end][inside > LIMITS.boom_up_fraction * np.nanmax(inside, initial=0.0)]
@@ -173,13 +172,14 @@ def find_emptying_time_ns(boom_angle_rad: Floats, t_ns: Ints, span: Span) -> int
 
 
 def group_boom_out_times_into_dumps(boom_out_ns: Ints, boom_in_ns: Ints) -> list[Span]:
-    """Spans of dumping samples, joined over moments in which the bucket is shaken.
+    """Spans of dumping, each first and last time in ns, joined over short pauses of one dump.
 
-    If the boom does not return in between, it is driven to the dump or away from it.
+    Spans between which the boom does not return belong to one dump: the machine drives there with
+    its boom extended.
 
     Args:
-        boom_out_ns: (n,) times at which the boom is out while the machine hardly moves.
-        boom_in_ns: times with the boom in.
+        boom_out_ns: (n,) times with the boom extended while the machine hardly moves.
+        boom_in_ns: times with the boom retracted.
     """
     if not boom_out_ns.size:
         return []
@@ -191,7 +191,7 @@ def group_boom_out_times_into_dumps(boom_out_ns: Ints, boom_in_ns: Ints) -> list
 
 
 def drop_truncated_dump(spans: list[Span], boom_in_ns: Ints, log_end_ns: int) -> list[Span]:
-    """Drop the last dump where the recording ends before its bucket is half empty."""
+    """Drop the last dump if the recording ends before most of its usual duration."""
     if not spans or (boom_in_ns.size and boom_in_ns[-1] > spans[-1][1]):
         return spans
     usual_ns = float(np.median([end - start for start, end in spans]))
@@ -202,13 +202,13 @@ def drop_truncated_dump(spans: list[Span], boom_in_ns: Ints, log_end_ns: int) ->
 def trim_span_to_standstills(span: Span, standstills_ns: Ints, boom_angle_rad: Floats) -> Span:
     """First to last standstill with the boom up within a span; the whole span if there is none.
 
-    The boom may be out long before, on the way to the dump; a machine that stands then dumps while
-    it stands. Where the boom only begins to rise, it does not dump yet.
+    The boom may be extended long before, on the way to the dump; if the machine then stands, it
+    dumps at standstill, but not while the boom only begins to rise.
 
     Args:
-        span: times with the boom out.
-        standstills_ns: (n,) times with the boom out at a stand.
-        boom_angle_rad: (n,) how far it is out.
+        span: first and last time with the boom extended.
+        standstills_ns: (n,) times at standstill with the boom extended.
+        boom_angle_rad: (n,) deflection of the boom at these times.
     """
     up_ns = find_times_with_boom_up_ns(standstills_ns, boom_angle_rad, span)
     return (int(up_ns[0]), int(up_ns[-1])) if up_ns.size else span
@@ -217,7 +217,7 @@ def trim_span_to_standstills(span: Span, standstills_ns: Ints, boom_angle_rad: F
 def find_load_change_indices_at_dumps(
     is_loaded: Bools, start_ns: Ints, end_ns: Ints, dumps: BoomDumps
 ) -> list[int]:
-    """Borders between loaded manoeuvres at which the boom dumps, so that the load changes."""
+    """Indices of loaded manoeuvres after which the boom dumps before the next loaded one."""
     return [
         k
         for k in range(is_loaded.size - 1)
@@ -228,6 +228,6 @@ def find_load_change_indices_at_dumps(
 
 
 def mark_manoeuvres_while_dumping(start_ns: Ints, end_ns: Ints, dumps: BoomDumps) -> Bools:
-    """Mark manoeuvres that creep while dumping, (manoeuvres,); a changing load has no mass."""
+    """Mark manoeuvres during which the bucket is emptied, (manoeuvres,): their load changes."""
     dumped = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, start_ns) < np.searchsorted(dumped, end_ns, "right")

@@ -14,10 +14,10 @@ from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
 from analysis.model.schema import MOVED, QUALITY, conform_frame_to_schema, get_column_values
 from estimators.errors import DataError, suggest_choice
 
-#: Lines whose estimate is the mass of a state, and lines of a difference of two.
+#: Method of lines for the mass of a state; the other is for a difference of two masses.
 _OF_MASS: Final = "joint_mass"
 _OF_PAYLOAD: Final = "joint_payload"
-#: What payloads have in common, and of that what all have alike.
+#: Parts of the uncertainty common to payloads, and shared by all payloads.
 _COMMON: Final = ("common", "shared")
 
 
@@ -26,18 +26,19 @@ def calibrate_cycles(
 ) -> pl.DataFrame:
     """Calibrate payloads by the line m̂ = c0 + c1 m; the constant cancels in differences.
 
-    Uncertainty of the line is common to all cycles. The line already includes the scale and the
-    error of learnt means in its own logs; only their different effect on this log remains. If the
-    empty machine determines the scale better than the line, payloads are unchanged. A cycle with a
-    load outside the calibrated range has no payload and gives the reason.
+    The uncertainty of the line is common to all cycles. The line already includes the scale and the
+    errors of learnt means in its own logs; only the difference of their effect on this log remains.
+    If the empty machine determines the scale better than the line, payloads are unchanged. The
+    payload of a cycle with a load outside the calibrated range is withheld, with the reason.
 
     Args:
         cycles: the frame `cycles`.
         calibration: calibration of the machine.
-        shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
+        shared_errors: estimate from this log of the errors that it shares with the campaign; None
+            corrects none.
 
     Raises:
-        DataError: the line is of another estimator.
+        DataError: the line is for another method.
     """
     if calibration.method not in (_OF_MASS, _OF_PAYLOAD):
         raise DataError(
@@ -117,7 +118,7 @@ def is_empty_mass_scale_more_certain(
 def estimate_mean_offset_from_line_and_u_kg(
     calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
-    """Mean offset of the log's masses from their line in kg, with its standard uncertainty."""
+    """Mean offset of the log's masses from the line, and its standard uncertainty, in kg."""
     of_masses = (
         []
         if shared_errors is None

@@ -2,11 +2,12 @@
 
     work = kinetic + slope + friction + digging
 
-Work is the energy at the wheels while the drive pushes, turning included. Kinetic is the part that
-accelerates the masses, slope the part that lifts them, digging the part that a pile takes beyond
-friction, and friction the rest: rolling, driveline, slip and scrubbing. Braking is the energy lost
-while the drive does not push, less friction there; it comes from kinetic and slope energy, and is
-not part of the sum. Masses, offset, lag, load transfer and friction are those of the joint fit.
+Work is the energy at the wheels while the drive pushes, including turning. Kinetic is the part that
+accelerates the masses, slope the part that lifts them, digging the part that a pile absorbs in
+excess of friction, and friction the rest: rolling, driveline, slip and scrubbing. Braking is the
+energy lost while the drive does not push, less the friction meanwhile; it comes from kinetic and
+slope energy, and is not part of the sum. Masses, offset, lag, load transfer and friction are those
+of the joint fit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +38,7 @@ from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.weighing.friction_warming import WARMING
 
-#: What an energy is split into, in the order of all tables.
+#: Parts of an energy, in the order of all tables.
 PARTS: Final = ("work", "kinetic", "slope", "friction", "digging", "braking")
 #: Phases of a cycle, in time.
 PHASES: Final = ("return", "load", "haul", "dump")
@@ -84,10 +85,10 @@ class ShiftEnergy(NamedTuple):
     """Energies of a shift and its cycles.
 
     Attributes:
-        rows: the shift, whole and by phase, then each cycle; a cycle with a hole or with incomplete
+        rows: the shift, whole and by phase, then each cycle; a cycle with a gap or with incomplete
             phases has fewer rows or none.
-        scale_unknown: settings, separated by commas, without which the ± excludes the scale of the
-            force.
+        scale_unknown: missing settings, separated by commas, without which the uncertainties
+            exclude the scale of the force.
         fuel_u_1: relative standard uncertainty of the fuel; None if not stated.
     """
 
@@ -96,7 +97,7 @@ class ShiftEnergy(NamedTuple):
     fuel_u_1: float | None = None
 
 
-#: Of a log whose masses are not known.
+#: Result for a log without masses.
 NO_ENERGY: Final = ShiftEnergy()
 
 
@@ -164,7 +165,7 @@ def compute_energy_changes_by_term_u_joules(
             - energy_J
             for each in moved
         ),
-        # where the machine stands behind one end, only the other one changes anything
+        # if the machine stands after one end, only the shift in the other direction has an effect
         np.where(abs(later) >= abs(earlier), later, -earlier),
         compute_energy_change_by_slope_joules(integrals, model),
         compute_energy_change_by_mean_residual_force_joules(integrals, energy_J, model),
@@ -175,9 +176,9 @@ def compute_energy_changes_by_term_u_joules(
 def split_cycles_into_phases(
     cycles: pl.DataFrame, long_gaps_ns: Sequence[tuple[int, int]]
 ) -> list[PhaseSpan]:
-    """Phase spans of the cycles that lack at most `energy_gap_s` of data.
+    """Spans of the phases of the cycles that lack at most `energy_gap_s` of data.
 
-    An incomplete cycle is one span.
+    A cycle whose phases were not all seen is one span.
     """
     spans: list[PhaseSpan] = []
     for row in cycles.iter_rows(named=True):
@@ -197,7 +198,7 @@ def split_cycles_into_phases(
 
 
 def list_phase_edges_ns(cycle_row: Mapping[str, Any]) -> list[int] | None:
-    """Begins of a cycle's phases and end of the last, in ns; None if some were not seen."""
+    """Start of each phase of a cycle and end of the last, in ns; None if some were not seen."""
     if cycle_row["dig_t_ns"] is None or cycle_row["load_s"] is None or cycle_row["haul_s"] is None:
         return None
     loaded = cycle_row["dig_t_ns"] + int(cycle_row["load_s"] * NS_PER_S)
@@ -207,7 +208,7 @@ def list_phase_edges_ns(cycle_row: Mapping[str, Any]) -> list[int] | None:
 
 
 def split_energy_by_phase_and_part_joules(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
-    """Energy by phase and part, (phases, parts) in J."""
+    """Energy of each phase, split into `PARTS`, (phases, parts) in J."""
     drive, dig, slow = integrals.drive, integrals.dig, integrals.slow
     straight = compute_drive_work_by_phase_joules(drive, model)
     work = straight + integrals.turning_J
@@ -225,7 +226,7 @@ def split_energy_by_phase_and_part_joules(integrals: PhaseIntegrals, model: Forc
 
 
 def compute_drive_work_by_phase_joules(integrals: EnergyIntegrals, model: ForceModel) -> Floats:
-    """Work of the drive: measured work less the work of force errors, (phases,) in J."""
+    """Work of the drive: measured work minus the work of force errors, (phases,) in J."""
     return (
         integrals["force"]
         - model.transfer * integrals["transfer"]
@@ -254,9 +255,10 @@ def compute_friction_work_by_phase_joules(integrals: EnergyIntegrals, model: For
 
 
 def compute_energy_change_by_slope_joules(integrals: PhaseIntegrals, model: ForceModel) -> Floats:
-    """Change of the energy if a slope shifts weight like an acceleration, (phases, parts) in J.
+    """Uncertainty of the energy by the load transfer on slopes, (phases, parts) in J.
 
-    The full effect is assumed, with half its width over √3 as uncertainty, since it may be partial.
+    The energies assume that a slope transfers load like an acceleration. The effect may be partial,
+    so it is uncertain by its size over √3.
     """
     share = model.transfer / np.sqrt(3.0)
     work, dig = (share * of["transfer_slope"] for of in (integrals.drive, integrals.dig))
@@ -267,8 +269,9 @@ def compute_energy_change_by_slope_joules(integrals: PhaseIntegrals, model: Forc
 def compute_energy_change_by_speed_error_joules(energy_J: Floats) -> Floats:
     """Change of the energy by a relative speed error of 1, (phases, parts) in J.
 
-    Torque times wheel speed stays, and so does the work of lifting, since the masses are lighter as
-    the way is longer: the gain in kinetic energy equals the loss in slope energy.
+    Torque times wheel speed does not change; a larger speed makes the fitted masses smaller and the
+    distance longer. The change of the kinetic energy equals that of the slope energy with opposite
+    sign.
     """
     changed = np.zeros_like(energy_J)
     changed[:, PARTS.index("kinetic")] = energy_J[:, PARTS.index("kinetic")]
@@ -279,7 +282,7 @@ def compute_energy_change_by_speed_error_joules(energy_J: Floats) -> Floats:
 def shift_viscous_to_coulomb_friction(
     integrals: PhaseIntegrals, model: ForceModel, additional_coulomb_N: float
 ) -> ForceModel:
-    """Force model with more Coulomb and less viscous friction, equal at the drive's mean."""
+    """Force model with more Coulomb and less viscous friction, with equal total work."""
     way_m, viscous = (integrals.drive[name].sum() for name in ("direction", "viscous"))
     less_N_s_m = additional_coulomb_N * way_m / viscous if viscous else 0.0
     return replace(
@@ -290,7 +293,7 @@ def shift_viscous_to_coulomb_friction(
 def compute_energy_change_by_mean_residual_force_joules(
     integrals: PhaseIntegrals, energy_J: Floats, model: ForceModel
 ) -> Floats:
-    """Change of the energy by the mean force that stays unexplained, (phases, parts) in J."""
+    """Change of the energy by the mean unexplained force, (phases, parts) in J."""
     left_N = compute_unexplained_work_by_phase_joules(integrals, energy_J, model).sum() / max(
         integrals.drive["direction"].sum(), 1.0
     )
@@ -328,7 +331,7 @@ def estimate_random_energy_u_joules(
     relative_mass_u: float,
     spans: list[PhaseSpan],
 ) -> Floats:
-    """Random uncertainty from cycle to cycle, of masses and fit residual, (phases, parts) in J."""
+    """Random uncertainty between cycles, by masses and fit residual, (phases, parts) in J."""
     drive, dig = integrals.drive, integrals.dig
     left = compute_unexplained_work_by_phase_joules(integrals, energy_J, model)
     way_m = drive["direction"]
@@ -356,7 +359,7 @@ def _make_energy_rows(
         of = (phase == name) if name != WHOLE else np.ones(cycle.size, np.bool_)
         if cycle_number is not None:
             of = of & (cycle == cycle_number)
-        # random within a cycle alike, between cycles not
+        # the random error is the same within a cycle, but independent between cycles
         own = np.unique(cycle[of], return_inverse=True)[1]
         by_cycle = [np.bincount(own, random_u_J[of, part]) for part in range(len(PARTS))]
         u = np.hypot(

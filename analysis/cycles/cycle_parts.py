@@ -33,7 +33,7 @@ class DriveSummary(NamedTuple):
         top_speed_m_s: largest absolute speed; None without a speed.
         moving_s: recorded time in motion.
         standing_s: recorded time at standstill.
-        hole_s: time without a recording.
+        hole_s: time without recorded samples.
     """
 
     distance_m: float | None
@@ -48,8 +48,8 @@ class CycleMotion(NamedTuple):
 
     Attributes:
         cycle: number of the cycle.
-        haul_m: distance with the load, from the end of digging to the stop for dumping; None if
-            either was not detected, or the log has no speed.
+        haul_m: distance driven with the load, from the end of digging to the stop for dumping; None
+            if digging or the stop was not detected, or without a speed.
         whole: motion from one dump to the next.
     """
 
@@ -104,11 +104,11 @@ class CycleParts:
         dig_ns: first and last sample of its digging.
         loaded_pass: number of its loaded pass.
         haul_ns: first and last sample in motion with the load.
-        dump_ns: begin and end of the stop for dumping.
-        bucket_emptied_ns: time of the dump: farthest reach of the boom, or middle of that stand.
+        dump_ns: start and end of the stop for dumping.
+        bucket_emptied_ns: time of the dump: farthest reach of the boom, or middle of `dump_ns`.
         empty_pass_before: number of the empty pass before the load.
         empty_pass_after: number of the empty pass after the load.
-        unseen: whether it was dumped while nothing was recorded.
+        unseen: whether the load was dumped in a gap of the recording.
     """
 
     dig_ns: tuple[int, int] | None = None
@@ -140,8 +140,8 @@ class CycleParts:
         """(passes,) weights of the passes' masses in the payload.
 
         Args:
-            tare_coefficient_before: (passes,) weight of the empty pass before each load, if there
-                is one after as well.
+            tare_coefficient_before: (passes,) weight of the empty pass before each load, used if
+                there is an empty pass after the load as well.
             pass_count: number of passes.
         """
         weights = np.zeros(pass_count)
@@ -159,7 +159,7 @@ class CycleParts:
 def split_cycles_into_parts(passes: LoadPasses, digging: pl.DataFrame) -> list[CycleParts]:
     """Assign passes and digging starts to cycles, in order of time.
 
-    Each hauled load is a cycle, and so is digging without a weighed load.
+    Each hauled load is a cycle, and so is digging that no weighed load follows.
     """
     events = [
         *((int(t), 1, n) for n, t in enumerate(passes.start_ns)),
@@ -172,7 +172,7 @@ def split_cycles_into_parts(passes: LoadPasses, digging: pl.DataFrame) -> list[C
     for start_ns, is_pass, number in sorted(events):
         if not is_pass:
             span = (start_ns, ends[number])
-            # digging once more, before the next pass
+            # further digging before the next pass
             again = (
                 now is not None
                 and now.loaded_pass is None
@@ -180,7 +180,7 @@ def split_cycles_into_parts(passes: LoadPasses, digging: pl.DataFrame) -> list[C
                 and start_ns - now.dig_ns[1] < passes.max_filling_pause_ns
                 and not passes.dumps.select_dumps_emptied_in_span(now.dig_ns[1], start_ns)
             )
-            # a bucket that is not dumped since is full: what looks like digging fills none
+            # a bucket not dumped since is still full, so that apparent digging does not fill it
             inside = (
                 now is not None
                 and now.haul_ns is not None
@@ -208,7 +208,7 @@ def split_cycles_into_parts(passes: LoadPasses, digging: pl.DataFrame) -> list[C
 
 
 def _set_nearest_empty_passes(cycles: list[CycleParts], passes: LoadPasses) -> list[CycleParts]:
-    """Set the nearest empty passes before and after the loaded pass of each cycle with one."""
+    """Set the nearest empty passes before and after each loaded pass of the cycles."""
     for cycle in cycles:
         if cycle.loaded_pass is not None:
             beside = passes.find_empty_passes_beside(cycle.loaded_pass)
@@ -219,13 +219,14 @@ def _set_nearest_empty_passes(cycles: list[CycleParts], passes: LoadPasses) -> l
 def fill_in_dump_times(
     cycles: list[CycleParts], passes: LoadPasses, aligned: pl.DataFrame, excitation: pl.DataFrame
 ) -> None:
-    """Find the dump time of each load by the boom.
+    """Set the time of each cycle's dump, in place.
 
-    Without a boom, it is the longest stand after the load, or the one with most boom motion; none
-    if the machine is neither empty nor digs afterwards.
+    It is a dump that the boom shows, or else the standstill after the load with the most boom
+    movement, or else a long gap of the recording, or the longest standstill. It stays None if the
+    machine is neither seen empty nor digging afterwards.
 
     Args:
-        cycles: cycles, whose `dump_ns` are set.
+        cycles: cycles, whose `dump_ns` and `bucket_emptied_ns` are set.
         passes: the passes.
         aligned: frame with `boom_rad`, if measured.
         excitation: frame with the phases.
@@ -241,7 +242,7 @@ def fill_in_dump_times(
         empty = min(over, default=int(t_ns[-1]))
         dumped = passes.dumps.select_dumps_overlapping_span(ready, empty)
         if not dumped and cycle.loaded_pass is None and over and not passes.dumps.shows_dumps:
-            # by no witness: where a machine that has dug stands or creeps longest it dumps
+            # neither masses nor boom: assume the dump where the machine stands or creeps longest
             inside = (t_ns > ready) & (t_ns < empty)
             cycle.dump_ns = find_longest_non_idle_standstill_ns(stops[inside], t_ns[inside])
             cycle.bucket_emptied_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
@@ -287,7 +288,7 @@ def extend_span_over_standstills(
 
 
 def find_longest_data_gap_ns(t_ns: Ints) -> tuple[int, int] | None:
-    """Begin and end in ns of the longest time without samples; None if it is short."""
+    """Start and end in ns of the longest time without samples; None if it is short."""
     steps = np.diff(t_ns)
     if not steps.size or steps.max() < LIMITS.dump_gap_s * NS_PER_S:
         return None
@@ -296,7 +297,7 @@ def find_longest_data_gap_ns(t_ns: Ints) -> tuple[int, int] | None:
 
 
 def find_longest_non_idle_standstill_ns(is_standstill: Bools, t_ns: Ints) -> tuple[int, int] | None:
-    """Longest standstill or creep of at most `idle_s`, in ns; None if there is none."""
+    """Start and end in ns of the longest flagged run of at most `idle_s`; None without any."""
     begins, ends = find_flagged_runs(is_standstill)
     length = t_ns[ends] - t_ns[begins]
     length[length > LIMITS.idle_s * NS_PER_S] = 0
@@ -312,9 +313,9 @@ def choose_standstill_of_dump(
     """Choose the standstill in which the boom moves most, or else the longest; None without any.
 
     Args:
-        is_standstill: (n,) samples that stand.
+        is_standstill: (n,) flags of standstill.
         boom_rad: (n,) boom angle in rad.
-        t_ns: (n,) time.
+        t_ns: (n,) time in ns.
     """
     begins, ends = find_flagged_runs(is_standstill)
     if not begins.size:
@@ -331,10 +332,10 @@ def choose_standstill_of_dump(
 def find_middle_of_boom_out_time_ns(
     boom_rad: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int
 ) -> int:
-    """Middle of the time in which the boom is more than half out.
+    """Middle of the first time in which the boom is more than half extended, in ns.
 
-    The stand may last longer, since idling begins after a dump; a boom that moves again later does
-    something else.
+    The standstill may last longer, as a machine may idle after a dump; later movements of the boom
+    do not belong to the dump.
     """
     inside = (t_ns >= start_ns) & (t_ns <= end_ns) & np.isfinite(boom_rad)
     angle, when = boom_rad[inside], t_ns[inside]
@@ -387,7 +388,7 @@ def summarise_shift_motion(
 
 
 def find_idle_spans_ns(excitation: pl.DataFrame) -> list[tuple[int, int]]:
-    """Stands longer than `idle_s`: first and last sample in ns, in order of time."""
+    """First and last sample in ns of each standstill longer than `idle_s`, in order of time."""
     if excitation.is_empty():
         return []
     t_ns = excitation["t_ns"].to_numpy()

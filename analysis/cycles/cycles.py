@@ -1,8 +1,8 @@
 """Frame `cycles`: a row per load that was dug, hauled and dumped, with its mass.
 
-The payload is the dumped mass: that of the loaded pass less that of the empty machine, which the
-empty pass after it measures directly, and the one before it as far as the carry-back is the same.
-The weights of both minimise the variance; without carry-back they are equal.
+The payload is the dumped mass: the mass of the loaded pass minus that of the empty machine. The
+empty pass after it gives the latter directly, and the empty pass before it as far as the carry-back
+is the same. Their weights minimise the variance; without carry-back they are equal.
 
 If the machine file states the mass of the empty machine with its uncertainty, the empty passes
 determine the scale of the payloads.
@@ -62,12 +62,12 @@ class _CommonUncertainty:
     """Uncertainty common to payloads, which does not average out.
 
     Attributes:
-        shared_1: relative uncertainty shared by all payloads, which adds up over a shift.
-        other_1: part of it that is not a nuisance of the fit, such as the scale.
+        shared_1: relative uncertainty by errors shared by all payloads, which add up over a shift.
+        other_1: part of `shared_1` that is not by nuisances of the fit, such as the scale.
         factor: (terms, passes) response of each pass' mass to one standard deviation of each
             nuisance, in kg.
         covariance: (passes, passes) covariance due to noise and scatter.
-        empty: (passes,) additional weight of each pass' errors in 1 kg of payload, by the datum.
+        empty: (passes,) additional weight of each pass' errors per kg of payload, by the datum.
     """
 
     shared_1: float
@@ -81,7 +81,7 @@ class _CommonUncertainty:
 
         Args:
             weights: (passes,) weight of each pass in the payload.
-            payload_kg: the payload.
+            payload_kg: the payload, uncalibrated.
         """
         weights = weights + payload_kg * self.empty
         moved = self.factor @ weights
@@ -97,13 +97,13 @@ def weigh_cycles(
     verdict: Verdict,
     passes: LoadPasses | None = None,
 ) -> LogCycles:
-    """Make `cycles`, with each payload's composition and the source of the scale.
+    """Make `cycles`, with the weights of the masses in each payload and the source of the scale.
 
     Args:
         weighing: joint fit, for the uncertainty common to all payloads.
         frames: `aligned`, `excitation`, `digging`, `loads` and `manoeuvres` of a run.
         machine: machine file, for scale and fuel.
-        verdict: the verdict, which withholds quantities.
+        verdict: the verdict, which may withhold quantities.
         passes: the passes, if already found.
     """
     digging, motion = frames["digging"], (frames["aligned"], frames["excitation"])
@@ -230,9 +230,9 @@ def _make_payload_row(
 def make_payload_uncertainty_columns(
     cycle_row: dict[str, object], uncertainty: "_CommonUncertaintyByScale", coefficients: Floats
 ) -> dict[str, object]:
-    """Common, shared and total uncertainty of a payload.
+    """Columns of a payload with its random, common, shared and total uncertainty.
 
-    A calibration needs the values of the log alone in addition to those by the empty machine.
+    A calibration needs the values on the log's own scale besides those on the empty machine's.
     """
     own_kg, random_kg = cycle_row["payload_kg"], cycle_row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
@@ -272,7 +272,7 @@ def compute_tare_coefficient_before_each_pass(passes: LoadPasses) -> Floats:
 def compute_payload_variance_by_carry_back_kg2(
     cycle: CycleParts, passes: LoadPasses, carry_back_fraction: Floats
 ) -> float:
-    """Variance of a payload due to a different carry-back before it, in kg²."""
+    """Variance of a payload by differences in carry-back between its tares, in kg²."""
     variance = 2.0 * estimate_carry_back_variance_kg2(passes)
     if cycle.loaded_pass is None:
         return 0.0
@@ -283,7 +283,7 @@ def compute_payload_variance_by_carry_back_kg2(
         if cycle.empty_pass_after is None
         else carry_back_fraction[cycle.loaded_pass]
     )
-    # an empty pass beyond the next load has another cycle's
+    # an empty pass after the next load has the carry-back of another cycle
     own = cycle.empty_pass_after is None or cycle.empty_pass_after == cycle.loaded_pass + 1
     after = 0.0 if own else 1.0 - before
     return variance * (before**2 + after**2)
@@ -307,9 +307,9 @@ class _CommonUncertaintyByScale:
     """Uncertainty common to payloads, on two scales.
 
     Attributes:
-        own: by the log alone, for uncalibrated payloads.
-        on_empty_scale: with the scale from the empty machine, before its factor.
-        scale_1: factor from the empty machine.
+        own: on the log's own scale, for uncalibrated payloads.
+        on_empty_scale: on the scale of the empty machine, before multiplication by `scale_1`.
+        scale_1: factor of payloads by the empty machine.
         scale: source of the scale.
     """
 
@@ -367,8 +367,8 @@ def compute_common_payload_uncertainty(
 ) -> _CommonUncertainty:
     """Uncertainty common to the uncalibrated payloads, with the fit's correlations.
 
-    For the sum of payloads it is the fit's budget beyond the passes' own noise and scatter. A
-    single payload also has nuisance errors of its own starts.
+    For the sum of payloads it is the budget of the fit without the noise and scatter of the passes.
+    A single payload also contains the effect of nuisances on its own starts.
     """
     fit = weighing.fit
     of_states = compute_state_weights_of_passes(fit, passes)
@@ -381,7 +381,7 @@ def compute_common_payload_uncertainty(
     names = {term.source or term.name for term in fit.terms}
     responses_kg = fit.mass_changes_by_one_std_of_each_term_kg
     drift = weighing.significant_empty_mass_drift
-    if drift is not None:  # unlike other scales, it moves early and late payloads differently
+    if drift is not None:  # unlike other scales, it changes early and late payloads differently
         names.add("drifted_gain")
         responses_kg = np.vstack([responses_kg, drift.mass_changes_by_gain_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]

@@ -1,10 +1,10 @@
-"""Cycles without a mass, and cycles hidden by holes in the log: expected number and mass.
+"""Cycles without a mass, and cycles hidden by gaps of the log: expected number and mass.
 
-Digging, dumps of the boom and counted cycles are compared. What two of them show was a cycle; what
-only one shows was a cycle with a probability, which is higher if the log has no second indicator
-and lower if it has one that shows nothing. Dumps of the boom that masses confirm raise it; the
-remaining uncertainty is common to all cycles that only the boom shows. Without either, the rhythm
-decides: two cycle times of work between two dumps hide one cycle.
+Digging, dumps of the boom and counted cycles are compared. Evidence from two of them is a cycle;
+evidence from one alone is a cycle with a probability, which is higher if the log has no second
+indicator and lower if it has one that shows nothing. Dumps of the boom that masses confirm raise
+it; its uncertainty is common to all cycles that only the boom shows. Without digging and boom, the
+rhythm decides: two cycle times of work between two dumps hide one cycle.
 """
 
 from typing import Final, NamedTuple, Self
@@ -22,9 +22,9 @@ from estimators.arrays import Ints
 
 
 def do_digs_contradict_loaded_passes(passes: LoadPasses, digging: pl.DataFrame) -> bool:
-    """Whether masses change so often that most fillings would be hauled twice.
+    """Whether masses alternate so often that most bucket fillings would be hauled twice.
 
-    With loads too small for the ground, masses follow what else alternates, as the direction does.
+    Masses of loads too small for the ground follow other alternations, as of the direction.
 
     Args:
         passes: the passes.
@@ -49,10 +49,10 @@ def add_boom_cycles(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
 ) -> tuple[list[CycleParts], bool]:
-    """Add cycles that the boom shows; if it contradicts the masses, these are discarded.
+    """Add the cycles that only the boom shows; if it contradicts the masses, use the boom alone.
 
     Args:
-        cycle_parts: cycles by masses, with their dumps.
+        cycle_parts: cycles by the masses, with their dumps.
         passes: the passes.
         digging: the frame `digging`.
         aligned: frame with `boom_rad`, if measured.
@@ -67,7 +67,7 @@ def add_boom_cycles(
         np.int64,
     )
     told = any(part.loaded_pass is not None for part in cycle_parts)
-    # no mass can change where none is known on either side: before the first pass, after the last
+    # before the first and after the last pass the masses cannot show a change
     agree = [
         each.is_near_any_time(times, LIMITS.dump_match_ns)
         for each in seen.dumps
@@ -76,7 +76,7 @@ def add_boom_cycles(
     contradicts = bool(agree) and float(np.mean(agree)) < LIMITS.dump_match_fraction
     if contradicts or not told:
         return _make_cycles_from_dumps(seen, digging) or cycle_parts, contradicts
-    # sooner after a dump than half a cycle the machine is empty
+    # within half a cycle of a dump the machine is empty
     apart_ns = (
         int(LIMITS.min_dump_interval_cycles * float(np.median(np.diff(times))))
         if times.size > 1
@@ -110,7 +110,7 @@ def _make_cycles_from_dumps(boom_dumps: BoomDumps, digging: pl.DataFrame) -> lis
 
 
 def find_digging_span(digging_spans: list[Span], start_ns: int, end_ns: int) -> Span | None:
-    """First to last digging within a time span; None without digging."""
+    """Start of the first and end of the last digging within a time span; None without digging."""
     inside = [span for span in digging_spans if start_ns <= span[0] < end_ns]
     return (inside[0][0], inside[-1][1]) if inside else None
 
@@ -120,10 +120,10 @@ class UncountedCycles(NamedTuple):
 
     Attributes:
         dumps: number of boom dumps in the shift; None if the boom shows none.
-        cycles: expected number of cycles.
-        u: its standard uncertainty.
+        cycles: expected number of cycles without a mass.
+        u: standard uncertainty of that number.
         on_board_kg: load on board when the recording ends; None without one.
-        on_board_u_kg: its standard uncertainty.
+        on_board_u_kg: standard uncertainty of `on_board_kg`.
     """
 
     dumps: int | None
@@ -136,7 +136,7 @@ class UncountedCycles(NamedTuple):
 def estimate_uncounted_cycle_count(
     cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame
 ) -> UncountedCycles:
-    """Compare digging, dumps of the boom and counted cycles.
+    """Estimate the number of cycles without a mass from digging, dumps of the boom and rhythm.
 
     Args:
         cycles: the frame `cycles`.
@@ -178,11 +178,11 @@ def estimate_unweighed_load_and_u_kg(
     """Estimated total load of unweighed cycles, from the weighed ones, with its uncertainty.
 
     Args:
-        cycle_count: number of cycles.
-        cycle_count_u: its standard uncertainty.
+        cycle_count: number of unweighed cycles.
+        cycle_count_u: standard uncertainty of that number.
         mean_kg: mean of the counted payloads.
         std_kg: standard deviation of the counted payloads.
-        counted_payloads: how many were counted; the mean of a few differs from that of the rest.
+        counted_payloads: number of counted payloads, for the uncertainty of their mean.
     """
     if mean_kg is None:
         return 0.0, 0.0
@@ -193,11 +193,11 @@ def estimate_unweighed_load_and_u_kg(
 
 
 class _BetaPosterior(NamedTuple):
-    """Probability that what one witness shows was a cycle.
+    """Probability that evidence from a single indicator was a cycle.
 
     Attributes:
-        probability: its mean.
-        u: its standard uncertainty, common to all cycles.
+        probability: mean of the probability.
+        u: standard uncertainty of the probability, common to all cycles with this evidence.
     """
 
     probability: float
@@ -210,23 +210,23 @@ class _BetaPosterior(NamedTuple):
         """Posterior mean and standard deviation of a beta distribution.
 
         Args:
-            prior_mean: mean before the trials; worth `LIMITS.witness_prior_trials` of them.
-            confirmed_count: number of its cycles that masses confirm.
-            denied_count: number of its cycles that they deny.
+            prior_mean: mean before the trials, which counts as `LIMITS.witness_prior_trials`.
+            confirmed_count: number of the indicator's cycles that masses confirm.
+            denied_count: number of the indicator's cycles that masses do not confirm.
         """
         trials = LIMITS.witness_prior_trials + confirmed_count + denied_count
         mean = (LIMITS.witness_prior_trials * prior_mean + confirmed_count) / trials
         return cls(mean, float(np.sqrt(mean * (1.0 - mean) / (trials + 1.0))))
 
 
-#: What two witnesses show was a cycle.
+#: Evidence from two indicators was a cycle.
 _CERTAIN: Final = _BetaPosterior(1.0, 0.0)
 
 
 def estimate_unweighed_cycle_probabilities_and_count_u(
     cycles: pl.DataFrame, boom_dumps: BoomDumps
 ) -> tuple[list[float], float]:
-    """Probability that each row without a mass was a cycle, and the common u of their number."""
+    """Probability that each row without a mass was a cycle, and the u of their expected number."""
     blank = cycles.filter(pl.col("payload_kg").is_null())
     contradicted = _BetaPosterior.from_trials(LIMITS.contradicted_probability)
     alone = _BetaPosterior.from_trials(LIMITS.sole_witness_probability)
@@ -247,7 +247,7 @@ def estimate_unweighed_cycle_probabilities_and_count_u(
         else only_dumped
         for dig, dump, haul in zip(dug, dumped, hauled, strict=True)
     ]
-    # one doubt of all that the same witness shows
+    # the uncertainty is common to all cycles with the same evidence
     parts = [shown.count(each) * each.u for each in {only_dug, only_dumped}]
     return [each.probability for each in shown], float(np.linalg.norm(parts))
 
@@ -255,7 +255,7 @@ def estimate_unweighed_cycle_probabilities_and_count_u(
 def _estimate_probability_that_boom_dump_is_cycle(
     cycles: pl.DataFrame, boom_dumps: BoomDumps
 ) -> _BetaPosterior:
-    """How often a dump of the boom was a cycle, by the cycles that masses confirm."""
+    """Probability that a dump of the boom was a cycle, from the dumps that masses confirm."""
     weighed = cycles.filter(pl.col("counted"))["dump_t_ns"].drop_nulls().to_numpy()
     every = cycles["dump_t_ns"].drop_nulls().to_numpy()
     return _BetaPosterior.from_trials(
@@ -273,17 +273,17 @@ def is_dig_detection_reliable(cycles: pl.DataFrame) -> bool:
 
 
 def estimate_missed_cycle_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
-    """Probability of each cycle missing in the rhythm, by the rhythm's regularity.
+    """Probability of each cycle missing from the rhythm of dumps, by the rhythm's regularity.
 
     Args:
         dumps_ns: times of the dumps, ascending.
-        excitation: frame with phases; idling and holes are not work.
+        excitation: frame with the phases; idling and gaps do not count as work.
     """
     if dumps_ns.size < LIMITS.rhythm_min_dumps:
         return []
     t_ns, stands = excitation["t_ns"].to_numpy(), mark_standing_samples(excitation)
     step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
-    # cycles of a hole are priced apart
+    # cycles in gaps are estimated separately
     step_s[step_s > LIMITS.cycle_gap_s] = 0.0
     for begin, end in zip(*find_flagged_runs(stands), strict=True):
         if t_ns[end] - t_ns[begin] > LIMITS.idle_s * NS_PER_S:
@@ -294,19 +294,19 @@ def estimate_missed_cycle_probabilities(dumps_ns: Ints, excitation: pl.DataFrame
     if steady < LIMITS.rhythm_min_fraction:
         return []
     missing = np.rint(worked_s / cycle_s).astype(np.int64) - 1
-    # a whole number of cycles, not a slow one
+    # a whole number of cycles rather than one slow cycle
     whole = np.abs(worked_s - (missing + 1) * cycle_s) < LIMITS.rhythm_tolerance * cycle_s
     return [steady] * int(missing[whole].clip(0).sum())
 
 
 class LostCycles(NamedTuple):
-    """Cycles hidden by holes in the recording.
+    """Cycles hidden by gaps of the recording.
 
     Attributes:
         cycles: expected number.
-        u: its standard uncertainty.
-        payload_kg: expected payload.
-        payload_u_kg: its standard uncertainty.
+        u: standard uncertainty of the number.
+        payload_kg: expected total payload.
+        payload_u_kg: standard uncertainty of that payload.
     """
 
     cycles: float
@@ -318,7 +318,7 @@ class LostCycles(NamedTuple):
 def find_spans_of_missing_channels_ns(
     excitation: pl.DataFrame, aligned: pl.DataFrame
 ) -> list[tuple[int, int]]:
-    """Spans of a second or more with a missing channel, in ns, between its samples or to an end.
+    """Spans longer than `cycle_gap_s` in which a channel is missing: start and end of each, in ns.
 
     Args:
         excitation: frame with the times.
@@ -326,7 +326,7 @@ def find_spans_of_missing_channels_ns(
     """
     t_ns = excitation["t_ns"].to_numpy()
     here = np.concatenate([t_ns[:1], t_ns[~aligned["gap"].to_numpy()], t_ns[-1:]])
-    if here.size < 4:  # hardly a row has all channels
+    if here.size < 4:  # hardly any row has all channels
         return []
     wide = np.flatnonzero(np.diff(here) > LIMITS.cycle_gap_s * NS_PER_S)
     return [(int(here[k]), int(here[k + 1])) for k in wide]
@@ -335,13 +335,13 @@ def find_spans_of_missing_channels_ns(
 def mark_gaps_that_may_be_work_breaks(
     gaps: list[tuple[int, int]], excitation: pl.DataFrame
 ) -> list[bool]:
-    """Whether the machine stands on all sides of each gap within the log, on one for long."""
+    """For each gap, whether the machine stands before and after it, and for long on one side."""
     known = excitation.drop_nulls("phase")
     t_ns, moves = known["t_ns"].to_numpy(), ~mark_standing_samples(known)
     moving_ns = t_ns[moves]
 
     def may_be_work_break(start_ns: int, end_ns: int) -> bool:
-        # samples beside a gap may be of no phase
+        # samples beside a gap may have no phase
         before, after = np.searchsorted(t_ns, start_ns, "right") - 1, np.searchsorted(t_ns, end_ns)
         sides = [int(side) for side in (before, after) if 0 <= side < t_ns.size]
         if not sides or moves[sides].any():
@@ -357,19 +357,19 @@ def mark_gaps_that_may_be_work_breaks(
 def estimate_cycles_lost_in_gaps(
     cycles: pl.DataFrame, gaps: list[tuple[int, int]], may_be_work_breaks: list[bool]
 ) -> LostCycles:
-    """Estimate how many cycles gaps of the log hide: those whose whole haul is inside a gap.
+    """Estimate how many cycles the gaps of a log hide: those whose whole haul is inside a gap.
 
     With a period P between dumps and hauls of duration D, a gap G hides (G − D)/P cycles, none if
-    hauls are longer; the number of whole periods in a randomly placed span deviates by √(f(1−f)), f
-    being the fraction beyond whole ones, and periods differ. Without a completely seen haul nothing
-    is estimated. In gaps that may be breaks, or hide more than a few cycles, any number from none
-    to all of them is equally likely (JCGM 100, 4.3.7), in all of these gaps alike. A gap that ends
-    a shift hides none of its cycles.
+    hauls are longer. The number of whole periods in a randomly placed span has the standard
+    deviation √(f(1−f)), with f the fractional part, and periods vary. Without a completely seen
+    haul nothing is estimated. If gaps may be breaks, or hide more than a few cycles, any number
+    from none to all is equally probable (JCGM 100, 4.3.7), in all such gaps alike. A gap at the end
+    of a shift hides none.
 
     Args:
         cycles: the frame `cycles`.
         gaps: gaps from `find_spans_of_missing_channels_ns`.
-        may_be_work_breaks: of each gap, from `mark_gaps_that_may_be_work_breaks`.
+        may_be_work_breaks: whether each gap may be a break, by `mark_gaps_that_may_be_work_breaks`.
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()

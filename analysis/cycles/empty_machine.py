@@ -1,7 +1,7 @@
-"""The empty machine by a shift's empty passes: its mass, clean bucket and identity.
+"""The empty machine as weighed by a shift's empty passes: mass, clean bucket and identity.
 
-Fuel, mud or a fork instead of a bucket change the empty mass by a few per cent; another machine
-changes it by more.
+Fuel, mud or a fork instead of a bucket change the empty mass by a few percent; another machine has
+a mass that differs by more.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from analysis.weighing.joint_result import JointFit
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
 
-#: What tells the scale of payloads.
+#: Source of the scale of payloads: the empty mass in the machine file.
 BY_MACHINE_FILE: Final = "machine file"
 BY_EMPTY_MACHINE: Final = "empty machine"
 BY_CALIBRATION: Final = "calibration"
@@ -32,8 +32,8 @@ class EmptyMassJump:
 
     Attributes:
         log: number of the log with the jump, from 0.
-        before_kg: mass of the lightest starts before it.
-        after_kg: mass of the lightest starts from it on.
+        before_kg: mass of the lightest starts before that log.
+        after_kg: mass of the lightest starts from that log on.
     """
 
     log: int
@@ -58,11 +58,11 @@ class ShiftScale(NamedTuple):
     """Source of the payloads' scale.
 
     Attributes:
-        told_by: name of the source; empty if there is none.
-        unknown: scale sources without a stated uncertainty, separated by commas.
-        gain_1: empty mass in the log over that of the machine file, if the machine file states
-            its uncertainty.
-        gain_u_1: its standard uncertainty.
+        told_by: name of the source; "" if there is none.
+        unknown: factors of the scale without a stated uncertainty, separated by commas.
+        gain_1: empty mass in the log over that of the machine file; None unless the machine file
+            states the uncertainty of the empty mass.
+        gain_u_1: standard uncertainty of `gain_1`.
     """
 
     told_by: str = ""
@@ -84,15 +84,15 @@ def estimate_carry_back_variance_kg2(passes: LoadPasses) -> float:
     mass, u = passes.drift_corrected_masses_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if mass.size < LIMITS.carried_min_passes:
         return 0.0
-    # neighbours, since fuel is burnt
+    # differences of successive passes, since the burnt fuel changes the mass
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
 
 
 def estimate_clean_machine_mass_and_u_kg(passes: LoadPasses) -> tuple[float, float]:
     """Mass of the machine with a clean bucket, and its uncertainty, in kg.
 
-    The spread of empty passes exceeds that of the carry-back, so quantiles are shrunk towards the
-    mean by the fraction of noise in the variance.
+    The empty passes scatter by noise as well as by carry-back, so the low quantile of their masses
+    is shrunk towards the mean by the fraction of noise in the variance.
     """
     mass, u = passes.drift_corrected_masses_kg[~passes.loaded], passes.u_kg[~passes.loaded]
     if not mass.size:
@@ -123,7 +123,7 @@ def weigh_empty_machine(
     share /= share.sum()
     least_kg, least_u_kg = estimate_clean_machine_mass_and_u_kg(passes)
     carried_kg = max(float(share @ passes.drift_corrected_masses_kg) - least_kg, 0.0)
-    # the noise of the passes is in their own masses
+    # the noise of the passes is already in the uncertainty of their masses
     noise_kg2 = float(np.mean(passes.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
     carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
@@ -140,7 +140,7 @@ def weigh_empty_machine(
 def find_machine_change_by_empty_mass(
     manoeuvres: pl.DataFrame, log_starts_ns: Sequence[int]
 ) -> EmptyMassJump | None:
-    """Find the log from which on the empty machine has another mass.
+    """Find the log from which on the empty machine has a different mass.
 
     Args:
         manoeuvres: the frame `manoeuvres`.
@@ -177,7 +177,7 @@ def find_machine_change_by_empty_mass(
 def compute_lightest_start_mean_and_std_kg(
     mass_kg: Floats, std_kg: Floats
 ) -> tuple[float, float] | None:
-    """Mass of the lightest starts, and its standard deviation; None if none is known empty."""
+    """Mass of the lightest starts and its standard deviation, in kg; None if none is empty."""
     if mass_kg.size < LIMITS.border_side_min_starts:
         return None
     low, high = (

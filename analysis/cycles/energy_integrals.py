@@ -1,7 +1,7 @@
-"""Integrals of force, speed and acceleration over the phases of cycles, for the energies.
+"""Integrals of force, speed and acceleration over the phases of cycles, for their energies.
 
 Each energy is linear in the parameters of the joint fit (offset of the force, load transfer,
-friction), so that one pass over the samples gives both the value and its uncertainty.
+friction), so that one pass over the samples gives both its value and its uncertainty.
 """
 
 from dataclasses import dataclass, replace
@@ -36,7 +36,7 @@ class PhaseSpan(NamedTuple):
 
 @dataclass(frozen=True)
 class MotionErrors:
-    """Errors of measured force and speed against those at the ground.
+    """Errors of the measured force and speed relative to those at the ground.
 
     Attributes:
         force_delay_s: delay of the force behind the acceleration.
@@ -55,16 +55,16 @@ class EnergySamples:
 
     Attributes:
         t_ns: time since the first sample.
-        step_s: duration of each sample; 0 at a hole.
+        step_s: duration of each sample; 0 at a gap.
         force_N: measured force of all driven wheels.
         speed_m_s: speed of the wheels.
         acceleration_m_s2: acceleration that multiplies the mass, including gravity.
         turning_W: power of the yaw torque.
         progress: from -1/2 to 1/2 over the log, as in the joint fit.
-        drives: whether the drive puts energy in.
-        digs: whether it does so in a digging start.
+        drives: whether the drive supplies energy.
+        digs: whether the drive supplies energy in a digging start.
         fuel_L_h: fuel rate; None without a channel.
-        slows: whether the machine moves without drive and without a pile that stops it.
+        slows: whether the machine moves without being driven or stopped by a pile.
     """
 
     t_ns: Ints
@@ -89,8 +89,8 @@ def collect_energy_samples(
 ) -> EnergySamples:
     """Collect the samples of a log.
 
-    The drive puts energy in where the smoothed force along the speed exceeds its noise, so noise of
-    a coasting or standing machine adds nothing.
+    The drive supplies energy where the smoothed force along the motion exceeds its noise, so that
+    noise while coasting or standing adds no energy.
 
     Args:
         aligned: the grid, before the moving mean.
@@ -124,7 +124,7 @@ def collect_energy_samples(
     digs = np.zeros(t_ns.size, np.bool_)
     for start, end in digging.select("start_t_ns", "end_t_ns").iter_rows():
         first, last = np.searchsorted(t_ns, [start, end])
-        # what stops the machine there is the pile
+        # after a digging start it is the pile that stops the machine
         rests = np.flatnonzero(stands[last:])
         digs[first : last + (int(rests[0]) if rests.size else 0) + 1] = True
     return EnergySamples(
@@ -143,7 +143,7 @@ def collect_energy_samples(
 
 
 def find_first_and_end_row_of_phases(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
-    """First and end row of each phase, (phases, 2)."""
+    """First row of each phase, and the row after its last, (phases, 2)."""
     ends = [(span.start_ns, span.end_ns) for span in spans]
     return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
 
@@ -174,9 +174,9 @@ def drop_driving_samples_under_brakes(
     viscous_N_s_m: float,
     coulomb_N: float,
 ) -> EnergySamples:
-    """Remove driving samples in which brakes absorb more than the drive gives.
+    """Mark samples as not driven if brakes absorb more power than the drive supplies.
 
-    Unmeasured brakes do not show in the force.
+    The measured force does not include unmeasured brakes.
 
     Args:
         samples: samples of the log.
@@ -203,7 +203,8 @@ def advance_force_samples(samples: EnergySamples, force_delay_s: float) -> Energ
 def delay_force_samples(samples: EnergySamples, delay_rows: int) -> EnergySamples:
     """Delay the driving stretches by a number of rows.
 
-    A motor releases gradually, so the end of its force is known to half the moving mean at best.
+    The force of a motor falls gradually, so the end of a stretch is known to half the moving mean
+    at best.
     """
     drives, digs, slows = (
         np.roll(each, delay_rows) for each in (samples.drives, samples.digs, samples.slows)
@@ -235,7 +236,7 @@ def shift_trailing_mean_to_centre(
 def mark_phase_samples(
     excitation: pl.DataFrame, phase_column: str, machine: Machine, *, value_if_unknown: bool
 ) -> Bools:
-    """Samples in a phase, (n,), corrected for the delay of the trailing mean."""
+    """Flags of the samples in a phase, (n,), corrected for the delay of the trailing mean."""
     found = (excitation["phase"] == phase_column).fill_null(value=value_if_unknown).to_numpy()
     return np.roll(found, -count_trailing_mean_delay_rows(machine))
 
@@ -246,15 +247,15 @@ def count_trailing_mean_delay_rows(machine: Machine) -> int:
 
 
 def compute_turning_power_watts(aligned: pl.DataFrame, body: Body) -> Floats:
-    """Power of the yaw torque, (n,) in W, if both sides are measured."""
+    """Power of the yaw torque, (n,) in W; 0 unless both sides are measured."""
     torque = compute_yaw_torque(aligned, body)
     if torque is None or "yaw_rate_rad_s" not in aligned.columns:
         return np.zeros(aligned.height)
     return np.nan_to_num(torque * get_column_values(aligned, "yaw_rate_rad_s"))
 
 
-#: The integrals of each set of samples, in J over the unit of what multiplies them; the speed is
-#: the wheels' with the force, else the ground's.
+#: Integrals over each set of samples, in J per unit of their parameter; v is the wheel speed in
+#: those with the force, otherwise the ground speed.
 _TERMS: Final = (
     "force",  # ∫ F v
     "transfer",  # ∫ a F v
@@ -285,8 +286,8 @@ class PhaseIntegrals:
     """Integrals of all phases.
 
     Attributes:
-        drive: integrals over samples in which the drive puts energy in.
-        dig: integrals over those that dig.
+        drive: integrals over samples in which the drive supplies energy.
+        dig: integrals over those of these samples that are in a digging start.
         slow: integrals over motion without drive.
         kinetic_J: kinetic energy added by the drive.
         turning_J: work of the yaw torque.
@@ -307,11 +308,11 @@ def integrate_energy_terms_over_phases(
     motion_errors: MotionErrors,
     ground_N: Floats,
 ) -> PhaseIntegrals:
-    """Integrate over each phase.
+    """Integrate all energy terms over each phase.
 
     Args:
         samples: samples of the log.
-        spans: the phases.
+        spans: spans of the phases.
         mass_kg: (n,) mass of machine and load, on the scale of the measured force.
         rotating_kg: equivalent rotating mass.
         motion_errors: errors of force and speed.
@@ -319,11 +320,12 @@ def integrate_energy_terms_over_phases(
     """
     force = advance_sample_column(samples, "force_N", motion_errors.force_delay_s)
     wheels = advance_sample_column(samples, "speed_m_s", motion_errors.speed_delay_s)
-    # brakes slip as well, and leave no measured force
+    # brakes cause slip as well, without a measured force
     slipping_N = np.where(samples.digs, force, ground_N)
     speed = wheels * compute_ground_to_wheel_speed_ratio(wheels, slipping_N, motion_errors.slip_1_N)
     step_s, fast = samples.step_s, np.abs(speed)
-    # half the difference of squares on either side: what a stretch gains is what its ends differ by
+    # half the difference of the squares on either side, so that the gain of a stretch is the
+    # difference between its ends
     squares = np.pad(speed**2, 1, mode="edge")
     gained = np.where(step_s > 0.0, (squares[2:] - squares[:-2]) / 4.0, 0.0)
     power = force * wheels
@@ -366,7 +368,7 @@ def integrate_energy_terms_over_phases(
 
 
 def advance_sample_column(samples: EnergySamples, column_name: str, delay_s: float) -> Floats:
-    """A column advanced by its delay, (n,)."""
+    """Column of the samples advanced by its delay, (n,)."""
     x: Floats = getattr(samples, column_name)
     if not delay_s:
         return x

@@ -18,7 +18,7 @@ from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.nuisances import compute_friction_prior_std_newtons
 from estimators.arrays import Floats
 
-#: Columns of `nuisances` that are a value and its uncertainty.
+#: Columns of `nuisances` with the name of a term, its value and its standard deviation.
 _FOUND: Final = ("term", "posterior", "posterior_std")
 
 
@@ -28,7 +28,7 @@ class ForceModel:
 
     Attributes:
         const: constant force.
-        offset: part of it that is a measurement error; the rest acts.
+        offset: part of the constant force that is a measurement error; the rest acts.
     """
 
     transfer: float
@@ -79,7 +79,7 @@ def read_force_model_and_u(
     wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
-    # none of them has what grows with the load, which is therefore uncertain
+    # none of these terms grows with the load, so that such forces are an uncertainty
     loaded_1 = float(np.quantile(mass_kg, 0.9) / np.quantile(mass_kg, 0.1)) - 1.0
     const_u, direction_u, viscous_u = (
         float(np.hypot(std, loaded_1 * np.hypot(*read_term_value_and_std(f"weight_{name}"))))
@@ -110,7 +110,7 @@ def estimate_unfitted_coulomb_std_newtons(
 ) -> float:
     """Standard deviation of Coulomb friction if the fit has no such term, in N.
 
-    If the log drives one way only, it is part of the viscous friction and the constant force.
+    With all driving in one direction, Coulomb friction is part of viscous friction and constant.
 
     Returns:
         0 if the fit has the term.
@@ -125,7 +125,7 @@ def estimate_unfitted_coulomb_std_newtons(
 
 
 def compute_high_quantile_of_driving_force_newtons(excitation: pl.DataFrame) -> float:
-    """Large quantile of the log's force, in N."""
+    """95 % quantile of the force of the log, in N."""
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
     pushed_N = np.abs(get_column_values(driving, "force_x_N"))
     return float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
@@ -153,19 +153,19 @@ def estimate_standstill_force_offset_and_u(
 ) -> tuple[float, float] | None:
     """Force measured at standstill on level ground, in N, and its uncertainty.
 
-    On a slope brakes or motor hold the machine: the median of each stand is regressed on the weight
-    along the slope, and the offset is its value at zero. Static friction varies between
+    On a slope brakes or motor hold the machine: the median force of each standstill is regressed on
+    the weight along the slope, and the offset is the intercept. Static friction varies between
     standstills, and is part of the uncertainty.
 
     Returns:
-        None if there are too few standstills.
+        The offset and its uncertainty; None if there are too few standstills.
     """
     force, acceleration = (
         get_column_values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
     )
     means: list[tuple[float, float]] = []
     for begin, end in zip(*find_flagged_runs(mark_standing_samples(excitation)), strict=True):
-        # neither a motor that lets go nor one that is about to push
+        # without the ends of a standstill, where the motor force still falls or already rises
         quarter = (end - begin) // 4
         quiet = slice(begin + quarter, end - quarter + 1)
         weight_N = mass_kg[quiet] * acceleration[quiet]
@@ -175,7 +175,7 @@ def estimate_standstill_force_offset_and_u(
     if len(means) < LIMITS.force_offset_min_stands:
         return None
     y, weight = np.array(means).T
-    # in thousands of N, so that both columns are of one size
+    # in kN, so that both columns have a similar size
     A = np.column_stack([np.ones(y.size), weight / 1e3])
     found, *_ = np.linalg.lstsq(A, y)
     left = y - A @ found
@@ -189,7 +189,7 @@ def read_motion_errors_and_u(
 ) -> tuple[MotionErrors, MotionErrors]:
     """Delays and slip by the fit, and their standard uncertainties.
 
-    Slip is measured by the wheels if possible, else derived from its share of the friction.
+    Slip is that estimated from the wheels if known, otherwise derived from its share of friction.
     """
     term = {name: (value, std) for name, value, std in nuisances.select(_FOUND).iter_rows()}
     nothing = (0.0, 0.0)
@@ -213,7 +213,7 @@ def perturb_terms_one_by_one(term_values: Terms, stds: Terms) -> list[Terms]:
 def combine_relative_work_u_and_missing_settings(machine: Machine) -> tuple[float, str]:
     """Relative standard uncertainty of the measured work, and the settings missing for it.
 
-    Torque times the speed of the same wheels needs no radius.
+    The product of torque and speed of the same wheels does not depend on their radius.
     """
     body = machine.machine
     parts = {"force_gain_u": body.force_gain_u}

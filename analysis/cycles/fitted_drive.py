@@ -36,15 +36,16 @@ class FittedDrive:
     """Samples of a log, with the results of the joint fit.
 
     Attributes:
-        samples: samples, with driving stretches in the time of action.
-        move_rows: uncertainty of the ends of those stretches, in rows.
+        samples: samples, with driving stretches at the times when the force acts.
+        move_rows: uncertainty of the ends of the driving stretches, in rows.
         mass_kg: (n,) mass of machine and load.
         rotating_kg: equivalent rotating mass.
         ground_N: (n,) force between tyres and ground without digging.
         model: force model, and its standard uncertainties.
         errors: errors of force and motion, and their standard uncertainties.
-        coulomb_N: standard deviation of Coulomb friction without a term in the fit.
-        speed_u_1: relative standard uncertainty of the wheels' speed beside an accelerometer.
+        coulomb_N: standard deviation of Coulomb friction if the fit has no such term; else 0.
+        speed_u_1: relative standard uncertainty of the wheel speed if the acceleration is from an
+            accelerometer; else 0.
     """
 
     samples: EnergySamples
@@ -71,8 +72,8 @@ def compute_ground_force_newtons(
 ) -> Floats:
     """Force that accelerates the masses against friction, including brakes, (n,) in N.
 
-    It is of the moving mean: slip is a fraction of the speed, and accelerometer vibration in both
-    would add up to work.
+    Computed after the moving mean: slip depends on force and speed, and vibration in both would add
+    up to work.
     """
     v, a = compute_centred_speed_and_acceleration(excitation, machine)
     resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
@@ -80,7 +81,7 @@ def compute_ground_force_newtons(
 
 
 def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDrive:
-    """Collect samples, masses and force of a log from the joint fit."""
+    """Collect the samples of a log, with masses and force model from the joint fit."""
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
     mass_kg = estimate_total_mass_of_samples_kg(
@@ -106,7 +107,7 @@ def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -
         errors,
         errors_u,
         estimate_unfitted_coulomb_std_newtons(frames, mass_kg, machine),
-        # a speed that is wrong beside an acceleration of the wheels is wrong in both
+        # with an acceleration from the wheels, both have the same relative error
         machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )
 
@@ -114,7 +115,7 @@ def collect_fitted_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -
 def estimate_total_mass_of_samples_kg(
     samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
 ) -> Floats:
-    """Mass of machine and load, (n,), by the nearest start with the load; grows in digging."""
+    """Mass of machine and load, (n,) in kg, by the nearest start; it grows during digging."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
     by_state = compute_weighted_mean_mass_by_state_kg(
@@ -131,7 +132,7 @@ def estimate_total_mass_of_samples_kg(
         start, end = row["start_t_ns"], row["end_t_ns"]
         digs, filled = row["dig_t_ns"], row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
         begin, first, last, stop = np.searchsorted(t_ns, [start, digs, filled, end])
-        # the cycle's own starts on either side of the pile, else what its neighbours weighed
+        # the cycle's own starts before and after the pile, else those of the adjacent cycles
         before = starts.select_starts_between(
             start, digs, row["empty_before_kg"] or row["empty_after_kg"]
         )
@@ -157,7 +158,7 @@ class _StartMasses(NamedTuple):
     def select_starts_between(
         self, start_ns: int, end_ns: int, default_kg: float | None
     ) -> "_StartMasses | None":
-        """Starts between two times; without any, one of `default_kg`, or None if that is None."""
+        """Starts between two times; without any, one with mass `default_kg`, or None."""
         chosen = (self.middle_ns >= start_ns) & (self.middle_ns <= end_ns)
         if chosen.any():
             return _StartMasses(self.middle_ns[chosen], self.mass_kg[chosen])
@@ -166,6 +167,6 @@ class _StartMasses(NamedTuple):
         return _StartMasses(np.array([float(start_ns)]), np.array([default_kg]))
 
     def look_up_masses_of_nearest_starts_kg(self, t_ns: Ints) -> Floats:
-        """Mass of the nearest start to each time, (n,)."""
+        """Mass of the start nearest to each time, (n,) in kg."""
         halfway = (self.middle_ns[1:] + self.middle_ns[:-1]) / 2.0
         return self.mass_kg[np.searchsorted(halfway, t_ns)]

@@ -1,8 +1,8 @@
 """Friction over a shift and over days with known masses, as a sign of wear or a cold start.
 
 Masses and the other terms of the joint fit are those of the whole shift; only the viscous friction
-is fitted to each part of it. So the parts can be compared with each other; their common errors (a
-lag, slip) are in none of their deviations.
+is fitted to each part of it. So the parts can be compared with each other: errors that they have in
+common (a lag, slip) are not in their standard deviations.
 
 A line through the days, each weighted by its variance, predicts when friction reaches a limit; if
 the days scatter by more than that, their scatter is used. The day at which the line reaches the
@@ -32,7 +32,7 @@ class FrictionDay(NamedTuple):
     Attributes:
         at_d: middle of the shift, in days since any epoch.
         friction_N_s_m: viscous friction by the joint fit.
-        std_N_s_m: its standard deviation.
+        std_N_s_m: standard deviation of the friction.
     """
 
     at_d: float
@@ -41,16 +41,16 @@ class FrictionDay(NamedTuple):
 
 
 class FrictionTrend(NamedTuple):
-    """Trend of friction, and when it reaches a limit.
+    """Trend of friction, and the day on which it reaches a limit.
 
     Attributes:
-        limit_N_s_m: the limit.
+        limit_N_s_m: upper limit of the friction.
         slope_N_s_m_d: change per day.
-        slope_u_N_s_m_d: its standard uncertainty.
+        slope_u_N_s_m_d: standard uncertainty of the slope.
         now_N_s_m: value of the line at the last shift.
-        reached_d: 95 % interval of the day on which the limit is reached, on the days' clock; None
-            if unknown.
-        why_not: why that is unknown; else empty.
+        reached_d: 95 % interval of the day on which the limit is reached, since the epoch of
+            `FrictionDay.at_d`; None if unknown.
+        why_not: reason why `reached_d` is unknown; else "".
     """
 
     limit_N_s_m: float
@@ -65,8 +65,8 @@ class FrictionPart(NamedTuple):
     """A part of a shift.
 
     Attributes:
-        start_s: begin since the first sample.
-        end_s: end since the first sample.
+        start_s: start, in s since the first sample.
+        end_s: end, in s since the first sample.
         manoeuvres: number of manoeuvres.
         friction_N_s_m: viscous friction.
         std_N_s_m: its standard deviation, from the differences between manoeuvres.
@@ -118,7 +118,7 @@ def fit_viscous_friction_by_shift_part(
         if count < LIMITS.friction_min_manoeuvres:
             continue
         friction = float(crossed[inside].sum() / squared[inside].sum())
-        # samples of one manoeuvre are wrong together
+        # errors of samples of one manoeuvre are correlated
         apart = crossed[inside] - friction * squared[inside]
         variance = float(apart @ apart) / float(squared[inside].sum()) ** 2 * count / (count - 1)
         found.append(FrictionPart(begin, end, count, friction, float(np.sqrt(variance))))
@@ -128,7 +128,7 @@ def fit_viscous_friction_by_shift_part(
 def sum_speed_force_products_by_start(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
-    """Sums of speed times remaining force, and of squared speed, (manoeuvres,) each."""
+    """Sums of v times the force left for viscous friction, and of v², (manoeuvres,) each."""
     A, force = make_regressor_and_force(X, excitation, settings)
     acceleration, speed = A[:, 0], A[:, 1]
     by_term: dict[str, float] = dict(nuisances.select("term", "posterior").iter_rows())
@@ -167,10 +167,10 @@ def look_up_state_mass_of_manoeuvres_kg(manoeuvres: pl.DataFrame) -> Floats:
 def fit_daily_friction_trend(
     daily_friction: Sequence[FrictionDay], limit_N_s_m: float
 ) -> FrictionTrend:
-    """Fit the trend, and estimate the day on which it reaches the limit.
+    """Fit a line to the daily friction, and estimate the day on which it reaches the limit.
 
     Args:
-        daily_friction: one per shift of a machine, in any order.
+        daily_friction: friction of each shift of a machine, in any order.
         limit_N_s_m: upper limit of the friction.
     """
     n = len(daily_friction)

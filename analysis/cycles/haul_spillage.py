@@ -18,7 +18,7 @@ from analysis.model.machine_body import Body
 from analysis.model.schema import conform_frame_to_schema, get_column_values
 from estimators.arrays import Floats
 
-#: Columns that are in proportion to the payload.
+#: Columns that are proportional to the payload.
 _IN_PROPORTION: Final = (
     *("payload_kg", "payload_u_random_kg", "payload_u_common_kg", "payload_u_shared_kg"),
     "scale_1",
@@ -32,12 +32,12 @@ def subtract_spillage(
     frames: Mapping[str, pl.DataFrame],
     body: Body,
 ) -> pl.DataFrame:
-    """Reduce payloads to what arrives at the dump; unchanged without a stated spillage.
+    """Reduce payloads to the mass that arrives at the dump; unchanged without a stated spillage.
 
     Args:
         cycles: frame with payloads as weighed.
-        cycle_parts: start of each haul, and stop for its dump.
-        passes: manoeuvres that weigh each load.
+        cycle_parts: parts of the cycles, with the start of each haul and the stop for its dump.
+        passes: passes, with the manoeuvres that weigh each load.
         frames: the frames `manoeuvres` and `excitation`.
         body: machine body with its spillage.
     """
@@ -60,11 +60,11 @@ def compute_arriving_fraction_and_u(haul_fraction: Floats, body: Body) -> tuple[
     """Fraction of the weighed load that arrives, and its standard uncertainty.
 
     If a fraction s of a load L is spilled evenly over the haul, L (1 - s p) is weighed at the
-    fraction p of the haul, and L (1 - s) arrives. The place of the spilling is unknown, so p has a
-    rectangular uncertainty of its own width.
+    fraction p of the haul, and L (1 - s) arrives. The place of the spillage is unknown, so p has a
+    rectangular distribution of half-width p.
 
     Args:
-        haul_fraction: (cycles,) p.
+        haul_fraction: (cycles,) fraction p of the haul at which each load is weighed.
         body: machine body with s and its standard uncertainty.
     """
     spilled, spilled_u = body.haul_spillage_share or 0.0, body.haul_spillage_u or 0.0
@@ -75,7 +75,7 @@ def compute_arriving_fraction_and_u(haul_fraction: Floats, body: Body) -> tuple[
 
 
 def subtract_spillage_from_payload_columns(cycles: pl.DataFrame) -> pl.DataFrame:
-    """Subtract the spillage in columns `arriving_1` and `arriving_u_1` from payloads."""
+    """Reduce payloads by the fractions in `arriving_1`, with their uncertainty `arriving_u_1`."""
     if cycles["arriving_1"].null_count() == cycles.height:
         return cycles
     arriving = pl.col("arriving_1").fill_null(1.0)
@@ -97,8 +97,8 @@ def find_haul_fractions_when_weighed(
 ) -> Floats:
     """Fraction of the haul at which each load is weighed, (cycles,).
 
-    A manoeuvre weighs at its mean time in motion, weighted by squared acceleration; a load is
-    weighed at the weighted mean of its manoeuvres.
+    A manoeuvre weighs the load at its mean time, weighted by squared acceleration; a load is
+    weighed at the weighted mean of these times over its manoeuvres.
     """
     t_ns = excitation["t_ns"].to_numpy()
     moves = (excitation["phase"] != "standstill").fill_null(value=False).to_numpy()

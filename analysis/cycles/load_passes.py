@@ -1,7 +1,7 @@
 """Passes: manoeuvres between two changes of load, and their mass.
 
-A pass is a stretch of manoeuvres that are all loaded or all empty; states that differ by less than
-loaded and empty do (spillage, a state split in two) are one pass.
+A pass is a sequence of manoeuvres that are all loaded or all empty. States that differ by less than
+loaded from empty (spillage, a state split in two) belong to one pass.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class LoadPasses:
 
     Attributes:
         pass_of_manoeuvre: (manoeuvres,) pass of each manoeuvre.
-        share: (manoeuvres,) weight in the pass's mass; the weights of a pass add up to 1.
+        share: (manoeuvres,) weight in the mass of its pass; the weights of a pass add up to 1.
         loaded: (passes,) whether each pass is loaded.
         mass_kg: (passes,) mass.
         u_kg: (passes,) random uncertainty of the mass, from noise and scatter of the manoeuvres.
@@ -39,7 +39,7 @@ class LoadPasses:
         max_filling_pause_ns: longest pause between digging starts that fill the same bucket.
         dumps: dumps seen in the boom angle.
         drift_1: (passes,) relative drift of the empty machine's mass at each pass.
-        step_kg: (passes,) what the empty machine has gained at each pass by a step of its mass.
+        step_kg: (passes,) change of the empty machine's mass by a step before each pass.
     """
 
     pass_of_manoeuvre: Ints
@@ -63,7 +63,7 @@ class LoadPasses:
         return (self.mass_kg - self.step_kg) / (1.0 + self.drift_1)
 
     def find_empty_passes_beside(self, number: int) -> tuple[int | None, int | None]:
-        """Nearest empty passes before and after a pass with the same empty machine, if any."""
+        """Nearest empty passes before and after a pass, on the same side of a step, if any."""
         step_kg = np.broadcast_to(self.step_kg, self.loaded.shape)
         empties = np.flatnonzero(~self.loaded & (step_kg == step_kg[number]))
         place = int(np.searchsorted(empties, number))
@@ -75,7 +75,7 @@ class LoadPasses:
     def weigh_empty_passes(self, stated_kg: float | None) -> Floats:
         """(passes,) statistical weights of the empty passes in the empty machine's mass.
 
-        Where that steps, these are the passes of the side that is nearer to the stated mass.
+        If that mass has a step, only the passes on the side nearer to the stated mass have weight.
 
         Args:
             stated_kg: stated mass of the empty machine, if known.
@@ -91,7 +91,7 @@ class LoadPasses:
         return share
 
 
-#: Of a log whose loads cannot be told from empty passes.
+#: Result for a log in which loaded and empty cannot be distinguished.
 NO_PASSES: Final = LoadPasses(
     np.zeros(0, np.int64),
     np.zeros(0),
@@ -111,15 +111,15 @@ def find_load_passes(
     excitation: pl.DataFrame | None = None,
     drift_1: Floats | float = 0.0,
 ) -> LoadPasses | None:
-    """Join manoeuvres to passes; None if loaded and empty cannot be distinguished.
+    """Group manoeuvres into passes; None if loaded and empty cannot be distinguished.
 
     Args:
         loads: frame with the scatter.
         manoeuvres: frame with states and masses.
-        digging: the frame `digging`; one separates empty before from loaded after.
+        digging: the frame `digging`; the machine is empty before a digging start and loaded after.
         aligned: frame with the boom, if measured.
         excitation: frame with phases and speed.
-        drift_1: (states,) drift of the empty machine's mass at each state, over its mean.
+        drift_1: (states,) relative drift of the empty machine's mass at each state.
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return None
@@ -129,7 +129,7 @@ def find_load_passes(
     begin, end = (manoeuvres[name].to_numpy() for name in ("start_t_ns", "end_t_ns"))
     scatter_kg = float(loads["scatter_kg"].fill_null(0.0).max() or 0.0)  # pyright: ignore[reportArgumentType]
     weight = 1.0 / (std**2 + scatter_kg**2)
-    # a line through a step is a drift as well, and the step is the nearer of the two
+    # a step also looks like a drift, but the step describes it better
     step = find_empty_mass_step_of_manoeuvres(manoeuvres)
     drift_1 = drift_1 if step is None else 0.0
     state, step_kg = split_states_at_step(state, step)
@@ -144,7 +144,7 @@ def find_load_passes(
     dumps = NO_DUMPS
     if aligned is not None and excitation is not None:
         emptied = np.flatnonzero(of_state[:-1] & ~of_state[1:])
-        # one who creeps to the dump may have emptied the bucket before the start ends
+        # a machine that creeps to the dump may empty its bucket before the manoeuvre ends
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
         of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digging, dumps)
@@ -156,7 +156,7 @@ def find_load_passes(
     hauls_nothing = mark_short_hauls(of_state, parts, begin, end, digging)
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
-    if step is not None:  # two empty machines are no pass
+    if step is not None:  # a pass does not span a step
         parts[step.first_after - 1] |= not of_state[step.first_after]
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
@@ -166,10 +166,10 @@ def find_load_passes(
     no_mass = dumping | spilled | hauls_nothing | ~mark_plausible_masses(mass_kg)[state]
     no_mass |= step_kg[state] != step_kg[state[first]][of]
     left = np.where(no_mass, 0.0, weight)
-    # a pass that has no other keeps what it has
+    # a pass without other manoeuvres keeps its weights
     weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
     total = np.bincount(of, weight)
-    # a pass ends before its machine dumps
+    # a pass ends before the machine dumps
     counts = np.flatnonzero(weight > 0.0)
     last[of[counts]] = counts
     return LoadPasses(
@@ -188,7 +188,7 @@ def find_load_passes(
 
 
 def split_states_at_step(state: Ints, step: EmptyMassStep | None) -> tuple[Ints, Floats]:
-    """States of the manoeuvres, none on both sides of a step, and (states,) their step in kg."""
+    """Split states that span a step: states of the manoeuvres, and (states,) their step in kg."""
     if step is None:
         return state, np.zeros(int(state.max()) + 1)
     after = np.arange(state.size) >= step.first_after
@@ -201,15 +201,15 @@ def split_states_at_step(state: Ints, step: EmptyMassStep | None) -> tuple[Ints,
 def mark_short_hauls(
     is_loaded: Bools, is_pass_border: Bools, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
 ) -> Bools:
-    """Mark very short hauls of a load without a filling, (manoeuvres,).
+    """Mark the manoeuvres of very short hauls without digging before, (manoeuvres,).
 
     A machine that backs out after a dump may look loaded: a short manoeuvre determines its mass
-    poorly, and a lowered boom looks like a dump. Empty manoeuvres lie close on both sides of it;
-    where they do not, the rest of a haul was not weighed.
+    poorly, and a lowered boom looks like a dump. Such a manoeuvre has empty ones shortly before and
+    after it; otherwise it is part of a haul whose rest was not weighed.
 
     Args:
         is_loaded: (manoeuvres,) whether each is loaded.
-        is_pass_border: (manoeuvres - 1,) borders between passes.
+        is_pass_border: (manoeuvres - 1,) whether a new pass begins after each.
         start_ns: (manoeuvres,) start of each.
         end_ns: (manoeuvres,) end of each.
         digging: the frame `digging`.
@@ -235,7 +235,7 @@ def mark_short_hauls(
 def compute_max_filling_pause_ns(
     is_loaded: Bools, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
 ) -> int:
-    """Largest time in ns between starts that fill the same bucket, shorter than a cycle."""
+    """Longest pause in ns between starts that fill the same bucket, shorter than a cycle."""
     starts = np.sort(digging["start_t_ns"].to_numpy())
     stops = np.sort(digging["end_t_ns"].to_numpy())
     middle = (start_ns + end_ns) // 2
@@ -257,10 +257,10 @@ def find_manoeuvres_after_refills(
     dumps: BoomDumps,
     max_filling_pause_ns: int,
 ) -> list[int]:
-    """Borders before which a loaded machine digs again, so that it must have been empty in between.
+    """Indices of loaded manoeuvres after which a loaded machine digs again and is loaded again.
 
-    No start weighs the empty drive: it was too short, or not recorded. The boom shows a dump, or
-    enough time passed.
+    It must have dumped in between, as the boom or the elapsed time shows; its empty drive was too
+    short to be weighed, or was not recorded.
     """
     found: list[int] = []
     last_ns = -max_filling_pause_ns
@@ -271,7 +271,7 @@ def find_manoeuvres_after_refills(
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(start_ns[first]), last_ns)
             dumped = bool(dumps.select_dumps_emptied_in_span(int(end_ns[after - 1]), start))
-            # what drives while it is seen to dig is no haul
+            # a manoeuvre during the digging is no haul
             if (start - since_ns > max_filling_pause_ns or dumped) and end_ns[after - 1] <= start:
                 found.append(after - 1)
         last_ns = stop
@@ -281,10 +281,10 @@ def find_manoeuvres_after_refills(
 def correct_loaded_flags_at_dumps(
     is_loaded: Bools, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
-    """Whether each manoeuvre is loaded, (manoeuvres,), with dumps where the boom shows them.
+    """Whether each manoeuvre is loaded, (manoeuvres,), with the dumps at the times of the boom.
 
-    If masses place a dump a few manoeuvres away from the boom's, the manoeuvres in between change
-    class.
+    If the masses show a dump a few manoeuvres before or after the boom, the flags of the manoeuvres
+    in between are changed.
     """
     at = [int(np.searchsorted(start_ns, each.bucket_emptied_ns)) for each in dumps.dumps]
     dug = np.unique(np.searchsorted(start_ns, digging["start_t_ns"].to_numpy()))
@@ -292,7 +292,7 @@ def correct_loaded_flags_at_dumps(
     for first in np.flatnonzero(is_loaded[:-1] & ~is_loaded[1:]) + 1:
         if dumps.select_dumps_emptied_in_span(int(end_ns[first - 1]), int(start_ns[first])):
             continue
-        # from one filling to the next
+        # search from one filling to the next
         low = int(max(dug[dug < first], default=0))
         high = int(min(dug[dug >= first], default=is_loaded.size))
         places = [place for place in at if low < place < high]
@@ -305,14 +305,14 @@ def correct_loaded_flags_at_dumps(
 def mark_spilled_loads(
     is_loaded: Bools, pass_of_manoeuvre: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
 ) -> Bools:
-    """Mark manoeuvres with a load that is spilled before the dump, (manoeuvres,).
+    """Mark manoeuvres with a larger load than the last of their pass, (manoeuvres,): it spills.
 
     Args:
         is_loaded: (manoeuvres,) whether each is loaded and not dumping.
         pass_of_manoeuvre: (manoeuvres,) pass of each.
         state: (manoeuvres,) load state of each.
-        mass_kg: (states,).
-        u_kg: (states,).
+        mass_kg: (states,) mass of each state.
+        u_kg: (states,) random uncertainty of each mass.
     """
     spilled = np.zeros(pass_of_manoeuvre.size, np.bool_)
     for number in np.unique(pass_of_manoeuvre[is_loaded]):

@@ -1,4 +1,4 @@
-"""Whether load states are loaded or empty, by their masses and by digging between them."""
+"""Classification of load states as loaded or empty, by their masses and digging between them."""
 
 import numpy as np
 import polars as pl
@@ -15,23 +15,23 @@ def classify_loaded_states(
     """Whether each state is loaded, (states,); None if undecidable.
 
     Args:
-        mass_kg: (states,).
-        u_kg: (states,) random uncertainty.
-        state: (manoeuvres,) load state of each.
+        mass_kg: (states,) mass of each state.
+        u_kg: (states,) random uncertainty of each mass.
+        state: (manoeuvres,) load state of each manoeuvre.
         times_ns: (manoeuvres,) starts, and ends.
-        digging: the frame `digging`; one separates empty before from loaded after.
+        digging: the frame `digging`; the machine is empty before a digging start and loaded after.
     """
     label = label_state_loaded_by_digging(mass_kg, u_kg, state, *times_ns, digging)
     possible = mark_plausible_masses(mass_kg)
     found = classify_loaded_by_threshold(mass_kg[possible], u_kg[possible], label[possible])
-    # a mass that no machine has tells of no change of the load
+    # a state with an implausible mass is classified like the one before it
     return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]
 
 
 def label_state_loaded_by_digging(
     mass_kg: Floats, u_kg: Floats, state: Ints, start_ns: Ints, end_ns: Ints, digging: pl.DataFrame
 ) -> Ints:
-    """Labels by digging starts, (states,): 0 if one follows, 1 if one precedes, else -1."""
+    """Label of each state, (states,): 0 if a digging start follows, 1 if one precedes, else -1."""
     label = np.full(mass_kg.size, -1)
     for start, stop in digging.select("start_t_ns", "end_t_ns").iter_rows():
         before = int(np.searchsorted(end_ns, start, "right")) - 1
@@ -40,17 +40,17 @@ def label_state_loaded_by_digging(
             continue
         empty, full = state[before], state[after]
         apart = float(np.hypot(u_kg[full], u_kg[empty]))
-        # a bucket is no lighter for what it digs
+        # digging cannot make the machine lighter
         if empty != full and mass_kg[full] > mass_kg[empty] - LIMITS.not_dug_std * apart:
             label[empty], label[full] = 0, 1
     return label
 
 
 def classify_loaded_by_threshold(mass_kg: Floats, u_kg: Floats, loaded_label: Ints) -> Bools | None:
-    """Classify each state as loaded or not, (states,), by a mass border between two classes.
+    """Classify each state as loaded or not, (states,), by a threshold of the mass; None if unclear.
 
-    If loads are smaller than the states' standard deviations, digging decides, or whether nearly
-    every state is heavier or lighter than both neighbours.
+    If loads are small compared with the scatter of the masses, the classes are those by digging, or
+    by the alternation of nearly all masses between lighter and heavier.
     """
     if mass_kg.size < 2:
         return None
@@ -66,12 +66,12 @@ def classify_loaded_by_threshold(mass_kg: Floats, u_kg: Floats, loaded_label: In
         least_kg, spread_kg if light.sum() >= LIMITS.own_spread_min_states else 0.0
     )
     if not parted:
-        # a load that changes without digging is dumped
+        # without digging, use the alternation of the masses
         loaded_label = loaded_label if told else label_state_loaded_by_alternation(mass_kg)
         light, heavy = loaded_label == 0, loaded_label == 1
         if not do_class_means_differ(mass_kg[light], mass_kg[heavy], least_kg):
             return None
-        # a load between others that is not seen to be dug is told by its mass
+        # a state without a label, between others, is classified by its mass
         undug = (loaded_label < 0) & (mass_kg > (a + b) / 2.0)
         undug[[0, -1]] = False
         return heavy | undug
@@ -96,7 +96,7 @@ def label_state_loaded_by_alternation(mass_kg: Floats) -> Ints:
 
 
 def do_class_means_differ(light_kg: Floats, heavy_kg: Floats, min_spread_kg: float) -> bool:
-    """Whether the means of two classes differ, with enough states in each."""
+    """Whether the means of two classes differ significantly, with enough states in each."""
     if min(light_kg.size, heavy_kg.size) < LIMITS.own_spread_min_states:
         return False
     variances = (
@@ -108,7 +108,10 @@ def do_class_means_differ(light_kg: Floats, heavy_kg: Floats, min_spread_kg: flo
 
 
 def fit_loaded_threshold_kg(mass_kg: Floats, loaded_label: Ints, initial_kg: float) -> float:
-    """Mass in kg between empty and loaded that contradicts the fewest labels, (states,)."""
+    """Threshold in kg between empty and loaded that contradicts the fewest labels (states,).
+
+    Among equally good thresholds, the one nearest to `initial_kg`.
+    """
     order = np.sort(mass_kg)
     choices = np.append((order[1:] + order[:-1]) / 2.0, initial_kg)
     wrong = [int(np.sum(loaded_label == np.where(mass_kg > choice, 0, 1))) for choice in choices]
@@ -117,15 +120,14 @@ def fit_loaded_threshold_kg(mass_kg: Floats, loaded_label: Ints, initial_kg: flo
 
 
 def estimate_robust_std(values: Floats, min_std: float) -> float:
-    """Standard deviation from the median absolute deviation."""
+    """Standard deviation from the median absolute deviation, at least `min_std`."""
     return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), min_std)
 
 
 def find_threshold_between_medians(values: Floats) -> float:
-    """Border with the least sum of distances to the medians on both sides.
+    """Threshold that minimises the sum of distances to the medians of both classes.
 
-    With squared distances (Otsu 1979), two masses far above the others would be a class of their
-    own.
+    With squared distances (Otsu 1979), two masses far above all others would form a class.
     """
     order = np.sort(values)
     middles = (order[1:] + order[:-1]) / 2.0

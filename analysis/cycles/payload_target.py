@@ -1,4 +1,4 @@
-"""Check of payloads against a target by the 10/10/20 rule."""
+"""Comparison of payloads with a target by the 10/10/20 rule."""
 
 from typing import NamedTuple
 
@@ -15,9 +15,9 @@ class TargetCheck(NamedTuple):
         loads: number of judged loads.
         mean_kg: mean load.
         above: number of loads above 110 %.
-        never: number of loads above 120 %.
-        near: number of loads within their uncertainty of either limit.
-        keeps: whether the rule is kept.
+        never: number of loads above 120 %, which the rule forbids.
+        near: number of loads whose distance to either limit is within their uncertainty.
+        keeps: whether the loads comply with the rule.
     """
 
     target_kg: float
@@ -32,7 +32,7 @@ class TargetCheck(NamedTuple):
 def compare_payloads_with_target(
     counted_cycles: pl.DataFrame, target_kg: float
 ) -> TargetCheck | None:
-    """Judge the counted payloads; None without any.
+    """Compare the counted payloads with the target; None without any.
 
     Args:
         counted_cycles: rows of `cycles` with a payload.

@@ -1,7 +1,7 @@
 """Frame `shift`: totals of the cycles, with random and common uncertainty.
 
-The mass dumped in the shift is that of the counted cycles, of the cycles that the log shows without
-a mass, and of those hidden by holes; one uncertainty covers all of it.
+The mass dumped in the shift is the sum over the counted cycles, the cycles that the log shows
+without a mass, and the cycles hidden by gaps; one uncertainty covers the whole sum.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -31,10 +31,10 @@ class LabelTotal(NamedTuple):
     """Total of the counted loads with one label.
 
     Attributes:
-        label: the label; empty for loads without one.
+        label: the label; "" for loads without one.
         loads: number of loads.
         payload_kg: sum of the payloads.
-        payload_u_kg: its standard uncertainty.
+        payload_u_kg: standard uncertainty of the sum.
     """
 
     label: str
@@ -50,14 +50,14 @@ def make_shift_totals_frame(
     scale: ShiftScale = _NO_SCALE,
     min_detectable_kg: float | None = None,
 ) -> pl.DataFrame:
-    """Make `shift`, one row.
+    """Make the frame `shift`, which has one row.
 
     Args:
         cycles: the frame `cycles`.
         excitation: frame with the phases.
         aligned: frame with the gaps of the recording.
         scale: source of the payloads' scale.
-        min_detectable_kg: smallest load that one start distinguishes from no load, if known.
+        min_detectable_kg: smallest load that a single start can detect, if known.
     """
     gaps = find_spans_of_missing_channels_ns(excitation, aligned)
     lost, more = (
@@ -102,8 +102,8 @@ def make_shift_totals_frame(
 def estimate_min_detectable_load_kg(manoeuvres: pl.DataFrame, loads: pl.DataFrame) -> float | None:
     """Smallest load in kg that a single start can detect; None without masses.
 
-    The minimum detectable value of ISO 11843-1, by the standard deviation of a start's mass: its
-    noise and the scatter of starts with one load.
+    It is the minimum detectable value of ISO 11843-1, with the standard deviation of a start's mass
+    from its noise and the scatter of starts with one load.
 
     Args:
         manoeuvres: frame with masses and their standard deviations.
@@ -119,7 +119,7 @@ def estimate_min_detectable_load_kg(manoeuvres: pl.DataFrame, loads: pl.DataFram
 def recompute_shift_totals(
     shift_frame: pl.DataFrame, cycles: pl.DataFrame, rejected_cycles: Collection[int] = ()
 ) -> pl.DataFrame:
-    """Recompute the totals for other cycles: calibrated, or without rejected ones.
+    """Recompute the totals for changed cycles: calibrated ones, or without rejected ones.
 
     Args:
         shift_frame: frame `shift`.
@@ -130,7 +130,7 @@ def recompute_shift_totals(
     mean_kg = shift_frame["payload_mean_kg"][0]
     scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
     row = shift_frame.row(0, named=True)
-    # a payload that the calibration refuses was dumped all the same
+    # a load whose payload the calibration withholds was dumped nevertheless
     refused = int(sums["cycles_without_mass"] or 0) - int(row["cycles_without_mass"] or 0)
     found = sums | {
         "uncounted_cycles": (row["uncounted_cycles"] or 0.0) + refused,
@@ -146,7 +146,9 @@ def recompute_shift_totals(
 
 
 def sum_total_payload_with_u(shift_row: Mapping[str, Any]) -> dict[str, float]:
-    """Total dumped in the shift: counted, uncounted and lost, with one uncertainty.
+    """Total mass dumped in the shift, with its uncertainty, as columns of `shift`.
+
+    The total includes counted cycles, cycles without a mass and cycles lost in gaps.
 
     Cycles without a mass share the common uncertainty of the payloads that they are estimated from.
     """
@@ -172,10 +174,10 @@ def sum_total_payload_with_u(shift_row: Mapping[str, Any]) -> dict[str, float]:
 def make_totals_of_counted_cycles(
     cycles: pl.DataFrame, rejected_cycles: Collection[int]
 ) -> dict[str, Any]:
-    """Totals of the cycles.
+    """Totals of the counted cycles, as columns of `shift`.
 
-    Random parts of the passes add in squares, each with its total weight in the sum, since an empty
-    pass is part of the payload before and after it. Common parts add linearly.
+    Random errors of the passes are added in quadrature, each with its total weight in the sum,
+    since an empty pass is part of the payloads before and after it. Common ones are added linearly.
     """
     out = pl.col("cycle").is_in(list(rejected_cycles))
     counted = cycles.filter(pl.col("counted") & ~out)
@@ -196,7 +198,7 @@ def make_totals_of_counted_cycles(
         "carry_back_mean_kg": _replace_nonfinite_by_none(back.mean()),
         "arriving_1": _replace_nonfinite_by_none(counted["arriving_1"].mean()),
         "arriving_u_1": _replace_nonfinite_by_none(counted["arriving_u_1"].mean()),
-        # that of the cleanest is in all of them, and not known apart
+        # that of the clean bucket's mass is common to all carry-backs
         "carry_back_u_kg": _replace_nonfinite_by_none(counted["carry_back_u_kg"].mean()),
     }
 
@@ -224,7 +226,7 @@ def compute_random_u_of_payload_sum_kg(counted_cycles: pl.DataFrame) -> float:
                 weight[number] = weight.get(number, 0.0) + share
                 u_kg[number] = row["scale_1"] * row[f"{name}_u_kg"]
                 own += (share * u_kg[number]) ** 2
-        # of what is carried back only the ends are left in the sum
+        # in the sum only the first and the last carry-back remain
         carried = max(carried, row["payload_u_random_kg"] ** 2 - own)
     return float(np.sqrt(sum((weight[n] * u_kg[n]) ** 2 for n in weight) + carried))
 
@@ -243,14 +245,14 @@ def sum_idle_time_s(excitation: pl.DataFrame) -> float:
 def sum_cycles_by_label(
     cycles: pl.DataFrame, cycle_labels: Sequence[str], rejected_cycles: Collection[int] = ()
 ) -> list[LabelTotal]:
-    """Totals by label; none if no cycle has a label.
+    """Totals by label; empty if no cycle has a label.
 
-    Each total includes the common uncertainty, so uncertainties of two labels do not add in
-    squares.
+    Each total includes the common uncertainty, so the uncertainties of two labels must not be added
+    in quadrature.
 
     Args:
         cycles: frame `cycles`.
-        cycle_labels: label of each row; empty for none.
+        cycle_labels: label of each row; "" for none.
         rejected_cycles: numbers of cycles to exclude.
     """
     if not any(cycle_labels):

@@ -1,8 +1,8 @@
 """Inputs of the checks: the ungated samples of straight motion and of spins.
 
-They include the log's mass compared with the machine's empty mass: an omitted gear ratio, a force
-in another unit or a wrong radius multiply every mass of a log by the same factor, and nothing else
-reveals it. The difference is judged by its standard uncertainty, including the scale.
+They include the comparison of the log's mass with the machine's empty mass: an omitted gear ratio,
+a force in another unit or a wrong radius multiplies every mass of a log by the same factor, which
+nothing else shows. The difference is judged by its standard uncertainty, including the scale.
 """
 
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS as WEIGHING_LIMITS
 from estimators.arrays import Bools, Floats
 
-#: Factors that forces, speeds or the stated mass are wrong by, and what they are.
+#: Usual factors by which forces, speeds or the stated mass are wrong, with their causes.
 _CANDIDATES: Final = {
     1.1023: "short tons instead of tonnes, or the reverse, in machine.empty_mass_kg",
     1.6093: "mile/h instead of km/h, or the reverse",
@@ -59,7 +59,7 @@ class EmptyMassDifference:
         mass_kg: lightest mass, without the inertia of rotating parts.
         empty_kg: empty mass in the machine file.
         u_kg: standard uncertainty of the difference, including the scale.
-        scale_known: whether the machine file states the scale's uncertainty; else it is 10 %.
+        scale_known: whether the machine file states the scale's uncertainty, which is 10 % if not.
         empty_known: whether the log shows when the machine was empty, or has several loads.
         machine: machine file, for the factors that it states.
     """
@@ -124,7 +124,7 @@ class EmptyMassDifference:
         near = [
             (off, f"{each:.4g}, {what}")
             for each, what in known.items()
-            # a small factor is nearer than none
+            # a candidate must be nearer than a factor of 1
             if (off := abs(np.log(times / each))) < min(LIMITS.factor_tolerance, np.log(each) / 2.0)
         ]
         named = [what for _, what in sorted(near)]
@@ -139,10 +139,11 @@ class AxisMotion:
     Attributes:
         A: regressor.
         f: force in N, or yaw torque in N·m.
-        complete: no value is missing.
-        moving: fitted samples: in motion, and not braking unless braking counts as driving.
-        braking: the machine slows down.
-        speeding: the machine speeds up.
+        complete: whether no value is missing.
+        moving: whether a sample is fitted: in motion, and not braking unless that counts as
+            driving.
+        braking: whether the machine slows down.
+        speeding: whether the machine speeds up.
     """
 
     A: Floats
@@ -172,10 +173,10 @@ class CheckInputs:
         gated: frame with the accepted windows.
         machine: machine file with empty mass and settings.
         weighing: the joint fit; None where nothing could be fitted.
-        signals: raw channels; None if only frames are at hand.
+        signals: raw channels; None if only frames are available.
         totals: the frame `masses`, before anything is withheld.
         t0_unix_ns: Unix time of the first row.
-        noise: noise of the columns; None if it is not known.
+        noise: noise of the columns; None if unknown.
         left_out: excluded stretches and the answer without them, by check.
     """
 
@@ -199,7 +200,7 @@ class CheckInputs:
 
     @cached_property
     def position_dependent_force_newtons(self) -> Floats | None:
-        """Position-dependent force of the joint fit, such as a spring, (n,) in N; None without."""
+        """Position-dependent force of the joint fit, such as a spring's, (n,) in N, or None."""
         return None if self.weighing is None else self.weighing.fit.force_by_position
 
     @cached_property
@@ -259,7 +260,7 @@ def compare_lightest_load_with_empty_mass(
         machine: machine file with its empty mass and scale uncertainties.
 
     Returns:
-        None if either mass is missing, or the fit has no uncertainty.
+        The comparison; None if either mass is missing, or the fit has no uncertainty.
     """
     body = machine.machine
     if weighing is None or body.empty_mass_kg is None:
@@ -273,7 +274,7 @@ def compare_lightest_load_with_empty_mass(
     u_kg = float(np.linalg.norm([combine_u(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:
         return None
-    # the lightest of several is light by chance as well
+    # the lightest of several is biased towards light by chance
     by_chance_kg = combine_u(sources, "random") * float(np.sqrt(2.0 * np.log(fit.mass_count)))
     named = machine.settings.loads.empty_from_s is not None
     return EmptyMassDifference(

@@ -34,12 +34,12 @@ class CheckRow:
         applies: whether the check applies to a log.
         optional: whether the check does not apply if it has no number.
         meaning: meaning of the number, in a sentence.
-        subject_text: names the subject of the number where it differs between logs; else "".
+        subject_text: names the subject of the number, if it differs between logs; else "".
         consequence: consequence of failing.
         moved_u: change of the answer, in standard uncertainties, without the samples or channel
             that the check names. Up to 1, failing withholds nothing and is only reported.
-        remedy: setting or change that would correct it.
-        own_remedy: remedy in this log where it is another one; else "".
+        remedy: setting or change that would correct the fault.
+        own_remedy: remedy for the log in question, if it differs from `remedy`; else "".
     """
 
     name: str
@@ -74,7 +74,7 @@ class CheckRow:
         return self.own_remedy(inputs, motion) or self.remedy
 
     def decide_consequence(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
-        """Consequence of failing in this log, given the mass change it causes."""
+        """Consequence of failing in this log, given the change of the mass (`moved_u`)."""
         moved_u = self.moved_u(inputs, motion)
         return (
             "tell"

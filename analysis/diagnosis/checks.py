@@ -1,7 +1,7 @@
 """The table of checks: whether a log can weigh, judged on all moving samples, ungated.
 
-A gate cannot protect against a log without an answer: among enough windows some look fine. So the
-checks use all moving samples: straight motion for the mass, spins for the inertia.
+A gate does not protect against a log that cannot weigh: among enough windows some look good by
+chance. So the checks use all moving samples: straight motion for the mass, spins for the inertia.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 
-#: The check that fails where a finding invalidates the mass.
+#: Name of the check that fails if a finding invalidates the mass.
 INVALIDATING_CAUSES: Final = "invalidating_causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
 _REMEDY: Final = "payscope explain shows each, and the setting that corrects it if there is one"
@@ -113,9 +113,9 @@ def _compute_fraction_braked_with_opposing_force(_inputs: CheckInputs, motion: A
 
 
 def _compute_fraction_braked_with_opposing_torque(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """Fraction of samples of spins braked by the drive whose yaw torque opposes the spin.
+    """Fraction of spin samples braked by the drive whose yaw torque opposes the spin.
 
-    Tyres that scrub stop a spin while the torque that drove it still falls.
+    Scrubbing tyres may stop a spin while the torque that drove it is still falling.
     """
     settings = inputs.machine.settings
     rows = count_rows_in_duration(LIMITS.falling_torque_s, settings.align.rate_hz)
@@ -133,7 +133,7 @@ def _compute_fraction_braked_with_opposing_torque(inputs: CheckInputs, motion: A
 def _compute_fraction_driven_by_assisting_force(_inputs: CheckInputs, motion: AxisMotion) -> float:
     """Fraction of accelerating samples whose force acts along the motion."""
     rate = motion.speed_or_yaw_rate
-    # where gravity drives downhill, the force holds back
+    # without samples that gravity drives downhill, where the force holds back
     chosen = motion.speeding & (motion.A[:, 0] * np.sign(rate) > -LIMITS.driven_downhill_min_m_s2)
     chosen = chosen if chosen.any() else motion.speeding
     return fit_quality.compute_fraction_of_samples_with_force_along_motion(rate, motion.f, chosen)
@@ -151,7 +151,7 @@ def _imu_to_wheel_acceleration_slope(inputs: CheckInputs, motion: AxisMotion) ->
 
 
 def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
-    """Variance of the wheels' acceleration due to speed noise, in m²/s⁴."""
+    """Variance of the wheel acceleration due to noise of the speed, in m²/s⁴."""
     settings = inputs.machine.settings
     known = (
         None
@@ -160,7 +160,7 @@ def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
     )
     if known is None:
         return 0.0
-    # both ends of its span are moving means
+    # the speeds at both ends of the span are moving means
     of_mean = float(known.compute_covariance_of_means(settings.smooth.samples)[1, 1])
     return 2.0 * of_mean * (settings.align.rate_hz / count_rows_in_speed_rate_span(settings)) ** 2
 
@@ -176,17 +176,17 @@ def _ungated_mass_to_empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -
 
 
 def _empty_mass_shortfall_over_uncertainty(inputs: CheckInputs, _motion: AxisMotion) -> float:
-    """How far the lightest load is below the empty mass, in u."""
+    """Empty mass minus the lightest load, in standard uncertainties; NaN if unknown."""
     found = inputs.empty_mass_difference
     return np.nan if found is None else -found.difference_over_uncertainty
 
 
 def empty_mass_difference_over_uncertainty(inputs: CheckInputs, _motion: AxisMotion) -> float:
-    """Distance from the empty mass in u; NaN if another check covers it."""
+    """Magnitude of the difference to the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass_difference
     if found is None or not found.can_test_scale:
         return np.nan
-    # what is so far below that it is withheld is said once
+    # a load so far below that the mass is withheld is reported by the other check
     withheld = (
         -found.difference_over_uncertainty > inputs.machine.settings.verdict.negative_payload_max_u
     )
@@ -194,7 +194,7 @@ def empty_mass_difference_over_uncertainty(inputs: CheckInputs, _motion: AxisMot
 
 
 def _describe_ratio_to_empty_mass(inputs: CheckInputs, _motion: AxisMotion) -> str:
-    """Text on the ratio to the empty mass, if it is beyond its limit."""
+    """Text on the ratio to the empty mass and its causes; "" if it is within its limit."""
     found = inputs.empty_mass_difference
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
     far = (
@@ -225,7 +225,7 @@ class AxisQuantityNames:
 
 
 def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> tuple[CheckRow, ...]:
-    """Checks of every axis: whether its model fits the moving samples."""
+    """Make the checks of an axis on whether its model fits the moving samples."""
     force, moves = wording.force, wording.moves
     return (
         CheckRow(
@@ -366,12 +366,12 @@ def add_check_of_invalidating_findings(
     Args:
         verdict: the frame `verdict`.
         findings: findings of the same log.
-        machine: machine file with the check's limit.
+        machine: machine file with the limit of the check.
 
     Returns:
         `verdict` with one more row, after those of the mass.
     """
-    # a cause of what is withheld already is said once, by its finding
+    # if the mass is withheld already, the finding alone reports the cause
     is_open = Verdict.from_frame(verdict).can_weigh
     grave = findings.filter(pl.col("severity") == "withhold", pl.lit(is_open))
     most = machine.settings.verdict.causes_max

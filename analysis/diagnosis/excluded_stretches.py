@@ -1,7 +1,7 @@
-"""Stretches that a check names, left out of the fit, and the resulting change of the answer.
+"""Exclusion of the stretches that a check finds from the fit, and its effect on the answer.
 
-A sensor that freezes for one second of a day, or an engine at its limit, is no reason to withhold
-the answer: these stretches are left out. If that changes the answer, the channel cannot be trusted
+A sensor that freezes for a second in a day, or an engine at its limit, is no reason to withhold the
+answer: such stretches are excluded. If that changes the answer, the channel cannot be trusted
 elsewhere either, and the answer is withheld.
 """
 
@@ -25,10 +25,10 @@ from estimators.arrays import Bools
 
 @dataclass(frozen=True)
 class ExcludedStretches:
-    """Stretches that a check names, and the effect of leaving them out.
+    """Effect of excluding the stretches that a check finds.
 
     Attributes:
-        fitted_s: duration of the stretches that the fit had used.
+        fitted_s: duration of the part of the stretches that the fit had used.
         moved_u: change of the mass without them, in standard uncertainties of the new answer;
             infinite if nothing is left.
     """
@@ -43,7 +43,7 @@ class ExcludedStretches:
 
     @property
     def exclusion_effect_text(self) -> str:
-        """The outcome as text."""
+        """The effect of the exclusion as text."""
         if not self.fitted_s:
             return "none of it is among the weighed samples"
         part = f"{self.fitted_s:.1f} s of it among the weighed samples"
@@ -57,12 +57,12 @@ class ExcludedStretches:
 
 @dataclass(frozen=True)
 class RefitWithoutStretches:
-    """The answer without harmless stretches that checks name.
+    """The answer without the harmless stretches that checks find.
 
     Attributes:
         weighing: the joint fit.
-        gated: the gate, which rejects windows that contain them.
-        named: the stretches, by check.
+        gated: the frame `gate`, with windows that contain excluded stretches rejected.
+        named: effect of excluding the stretches, by check.
     """
 
     weighing: Weighing | None
@@ -77,7 +77,7 @@ def refit_without_failing_stretches(
     machine: Machine,
     weigh_grid: Callable[[pl.DataFrame], Weighing | None],
 ) -> RefitWithoutStretches:
-    """Fit with and without the stretches that checks of the readings name.
+    """Fit with and without the stretches that checks of the readings find.
 
     Args:
         signals: raw channels.
@@ -119,13 +119,13 @@ def _iter_stretches_to_exclude_by_check(
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Name, stretches by channel, and rejection reason of each failing check."""
     if signals.longest_frozen_duration_s > limits.frozen_max_s:
-        yield "frozen_s", signals.frozen_spans, "gap"  # what is frozen was not measured
+        yield "frozen_s", signals.frozen_spans, "gap"  # a frozen reading was not measured
     if signals.largest_clipped_fraction > limits.clipped_max:
         yield "clipped_share", signals.clipped_spans, "saturated"
 
 
 def mark_fitted_or_growing_load_samples(weighing: Weighing) -> Bools:
-    """Samples of the fit and of manoeuvres whose load appears to change, (n,)."""
+    """Flags (n,) of the samples of the fit and of manoeuvres whose load appears to change."""
     motion = weighing.fit.motion
     return motion.is_fittable | np.isin(
         motion.manoeuvre_of_sample, [each.manoeuvre_id for each in weighing.growing_load_manoeuvres]
@@ -135,7 +135,7 @@ def mark_fitted_or_growing_load_samples(weighing: Weighing) -> Bools:
 def compute_mass_change_over_uncertainty(
     fit_with_all: Weighing, fit_without: Weighing | None
 ) -> float:
-    """Change of the mass without the stretches, in its standard uncertainty."""
+    """Change of the mass without the stretches, over its standard uncertainty."""
     if fit_without is None:
         return np.inf
     moved_u = (

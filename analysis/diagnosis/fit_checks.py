@@ -25,7 +25,7 @@ _UNSEEN_BRAKES: Final = (
 
 
 class Disagreement(NamedTuple):
-    """Distance of a method from the answer in standard deviations, and whether it disagrees."""
+    """Distance of a method's mass from the answer in standard deviations, and its verdict."""
 
     method: str
     deviations: float
@@ -36,9 +36,9 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
     """Compare every method that has a mass with the joint fit.
 
     A method without nuisance terms assumes that they are 0, except for a configured Coulomb term.
-    If the log shows a term that is not 0, or if its starts disagree, the method's own deviation is
-    too small, and its interval must at least contain that of the answer. With several loads no
-    method agrees, since each estimates one mass.
+    If the log shows a term that is not 0, or if its starts disagree, the method's own standard
+    deviation is too small, and its interval must at least contain that of the answer. With several
+    loads no method agrees, since each estimates a single mass.
     """
     weighing, totals = inputs.weighing, inputs.totals
     if weighing is None or totals is None:
@@ -73,7 +73,7 @@ def compare_methods_with_joint_fit(inputs: CheckInputs) -> list[Disagreement]:
 
 
 def list_nuisances_shared_with_methods(inputs: CheckInputs) -> set[str]:
-    """Nuisances that the methods also model: the Coulomb term, or a constant for one direction."""
+    """Nuisances that the methods also model: the Coulomb term, or in one direction a constant."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()
     return {"direction" if inputs.weighing.fit.motion.drives_both_ways else "const"}
@@ -82,7 +82,7 @@ def list_nuisances_shared_with_methods(inputs: CheckInputs) -> set[str]:
 def _make_joint_fit_quantity_function(
     quantity: Callable[[Weighing], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
-    """Number of a check, computed from the joint fit; NaN without one."""
+    """Make a function that computes a check's number from the joint fit; NaN without one."""
 
     def compute_value(inputs: CheckInputs, _: AxisMotion) -> float:
         return np.nan if inputs.weighing is None else quantity(inputs.weighing)
@@ -93,7 +93,7 @@ def _make_joint_fit_quantity_function(
 def _make_wheel_quantity_function(
     quantity: Callable[[WheelKinematics], float],
 ) -> Callable[[CheckInputs, AxisMotion], float]:
-    """Number of a check, computed from wheels against accelerometer."""
+    """Make a function that computes a check's number from the comparison with the wheels."""
 
     def compute_value(inputs: CheckInputs, _: AxisMotion) -> float:
         wheels = None if inputs.weighing is None else inputs.weighing.fit.kinematics
@@ -111,7 +111,7 @@ def _has_wheel_kinematics(inputs: CheckInputs, _motion: AxisMotion) -> bool:
 
 
 def _describe_remedy_for_early_force(inputs: CheckInputs, _motion: AxisMotion) -> str:
-    """Remedy where the force is ahead of the acceleration: that one is late, in all likelihood."""
+    """Remedy if the force is ahead of the acceleration, which is then probably delayed."""
     limit_s = inputs.machine.settings.verdict.lag_max_s
     if inputs.weighing is None or inputs.weighing.fit.force_lag_s >= -limit_s:
         return ""
@@ -149,7 +149,7 @@ def _describe_remedy_of_term_beyond_prior(inputs: CheckInputs, _motion: AxisMoti
 
 
 def _describe_remedy_without_pitch(inputs: CheckInputs, _motion: AxisMotion) -> str:
-    """Remedy where no pitch is measured: grades that change are in the accelerometer alone."""
+    """Remedy if no pitch is measured: changing grades appear in the accelerometer alone."""
     if inputs.weighing is None or inputs.weighing.fit.motion.without_gravity is not None:
         return ""
     return (
@@ -161,7 +161,7 @@ def _describe_remedy_without_pitch(inputs: CheckInputs, _motion: AxisMotion) -> 
 def _mass_change_by_other_motion_sensor_over_uncertainty(
     inputs: CheckInputs, _motion: AxisMotion
 ) -> float | None:
-    """Mass change if wheels and accelerometer swap roles, in u."""
+    """Change of the mass with the other acceleration, in u; None without a comparison."""
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
     return None if other is None else other.mass_shift_over_uncertainty
@@ -226,7 +226,7 @@ FIT_CHECKS: Final = (
         compute_relative_mass_u_of_main_load,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
-        applies=lambda inputs, _: inputs.totals is not None,  # frames alone give no answer
+        applies=lambda inputs, _: inputs.totals is not None,  # frames alone have no answer
         subject_text=lambda inputs, _: NOTHING_FITTED if inputs.weighing is None else "",
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),

@@ -1,4 +1,4 @@
-"""The raw channels before any filter: signs, frozen readings and clipped readings."""
+"""The raw channels before any filter: clock drift, frozen readings and clipped readings."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -25,14 +25,14 @@ from estimators.arrays import Floats, Ints
 Series = tuple[Ints, Floats]
 Spans = list[tuple[int, int]]
 
-#: What may freeze, beside forces.
+#: Channels that may freeze, besides forces.
 _MOTION: Final = (*SPEEDS, "specific_force_x_m_s2")
-#: What else tells that something changes; a position repeats itself where a machine stands.
+#: Further channels that show that something changes; a position is constant at standstill.
 _BESIDE: Final = ("position_x_m", "acc_x_m_s2")
 
 
 class RepeatedReading(NamedTuple):
-    """A stretch that repeats one reading: begin and end in Unix ns, and the value."""
+    """A stretch that repeats one reading: start and end in Unix ns, and the value."""
 
     start_ns: int
     end_ns: int
@@ -45,9 +45,10 @@ class RawSignals:
 
     Attributes:
         channels: Unix stamps in ns and unfiltered readings in SI units, by channel.
-        drift: the two clocks that drift apart most clearly; None if undetermined.
+        drift: the two clocks whose drift is most significant; None if undetermined.
         span_s: duration of the log.
-        force_channels: those that the force is computed from (`Machine.recorded_force_channels`).
+        force_channels: channels that the force is computed from
+            (`Machine.recorded_force_channels`).
     """
 
     channels: Mapping[str, Series]
@@ -88,7 +89,7 @@ class RawSignals:
             for name, (_, x) in self.channels.items()
             if name in self.force_channels
         }
-        # the low side of two pressures rests at what feeds it, far below what either works at
+        # the lower of two pressures stays at the feed pressure, far below the working pressures
         unit = {name: split_unit_from_name(name)[1] for name in found}
         largest = {
             name: max(
@@ -109,7 +110,7 @@ class RawSignals:
     def frozen_spans(self) -> dict[str, Spans]:
         """Spans in ns in which a force or motion channel is frozen, limits excluded, by channel.
 
-        Of several pressures or currents that make the force, one may rest while others work.
+        If several pressures or currents give the force, one may be constant while others change.
         """
         rests = set(self.force_channels) - {*FORCES} if len(self.force_channels) > 1 else set()
         return {
@@ -135,7 +136,7 @@ class RawSignals:
 
     @property
     def longest_frozen_duration_s(self) -> float:
-        """Total duration in s of frozen force or motion channels."""
+        """Total frozen duration in s of the channel that is frozen for longest."""
         spans = self.frozen_spans.values()
         return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
 
@@ -182,7 +183,7 @@ def collect_raw_signals(
 
     Args:
         raw_frames: frames by topic, with log times and header stamps.
-        channels: readings as `analysis.stages.signals.derive.read_measured_channels` returns them.
+        channels: readings by `analysis.stages.signals.derive.read_measured_channels`.
         machine: machine file.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
@@ -228,10 +229,11 @@ def find_unexplained_repeats(unix_ns: Ints, readings: Floats) -> tuple[list[Repe
 
 
 def does_signal_stay_within_resolution(readings: Floats, first_row: int, last_row: int) -> bool:
-    """Whether a smooth signal at rest, or at an extremum, moves too little to show in a run.
+    """Whether a run of equal readings is a smooth signal that changes by less than its resolution.
 
-    It is slow beside the run, leaves it by a step of its resolution, or as fast as it goes on, and
-    shows no noise; a sensor that froze jumps to what it missed, and one that clips comes fast.
+    Such a signal, at rest or at an extremum, is slow before and after the run, leaves it by a step
+    of its resolution or at its further rate, and shows no noise. After a frozen sensor the signal
+    jumps, and before a clipped one it changes fast.
     """
     half = (last_row - first_row + 1) // 2
     reach = max(LIMITS.smooth_readings, half)
@@ -241,17 +243,17 @@ def does_signal_stay_within_resolution(readings: Floats, first_row: int, last_ro
     ]
     sizes = np.abs(np.concatenate(steps))
     if min(side.size for side in steps) < LIMITS.run_min_readings or not sizes.any():
-        return False  # too little beside the run
-    # a table's decimals round the steps, and not all alike
+        return False  # too few readings before and after the run
+    # the decimals of a table round the steps, which differ slightly
     one_step = LIMITS.single_step_ratio * float(sizes[sizes > 0.0].min())
-    # what stays within a step for so long moves little for half as long beside it, on one side
-    # at least: twice as far from its top a parabola is three steps further
+    # a signal that stays within a step for so long changes little for half as long, at least on
+    # one side: twice as far from its top a parabola is three steps lower
     if min(np.abs(side[:half]).sum() for side in steps) > LIMITS.slow_max_steps * one_step:
         return False
     for side in np.abs(steps[0]), np.abs(steps[1]):
         if side[0] > max(side[1] + one_step, LIMITS.single_step_ratio * side[1]):
             return False
-    # noise goes up and down by more than a step
+    # noise reverses by more than a step
     turns = [
         (side[1:] * side[:-1] < 0.0) & (np.minimum(abs(side[1:]), abs(side[:-1])) > one_step)
         for side in steps
@@ -260,13 +262,13 @@ def does_signal_stay_within_resolution(readings: Floats, first_row: int, last_ro
 
 
 def find_zero_speed_spans(unix_ns: Ints, speed: Floats) -> Spans:
-    """Spans in ns in which a speed reads 0 for long, with gradual entry and exit."""
+    """Spans in ns in which a speed reads 0 for long, reached and left gradually."""
     first, last = find_runs_of_equal_readings(speed)
     before, after = (
         np.abs(speed[np.maximum(first - 1, 0)]),
         np.abs(speed[np.minimum(last + 1, speed.size - 1)]),
     )
-    # beside a 0, an averaged speed falls by half of what a sensor lost
+    # next to a 0, an averaged speed falls by half of a loss of the sensor
     moves = ~flag_rows_near_flagged_rows(speed == 0.0, LIMITS.stand_edge_readings)
     steps = np.abs(np.diff(speed))[moves[1:] & moves[:-1]]
     small = max(
@@ -296,7 +298,7 @@ def find_repeated_readings(
     if runs and float(np.ptp(x)) == 0.0:
         changes = should_constant_channel_have_changed(channel, channels, force_channels)
         return runs if changes else []
-    # a machine that stands has no speed, one that coasts no force
+    # at standstill the speed is 0, and while coasting the force
     runs = [run for run in runs if run.value != 0.0 or channel == "specific_force_x_m_s2"]
     if not runs:
         return []
@@ -304,7 +306,7 @@ def find_repeated_readings(
     others = [
         (*series, changes * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
         for key, series in channels.items()
-        # where it is, a coarse channel may not show
+        # a coarse position may not show a change
         if key != channel and (never or key not in _BESIDE)
     ]
     surely = [
@@ -312,18 +314,18 @@ def find_repeated_readings(
         for run in runs
         if any(does_channel_change(*each, run.start_ns, run.end_ns) for each in others)
     ]
-    # what froze there, and has noise elsewhere, froze wherever it repeats itself
+    # a channel that froze once and has noise elsewhere is frozen wherever it repeats
     return runs if surely and never else surely
 
 
 def should_constant_channel_have_changed(
     channel: str, channels: Mapping[str, Series], force_channels: Sequence[str]
 ) -> bool:
-    """Whether a constant channel should have changed, since its own or the other side drives."""
+    """Whether a channel that is constant throughout should have changed, as other channels do."""
     of_motion = channel in _MOTION
     speeds = [x for key, (_, x) in channels.items() if key in SPEEDS and key != channel]
     forces = [x for key, (_, x) in channels.items() if key in force_channels and key != channel]
-    # a machine that stands has no speed, whatever its force and its accelerometer read
+    # at standstill the speed is 0, whatever force and accelerometer read
     beside = speeds if of_motion else [*speeds, *forces]
     return any(float(np.ptp(x)) > 0.0 for x in beside)
 
@@ -358,7 +360,10 @@ def find_fraction_at_repeated_extremes(readings: Floats) -> dict[float, float]:
 def find_fraction_at_clipping_levels(
     runs: list[RepeatedReading], readings: Floats
 ) -> dict[float, float]:
-    """Find levels at which readings are clipped: long runs return to them, few exceed them."""
+    """Levels at which readings are clipped, with the fraction of readings at each.
+
+    Several long runs have the same level, and few readings exceed it.
+    """
     often = Counter(run.value for run in runs)
     return {
         value: float((readings == value).mean())

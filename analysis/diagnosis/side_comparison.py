@@ -1,8 +1,8 @@
-"""Left against right on straight drives: torque against torque, wheel speeds against the gyroscope.
+"""Comparison of left and right on straight drives: torques, and wheel speeds with the gyroscope.
 
-The sum of two torques gives the mass, and looks as plausible if one sensor reads a fifth of its
-torque. On a straight drive the two sides differ in torque and speed by only a few per cent, due to
-tyres, a cross slope and gentle curves.
+The mass comes from the sum of two torques, which looks plausible even if one sensor reads a fifth
+of its torque. On a straight drive the two sides differ in torque and speed by only a few percent,
+due to tyres, a cross slope and gentle curves.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,8 +30,8 @@ class SideDifference:
     Attributes:
         kind: torque, speed, or slip: the speed difference in hard starts minus that in soft ones.
         value_1: the relative difference; 2 if the left side reads 0.
-        std_1: its standard deviation.
-        resistance_1: part of it that a resistance on one side may cause.
+        std_1: standard deviation of the difference.
+        resistance_1: part of the difference that a resistance on one side may cause.
     """
 
     kind: str
@@ -57,7 +57,7 @@ class SideDifference:
     @property
     def side_ratio_1(self) -> float:
         """Ratio of the smaller side to the larger; negative if they oppose each other."""
-        half = abs(self.value_1) / 2.0  # of a side that reads nothing it is 1, but for rounding
+        half = abs(self.value_1) / 2.0  # 1, except for rounding, if a side reads nothing
         return (1.0 - half) / (1.0 + half)
 
 
@@ -141,7 +141,7 @@ def compare_side_torques(
 ) -> SideDifference | None:
     """Slope of the torque difference on the mean torque.
 
-    An offset of one side, or a resistance of one side as on a cross slope, does not count.
+    An offset of one side, or a resistance on one side as on a cross slope, is excluded.
     """
     apart, mean = right - left, (right + left) / 2.0
     if is_driving.sum() < LIMITS.sides_min_means:
@@ -156,7 +156,7 @@ def compare_side_torques(
     )
     if (
         found is None or found.std_1 > LIMITS.sides_ratio_std_1
-    ):  # one throttle tells a resistance from no share
+    ):  # at one throttle setting, a resistance cannot be distinguished from a wrong share
         rough = regress_side_difference(
             "torque", apart, mean, turning_rates, is_driving | is_standing
         )

@@ -13,7 +13,7 @@ from estimators.arrays import Floats
 
 
 def _unfiltered_force_fraction_against_motion(inputs: CheckInputs, motion: AxisMotion) -> float:
-    """`opposing_share` of the unfiltered force, since a low-pass undershoots zero."""
+    """`opposing_share` by the unfiltered force, since a low-pass would make it undershoot zero."""
     force = interpolate_unfiltered_force(inputs)
     if force is None:
         return np.nan
@@ -46,7 +46,7 @@ def _clock_drift_over_log_s(inputs: CheckInputs, _motion: AxisMotion) -> float:
 def _make_reader_of_mass_change_over_uncertainty(
     check_name: str,
 ) -> Callable[[CheckInputs, AxisMotion], float | None]:
-    """Make a function that returns the change of the answer without a check's stretches."""
+    """Make a function that returns the change of the mass without a check's stretches, in u."""
 
     def read_mass_change_over_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
         found = inputs.left_out.get(check_name)
@@ -58,7 +58,7 @@ def _make_reader_of_mass_change_over_uncertainty(
 def _make_writer_of_exclusion_text(
     check_name: str,
 ) -> Callable[[CheckInputs, AxisMotion], str]:
-    """Make a function that describes the refit without a check's stretches."""
+    """Make a function that describes the effect of excluding a check's stretches."""
 
     def refit_outcome(inputs: CheckInputs, _: AxisMotion) -> str:
         found = inputs.left_out.get(check_name)
@@ -75,7 +75,7 @@ def _largest_side_difference_1(inputs: CheckInputs, _motion: AxisMotion) -> floa
 
 
 def torque_difference_lower_bound(inputs: CheckInputs, _motion: AxisMotion) -> float:
-    """Lower bound of the sides' torque difference; NaN without two."""
+    """Lower bound of the torque difference of the sides; NaN unless both are measured."""
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.difference_lower_bound_1
 

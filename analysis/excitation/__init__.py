@@ -1,4 +1,4 @@
-"""Experiment design: which excitation makes the estimates of a simulated machine most precise."""
+"""Experiment design: the excitation with the most precise estimates of a simulated machine."""
 
 from analysis.excitation.excitation_design import ExcitationDesign, WaveformScore, design_excitation
 

@@ -1,11 +1,11 @@
 """Predict the errors of least squares over one window, before anything is measured.
 
-The estimator predicted is the paper's: every channel after the moving mean, the yaw acceleration as
-the central difference of the yaw rate, the rows of `estimators.planar.planar_rows` over the noise
-of force and torque. To first order the error of θ̂ is linear in every sample of noise, so that each
-sample's weight is known and the variance is the sum of their squares. Beside it stands a bias:
-noise N in the regressor and what the model leaves out (Coulomb friction) make (AᵀA + E[NᵀN])⁻¹ Aᵀy
-of θ.
+The predicted estimator is that of the paper: every channel after the moving mean, the yaw
+acceleration as central difference of the yaw rate, and the rows of `estimators.planar.planar_rows`
+divided by the noise of force and torque. To first order the error of θ̂ is linear in every noise
+sample, so the weight of each sample is known, and the variance is the sum of their squares. There
+is also a bias: with noise N in the regressor and effects that the model lacks (Coulomb friction),
+the estimate is (AᵀA + E[NᵀN])⁻¹ Aᵀy instead of θ.
 """
 
 from dataclasses import dataclass
@@ -41,12 +41,12 @@ class MeasuredSignals(NamedTuple):
 
     @classmethod
     def from_motion(cls, motion: Channels) -> Self:
-        """A motion as ideal instruments give it."""
+        """Signals of ideal instruments for a motion."""
         return cls(*(getattr(motion, name) for name in cls._fields))
 
 
 def compute_sensor_noise_stds(scenario: Scenario) -> MeasuredSignals:
-    """The standard deviation of one sample of each channel, (17) and (18) applied."""
+    """Noise standard deviation of one sample of each signal; force and torque by (17) and (18)."""
     sensors = scenario.sensors
     values = (
         sensors.force_noise_N,
@@ -60,7 +60,7 @@ def compute_sensor_noise_stds(scenario: Scenario) -> MeasuredSignals:
 
 
 def compute_true_planar_parameters(body: RigidBody) -> Floats:
-    """(6,) the true values of `planar_rows.PARAMETERS`."""
+    """True values (6,) of `planar_rows.PARAMETERS` for a body."""
     return np.array(
         [
             body.mass_kg,
@@ -82,7 +82,7 @@ class Filters:
 
     @property
     def filter_margin_samples(self) -> int:
-        """Samples that the filters need before and after a window, together."""
+        """Total number of samples that the filters need before and after a window."""
         return self.samples + 1
 
     @property
@@ -99,7 +99,7 @@ class Filters:
     def compute_filtered_regressor_rows(
         self, raw_channels: MeasuredSignals
     ) -> tuple[Floats, Floats]:
-        """Both rows of all six parameters from raw channels of n + margin samples.
+        """Filtered regressor of all six parameters from raw channels of n + margin samples.
 
         Returns:
             (n, 2, 6) regressor and (n, 2) force and torque.
@@ -123,7 +123,7 @@ def filter_channel_without_ends(channel: Floats, weights: Floats) -> Floats:
 def make_whitened_window_system(
     motion_kind: Drive, filters: Filters, raw_channels: MeasuredSignals, noise: MeasuredSignals
 ) -> tuple[Floats, Floats]:
-    """System of least squares: regressor (rows, p) and right side (rows,), over the noise.
+    """Regressor (rows, p) and right-hand side (rows,) of a window, divided by the noise.
 
     Args:
         motion_kind: axes that are fitted, which select rows and columns.
@@ -148,12 +148,12 @@ class ErrorPrediction:
     """Predicted error of one estimated quantity.
 
     Attributes:
-        value: the true number.
+        value: the true value.
         variance_per_force: variance per N² of variance of the force; the torque's noise scales with
             the force's.
-        variance_rest: variance from all other noise.
+        variance_rest: variance by all other noise.
         bias: systematic error.
-        force_N: noise of one sample of the force.
+        force_N: noise standard deviation of one sample of the force.
     """
 
     value: float
@@ -164,12 +164,12 @@ class ErrorPrediction:
 
     @property
     def predicted_error_std(self) -> float:
-        """Standard deviation."""
+        """Predicted standard deviation of the error."""
         return float(np.sqrt(self.variance_per_force * self.force_N**2 + self.variance_rest))
 
     @property
     def predicted_rms_error(self) -> float:
-        """Root mean square error: standard deviation and bias."""
+        """Predicted r.m.s. error, from standard deviation and bias."""
         return float(np.hypot(self.predicted_error_std, self.bias))
 
     def compute_allowed_force_noise_std_newtons(self, error: float) -> float | None:
@@ -190,9 +190,9 @@ def predict_estimate_errors_of_drive(
     Args:
         motion_kind: axes whose equations are fitted.
         filters: filters applied to every channel.
-        truth: (n + margin,) the noise-free channels of the window.
+        truth: (n + margin,) noise-free channels of the window.
         body: the machine.
-        noise: noise of one sample of each channel; the force's must not be zero.
+        noise: noise of one sample of each channel; that of the force must not be 0.
 
     Returns:
         Predictions by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
@@ -249,7 +249,7 @@ def predict_error_variances_by_force_and_motion_noise(
     regressor: Floats,
     noise: MeasuredSignals,
 ) -> tuple[float, float]:
-    """Variance of an error Σ weight (n, 2) · rows due to force and torque, and due to the rest."""
+    """Variance of an error Σ weights (n, 2) · rows by force and torque, and by other channels."""
     m, inertia, mc_x, mc_y, b_x, b_psi = true_parameters
     w_x, w_z = error_weights.T
     omega = regressor[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]

@@ -1,8 +1,8 @@
 """Design an excitation (sections 3.1 and 4.2 of the paper): the best waveform for one window.
 
-The response time T is that of the model's own step response, the period T_f = 3 T lets it settle,
-and a window T_φ lies between both. Each waveform drives the model; the window is judged at the
-place in the period that determines the parameters least.
+The response time T is that of the model's step response, the period T_f = 3 T lets it settle, and
+the window T_φ lies between the two. Each waveform drives the model; the window is scored at the
+position in the period where it determines the parameters least.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,15 +31,15 @@ from estimators.planar.identifiability import find_identifiable_parameters
 Axis: TypeAlias = Literal["force", "torque"]
 Ways: TypeAlias = Literal["one way", "both ways"]
 
-#: Of the last value: where a step response has settled.
+#: Relative deviation from the final value within which a step response has settled.
 _SETTLED: Final = 0.02
 _PERIOD_OVER_RESPONSE: Final = 3.0
-#: Speed and yaw rate must not keep step, or mass and moment cannot be told apart.
+#: Smallest ratio of the periods: in step, speed and yaw rate could not separate mass and moment.
 _LEAST_PERIOD_RATIO: Final = 1.2
 _OUT_OF_STEP: Final = 2.0 / 3.0
-#: What a solved motion is good for, relative: less is no information.
+#: Relative accuracy of a solved motion: smaller variation is no information.
 _SOLVED_TO: Final = 1e-9
-#: Places of the window in a period.
+#: Number of positions of the window in a period.
 _PLACES: Final = 24
 _SMOOTH_SAMPLES: Final = 10
 _AXES: Final[dict[Drive, tuple[Axis, ...]]] = {
@@ -47,7 +47,7 @@ _AXES: Final[dict[Drive, tuple[Axis, ...]]] = {
     "spin": ("torque",),
     "joint": ("force", "torque"),
 }
-#: What must be as accurate as asked for.
+#: Quantities that must reach the wanted accuracy, by drive.
 _ASKED: Final[dict[Drive, tuple[str, ...]]] = {
     "straight": ("mass_kg",),
     "spin": ("inertia_z_kg_m2",),
@@ -60,19 +60,19 @@ class WaveformScore:
     """Predicted errors of one waveform, from the window that determines the parameters least.
 
     Attributes:
-        waveform: its shape.
+        waveform: shape of the waveform.
         ways: "one" (force and torque never oppose the motion) or "both".
         manoeuvre: manoeuvre that drives the waveform.
         start_s: start of the window, including the samples that the filters need before it.
         predictions: predictions by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
-        rank: of both rows of `planar_rows.regressor`: how many of six parameters are determined.
+        rank: number of the six parameters of the planar regressor that are determined.
         condition: condition number of AᵀA, with each column divided by its noise.
-        snr: r.m.s. variation over a period (standard deviation) of the force that the drive
-            applies over the noise of one sample of it; of the torque in a spin.
+        snr: standard deviation over a period of the applied force (of the torque in a spin),
+            divided by the noise of one of its samples.
         snr_needed: smallest SNR that reaches the accuracy; None if bias or other noise prevents it.
         peak_speed_m_s: highest speed.
         reach_m: largest distance from the start before braking.
-        relative_error: largest r.m.s. error of the wanted quantities, over their values.
+        relative_error: largest relative r.m.s. error of the wanted quantities.
     """
 
     waveform: Shape
@@ -222,10 +222,10 @@ def design_excitation(
     window_s: float | None = None,
     yard_m: float | None = None,
 ) -> ExcitationDesign:
-    """Try each waveform one way and both ways at full throttle, and score it.
+    """Score each waveform at full throttle, in one direction and in both.
 
     Args:
-        scenario: machine, sensors, ground; its first load.
+        scenario: scenario with machine, sensors and ground; its first load is used.
         motion_kind: straight (force), spin (torque) or joint (both, full throttle shared).
         accuracy: wanted r.m.s. error over the value: of the mass, the yaw inertia, or both.
         window_s: T_φ, between T and T_f of the slowest axis; default 2 T.
@@ -285,7 +285,7 @@ def _make_excite_manoeuvre(
         full / 2.0 if motion_kind == "joint" else full
         for full in scenario.full_throttle_force_and_torque
     )
-    # to the millisecond, so that a person can read the scenario
+    # rounded to a millisecond, so that the scenario is readable
     periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}
     if motion_kind == "joint":
         ratio = periods["force"] / periods["torque"]
@@ -326,7 +326,7 @@ def score_waveform(
     noise, rate_hz = compute_sensor_noise_stds(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
     samples = round(window_s * rate_hz) + filters.filter_margin_samples
-    # the second period is the first that repeats; a window may begin anywhere in it
+    # the motion repeats from the second period on; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
     motion = solve_motion(copy_scenario_with_manoeuvres(scenario, longer), load_kg)
@@ -362,7 +362,7 @@ def score_waveform(
         for name in asked
     ]
     known = [each for each in allowed if each is not None]
-    # the torque's noise goes with that of the force
+    # the noise of the torque scales with that of the force
     least = min(known) / float(noise.force_x_N) * noisy if len(known) == len(allowed) else None
     velocity = driven.speed_x_m_s * np.exp(1j * driven.heading_rad)
     path_m = np.cumsum(velocity[: repeats.stop]) / rate_hz

@@ -1,4 +1,4 @@
-"""Explanations: what a run says of one moment, or of its worst manoeuvres."""
+"""Explanations of a run: of one moment, or of its worst manoeuvres."""
 
 from analysis.explain.determined_parameters import DeterminedParameters
 from analysis.explain.explanation import Explanation, Finding, make_explanation

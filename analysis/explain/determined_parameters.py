@@ -1,4 +1,4 @@
-"""Which of mass, friction and constant force a stretch of motion determines."""
+"""The parameters, among mass, friction and constant force, that a stretch of motion determines."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -14,7 +14,7 @@ from analysis.stages.noise.column_noise import ColumnNoise
 from estimators.arrays import Bools, Floats
 from estimators.planar.identifiability import find_identifiable_parameters
 
-#: The parameters of the x row, with a constant force beside them.
+#: The parameters of the x row, and a constant force.
 _MASS, _FRICTION, _COULOMB, _CONSTANT = (
     *("mass_kg", "friction_x_N_s_m", "coulomb_x_N"),
     "constant_force_N",
@@ -31,7 +31,7 @@ class DeterminedParameters:
         alone: parameters that are determined individually.
         combinations: determined combinations of other parameters, as text: `mass_kg - 5
             coulomb_x_N`.
-        lost: parameters that occur in none of these.
+        lost: parameters that occur neither in `alone` nor in `combinations`.
         trade_offs: pairs of parameters, and their correlation if beyond `trade_off_correlation`.
     """
 
@@ -54,7 +54,7 @@ def find_determined_parameters(
         settings: settings with the moving mean and the noise.
 
     Returns:
-        None if there are too few samples, or their noise is unknown.
+        The result; None if there are too few samples, or their noise is unknown.
     """
     acceleration = get_column_values(excitation, "regressor_acc_x_m_s2")
     speed = get_column_values(excitation, "speed_x_m_s")
@@ -68,7 +68,7 @@ def find_determined_parameters(
     samples = A.shape[0]
     if samples < LIMITS.determined_min_rows or std is None:
         return None
-    # neighbours share the moving mean: what lies between says nothing more
+    # adjacent samples share most of the moving mean, so samples in between add no information
     A = A[:: max(min(settings.smooth.samples, samples // LIMITS.determined_min_rows), 1)]
     found = find_identifiable_parameters(A, _NAMES, std)
     named = [name for name, alone in zip(_NAMES, found.identifiable, strict=True) if alone]

@@ -22,7 +22,7 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from analysis.model.windows import mark_samples_in_accepted_windows
 
-#: Columns that an explanation looks at, by frame; all of a frame that is not here.
+#: Columns that an explanation uses, by frame; of other frames it uses all columns.
 COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
     "excitation": (
         *("t_ns", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "direction_x_1"),
@@ -30,7 +30,7 @@ COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "gate": ("t_ns", "corr_x_1", "mi_x_nat", "noise_share_x_1", "accepted_x", "reason_x"),
 }
-#: The frames that are small, and read whole.
+#: Small frames, which are read completely.
 SMALL: Final = (
     *("noise", "segments", "loads", "manoeuvres", "nuisances", "budget", "masses", "verdict"),
     *("findings", "planar", "shift"),
@@ -59,7 +59,7 @@ class Finding:
     @classmethod
     def from_row(cls, row: Mapping[str, Any]) -> "Finding":
         """Finding from a row of `findings`."""
-        # the causes bring all that looks for them; most recordings show none
+        # imported late: the table of causes imports all searches, and most recordings need none
         from analysis.findings import CAUSES, UNKNOWN
 
         says = {cause.key: cause.statement for cause in (*CAUSES, UNKNOWN)}
@@ -73,7 +73,7 @@ class Finding:
 
     @property
     def has_proposal(self) -> bool:
-        """Whether it proposes a change to the machine file."""
+        """Whether the finding proposes a change to the machine file."""
         return self.setting is not None and self.value is not None
 
 
@@ -84,12 +84,12 @@ class Explanation:
     Attributes:
         answer: the answer of the run.
         at_s: explained moment; None for the whole run.
-        findings: causes found in the log, likeliest first, only those that cover `at_s` if it is
-            given; None if the run did not look for causes.
+        findings: causes found in the log, in the order of their rank, and only those that cover
+            `at_s` if it is given; None if the run did not search for causes.
         manoeuvre: manoeuvre at that moment.
         worst: for a whole run, the manoeuvres that deviate most from their loads.
         gate: gate decisions around the moment.
-        shares: share of windows by reason.
+        shares: fraction of windows by reason of the gate.
         determined: determined parameters; None if unknown.
     """
 

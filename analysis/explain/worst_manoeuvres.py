@@ -11,7 +11,7 @@ from analysis.explain.explain_limits import LIMITS
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
 
-#: The number that decides for a reason, its limit among the settings, and which way.
+#: By reason, the statistic that decides, the setting with its limit, and the comparison.
 _DECIDES: Final[Mapping[str, tuple[str, str, str]]] = {
     "accepted": ("mi_x_nat", "threshold_nat", "≥"),
     "low_information": ("mi_x_nat", "threshold_nat", "≥"),
@@ -47,11 +47,11 @@ class ManoeuvreReport:
     Attributes:
         start_s: seconds since the start.
         end_s: end, in seconds since the start.
-        load_id: id of its load; None if it belongs to none.
+        load_id: id of its load; None without a load.
         mass_kg: mass of the manoeuvre alone.
         mass_std_kg: standard deviation of that mass.
         load_kg: mass of the load.
-        deviations: difference of the two masses, in standard deviations of the manoeuvre's.
+        deviations: difference of the two masses over the standard deviation of `mass_kg`.
         reason: reason of the gate if it rejected the manoeuvre.
     """
 
@@ -129,7 +129,7 @@ def _median_of_gate_column(gate_rows: pl.DataFrame, column: str) -> float | None
 
 
 def compute_fractions_of_gate_reasons(gate: pl.DataFrame) -> dict[str, float]:
-    """Share of windows by reason, most frequent first."""
+    """Fraction of windows by reason, the most frequent first."""
     if "reason_x" not in gate.columns or not gate.height:
         return {}
     counts = gate["reason_x"].cast(pl.String).value_counts(sort=True)
@@ -137,10 +137,10 @@ def compute_fractions_of_gate_reasons(gate: pl.DataFrame) -> dict[str, float]:
 
 
 def report_worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreReport, ...]:
-    """Manoeuvres whose mass deviates most from their load's, in standard deviations.
+    """Manoeuvres whose mass deviates most from that of their load, in standard deviations.
 
-    If no manoeuvre has a mass, the longest ones that the gate rejected, without one that is nearly
-    the whole log.
+    If no manoeuvre has a mass, the longest ones that the gate rejected, except one that is nearly
+    as long as the log.
     """
     known = [each for each in _report_manoeuvres_by_load(frames) if each.deviations is not None]
     if known:

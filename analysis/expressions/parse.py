@@ -37,7 +37,7 @@ class ExpressionError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """Constant in `unit`; a pure number if that is None."""
+    """Constant in `unit`; dimensionless if that is None."""
 
     value: float
     unit: str | None = None
@@ -84,7 +84,7 @@ def parse_expression(text: str) -> Expression:
     """Parse an expression.
 
     Raises:
-        ExpressionError: it is none, with what was expected where.
+        ExpressionError: the text is not an expression; the message says what was expected where.
     """
     if len(text) > LIMITS.expression_characters:
         raise ExpressionError(
@@ -215,14 +215,15 @@ def convert_to_si(
 
     Args:
         tree: the expression.
-        units: unit of each name, in pint's notation; "" for a pure number.
+        units: unit of each name, in pint's notation; "" if dimensionless.
         registry: pint's unit registry.
 
     Returns:
         The expression with unitless numbers, and its dimension as pint's object.
 
     Raises:
-        ExpressionError: two sides cannot be added or compared (it names both), or an unknown unit.
+        ExpressionError: an unknown unit, or two sides that cannot be added or compared (the message
+            names both).
     """
     if isinstance(tree, Name):
         gain, dimension = find_si_gain_and_dimension(units[tree.name], tree.name, registry)
@@ -261,7 +262,7 @@ def derive_dimension_of_call(tree: Call, argument_dimensions: list[Any], registr
 
 _WORDS = {"+": "sum", "-": "difference", **dict.fromkeys(COMPARISONS, "comparison")}
 
-#: What a person calls the SI unit of a dimension: exponents of kg, m, s, A.
+#: Common name of the SI unit of a dimension, by the exponents of kg, m, s, A.
 _NAMES: Final[dict[tuple[float, ...], str]] = {
     (1, 1, -2, 0): "N",
     (1, 2, -2, 0): "N·m",
@@ -291,7 +292,7 @@ def format_dimension(dimension: Any) -> str:
 
 
 def format_unit_for_pint(unit: str) -> str:
-    """A unit of the schema (`N·m`, `m/s²`, `°`) as pint writes it; another one stays as it is."""
+    """A unit of the schema (`N·m`, `m/s²`, `°`) in pint's notation; others stay unchanged."""
     return unit.replace("·", "*").replace("²", "**2").replace("°", "degree")
 
 
@@ -317,7 +318,7 @@ def find_si_gain_and_dimension(unit: str, expression: str, registry: Any) -> tup
 
 
 def format_expression(tree: Expression) -> str:
-    """Text of an expression."""
+    """Convert an expression back to text."""
     if isinstance(tree, Name):
         return tree.name
     if isinstance(tree, Number):

@@ -75,7 +75,7 @@ def _apply_function(node: Call, argument_values: list[Floats]) -> Floats:
         return found
     if node.function == "mean":
         return np.asarray(np.sum(argument_values, axis=0) / len(argument_values), np.float64)
-    # a comparison with what is missing is none
+    # a comparison with a missing value is missing
     condition = node.arguments[0]
     assert node.function == "where"
     assert isinstance(condition, Call)

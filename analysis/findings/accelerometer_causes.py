@@ -1,8 +1,8 @@
 """Causes in the accelerometer: tilt, bias, misalignment, low-pass, lost gravity, a loose mount.
 
-An IMU that rocks on its mount rings after each start, while the force does not. Motion that is slow
-against the mount's natural frequency only looks like a wrong scale of the accelerometer: x grows by
-gravity times the angle by which the acceleration tilts the IMU.
+An IMU that rocks on its mount rings after each start, while the force does not. If the motion is
+slow compared with the mount's natural frequency, it only looks like a wrong accelerometer scale: x
+grows by gravity times the angle by which the acceleration tilts the IMU.
 """
 
 from dataclasses import replace
@@ -32,13 +32,13 @@ from analysis.stages.motion.phases import average_acceleration_over_rate_span
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 
-#: Ratios of usual units are `wrong_unit`'s.
+#: Ratios of common units, which the cause `wrong_unit` reports instead.
 _UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
 
 _PITCH: Final = "pitch_rad"
 _Y: Final = "specific_force_y_m_s2"
 _Z: Final = "specific_force_z_m_s2"
-#: What a turned IMU must have read to be turned back.
+#: Channels that must be measured so that a rotated IMU can be corrected.
 _ALL_AXES: Final = (
     *(ACC, _Y, _Z),
     *("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"),
@@ -52,7 +52,7 @@ def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
 
 
 def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
-    """Find an accelerometer that reads gravity along x at rest, or motion along y."""
+    """Find a tilted or turned accelerometer: gravity along x at rest, or driving along y."""
     over = _find_upside_down_mounting(inputs)
     if over:
         return over
@@ -93,7 +93,7 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
-    """Find a mean along x at standstill while the z axis reads all of gravity."""
+    """Find a reading along x at standstill while the z axis reads all of gravity."""
     return _find_accelerometer_error_at_rest(inputs, ("bias",))
 
 
@@ -108,7 +108,7 @@ def _find_accelerometer_error_at_rest(
     kind = classify_rest_error_as_tilt_or_bias(inputs, error)
     if kind not in candidate_causes:
         return []
-    # ground that slopes leaves no constant force, a tilt does
+    # a tilt appears as a constant force, sloping ground does not
     others = () if kind else ("imu_bias",)
     if not (seen.tilt or has_pitch_channel(inputs)):
         others = (*others, "slope")
@@ -137,7 +137,7 @@ def _find_accelerometer_error_at_rest(
 
 
 def classify_rest_error_as_tilt_or_bias(inputs: FindingInputs, error_m_s2: float) -> str:
-    """Tell a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
+    """Distinguish a tilt from a bias by the z axis: a tilt reduces the gravity that z reads.
 
     Returns:
         "tilt", "bias", or "" if the log cannot distinguish them.
@@ -183,14 +183,14 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     if along <= 0.0:
         return []
     angle = float(np.arctan2(across, along))
-    # noise of the wheels' rate makes both components small, and the angle no surer
+    # noise of the wheel acceleration reduces both components, but not the error of the angle
     std /= float(np.hypot(along, across))
     strength = abs(angle) / max(LIMITS.standing_reading_std * std, LIMITS.misalignment_min_yaw_rad)
     if len(inputs.select_measured_channels(*_ALL_AXES)) == len(_ALL_AXES):
         setting = "machine.imu.yaw_deg"
         value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
     else:
-        # what drives straight is seen by its share alone
+        # a machine that drives straight shows only the component along x
         setting, value = inputs.propose_scale_settings(
             inputs.select_measured_channels(ACC), 1.0 / float(np.cos(angle))
         )
@@ -238,7 +238,7 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Symptom]:
-    """Find ground that slopes under an acceleration from which gravity is removed."""
+    """Find sloping ground in a log whose acceleration has gravity removed."""
     kinematic = inputs.machine.settings.forces.acceleration == "kinematic"
     if (
         kinematic
@@ -315,7 +315,7 @@ def find_imu_on_boom(inputs: FindingInputs) -> list[Symptom]:
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     """Find an IMU that rocks on its mount, by a resonance after starts that the force lacks."""
     share = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
-    # a frame that swings rings too, and reads the acceleration of the wheels all the same
+    # a swinging frame rings too, but still reads the acceleration of the wheels
     if share is None or share[0] - LIMITS.loose_gain_std * share[1] < LIMITS.loose_gain_1:
         return []
     spectra = compute_imu_spectra_after_starts_and_at_rest(inputs)
@@ -343,7 +343,7 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
             f"{np.sqrt(LIMITS.rocking_peak_ratio * best):.1f} times the amplitude of the "
             "neighbouring frequencies; the force does not ring",
             channel=ACC,
-            # slowly, it is an accelerometer of another scale
+            # in slow motion it looks like a wrong scale of the accelerometer
             alternatives=("resonance",),
         )
     ]

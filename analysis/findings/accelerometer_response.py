@@ -17,7 +17,7 @@ _BOOM: Final = "boom_rad"
 
 
 class StartAndRestSpectra(NamedTuple):
-    """Mean power (k,) of the accelerometer's residual after starts and at rest."""
+    """Mean power of the accelerometer's residual, (frequencies,), after starts and at rest."""
 
     frequency_hz: Floats
     after_starts: Floats
@@ -53,7 +53,7 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     if used.sum() < CHANNEL_LIMITS.gain_min_spans:
         return None
     x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
-    # noise of the speed is no acceleration, and would look like one that is not seen
+    # noise of the speed would look like an acceleration that the accelerometer does not measure
     reads_speed = (
         0.0
         if inputs.column_noise is None
@@ -64,9 +64,9 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     if not power > CHANNEL_LIMITS.gain_motion_fraction * seen:
         return None
     gain = float(x @ y) / power
-    # neighbours share half of what they are of
+    # adjacent blocks share half of their samples
     std = float(np.sqrt(1.5 * seen * ((y - gain * x) ** 2).sum() / (x.size - 2))) / power
-    # what noise is taken off is known to a share of it
+    # the noise that is subtracted is itself uncertain by a fraction
     return gain, float(np.hypot(std, gain * CHANNEL_LIMITS.gain_noise_u_1 * (seen - power) / power))
 
 
@@ -96,7 +96,7 @@ def fit_imu_to_boom_angle_slope_and_std(inputs: FindingInputs) -> tuple[float, f
 def compute_imu_spectra_after_starts_and_at_rest(
     inputs: FindingInputs,
 ) -> StartAndRestSpectra | None:
-    """Spectra of the accelerometer's residual after starts and at rest; None of too few."""
+    """Spectra of the accelerometer's residual after starts and at rest; None if too few."""
     rate_hz = inputs.machine.settings.align.rate_hz
     size = count_rows_in_duration(LIMITS.start_window_s, rate_hz)
     if not inputs.select_measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
@@ -130,7 +130,7 @@ def compute_imu_spectra_after_starts_and_at_rest(
 
 
 def find_force_rise_ends(inputs: FindingInputs, force: Floats, min_held_samples: int) -> list[int]:
-    """End (grid sample) of each rise of the force after a standstill that is then held."""
+    """Grid sample at the end of each rise of the force from standstill to a level that holds."""
     rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
         return []

@@ -1,4 +1,4 @@
-"""Altered copies of the motion: a channel moved in time, or with another scale or zero."""
+"""Altered copies of the motion: a channel shifted in time, or with another scale or offset."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,7 +10,7 @@ from estimators.arrays import Floats
 
 
 def correct_channel_delay(motion: MotionSamples, channel: str, delay_s: float) -> MotionSamples:
-    """Undo the delay of `force`, `speed` or `imu`: move the channel earlier by `delay_s`."""
+    """Undo the delay of `force`, `speed` or `imu`: shift the channel earlier by `delay_s`."""
     if channel == "force":
         return motion.advance_force(delay_s)
     if channel == "speed":

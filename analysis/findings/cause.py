@@ -27,16 +27,16 @@ class Symptom:
         strength: measured effect divided by its detection threshold; a finding from 1 on.
         evidence: what was measured, in a sentence.
         channel: channel that shows the symptom.
-        span_ns: begin and end since the first aligned sample; None means the whole log.
+        span_ns: start and end since the first aligned sample; None means the whole log.
         setting: dotted key of the machine file that corrects the cause.
         value: proposed value of that key, as TOML.
         change: computes the change of the mass; None if it is not known.
         alternatives: causes that this log cannot distinguish from this one.
-        invalidates: whether this symptom invalidates the mass, where its cause does.
+        invalidates: whether this symptom invalidates the mass, provided that its cause can.
         explains: causes that are only consequences of a symptom this strong, besides
             `Cause.explains`.
-        harmless: whether the answer stays the same without the affected samples, left out or
-            refitted without; None if that was not examined.
+        harmless: whether the answer stays the same without the affected samples; None if that was
+            not examined.
     """
 
     strength: float
@@ -65,7 +65,7 @@ class Cause:
         withholds: whether a finding invalidates the mass.
         as_judged: whether a finding invalidates the mass only if a check of the verdict does.
         explains: causes that are reported as consequences of this one.
-        explains_up_to: factor by which an explained symptom may be stronger than this one.
+        explains_up_to: largest ratio of the strength of an explained symptom to that of this one.
         masks_others: whether this cause masks most others until it is corrected.
     """
 

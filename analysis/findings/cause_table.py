@@ -17,12 +17,12 @@ from analysis.findings import (
 )
 from analysis.findings.cause import Cause
 
-#: What the equation of motion shows of a log whose readings or stamps are wrong,
+#: Causes that the equation of motion seems to show if readings or stamps are wrong,
 _OF_EQUATION: Final = (
     *("delay", "wheel_radius", "slip", "coulomb", "too_little_excitation", "collinear"),
     *("load_changed_inside", "external_force", "braking_inside", "imu_low_passed"),
 )
-#: what it leaves, whatever bends it, and both. A swing has a frequency, as few causes have.
+#: those that any misfit leaves in its residuals, and both. A resonance is not among them.
 _OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline", "gain_by_speed")
 _OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
 _STILL: Final = "a standstill of three seconds"
@@ -144,7 +144,7 @@ CAUSES: Final = (
         "the logger wrote a stretch twice",
         "readings with noise that is resolved, and a copy of two seconds and fifty rows",
         sampling_causes.find_copied_row_stretches,
-        # what is left out is a gap
+        # excluded samples are a gap
         explains=("gaps", *_OF_FIT),
     ),
     Cause(
@@ -269,7 +269,7 @@ CAUSES: Final = (
         changing_loads.find_force_gain_by_direction,
         withholds=True,
         explains=("driveline", "gain_drift"),
-        # a load transfer looks like a gain by direction that hardly shows
+        # load transfer looks like a weak gain by direction
         explains_up_to=3.0,
     ),
     Cause(
@@ -278,7 +278,7 @@ CAUSES: Final = (
         "starts at different throttles",
         residual_causes.find_missing_model_term,
         explains=("coulomb", "load_changed_inside", "heteroscedastic"),
-        # a gain that steps looks like a load that changes there, and is the plainer of the two
+        # a step of the gain looks like a change of load, and is the simpler explanation
         explains_up_to=3.0,
     ),
     Cause(
@@ -300,7 +300,7 @@ CAUSES: Final = (
         "something pushes against the machine, such as a pile",
         "a start of three seconds against it",
         fit_causes.find_external_force,
-        # its starts are left out, and little may be left
+        # its starts are excluded, and few may remain
         explains=(
             *("driveline", "coulomb", "load_changed_inside"),
             *("too_little_excitation", "collinear"),
@@ -318,7 +318,7 @@ CAUSES: Final = (
         "the driveline or the frame oscillates",
         f"{_STILL}, and {_START}",
         residual_causes.find_resonance_of_residual,
-        # noise of the acceleration takes the mass away; what the wheels gain it leaves alone
+        # noise of the acceleration attenuates the mass, but not the gain of the wheels
         explains=(*("too_little_excitation", "slip", "coulomb"), *_OF_RESIDUALS),
     ),
     Cause(
@@ -336,7 +336,7 @@ CAUSES: Final = (
         "the noise is slow, so that successive samples are not independent",
         _STILL,
         residual_causes.find_slow_noise_at_standstill,
-        # noise of a standstill is no term of the motion, but adds up to one over its few starts
+        # noise at standstill may look like a term of the motion if there are few starts
         explains=("heteroscedastic", "driveline", "gain_by_speed", *_OF_EQUATION),
     ),
     Cause(
@@ -346,7 +346,7 @@ CAUSES: Final = (
         fit_causes.find_lack_of_excitation,
         withholds=True,
         as_judged=True,
-        # of what hardly moves, the wheels' noise counts as motion that the accelerometer has not
+        # with little motion, noise of the wheels looks like motion that the accelerometer lacks
         explains=(
             *("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
             "imu_low_passed",
@@ -366,7 +366,7 @@ CAUSES: Final = (
     ),
 )
 
-#: What is left where checks fail and none of them accounts for that: looked for last.
+#: Cause of failed checks that no other cause accounts for; searched last.
 UNKNOWN: Final = Cause(
     "unknown",
     "checks fail, and no known cause explains it",

@@ -4,9 +4,9 @@ A growing load obeys f = (m + g t) a + (b + g) v, with g in kg/s: accelerating t
 to the machine's speed takes g v. Each manoeuvre has its own mass and growth; friction and constant
 forces are common to all manoeuvres.
 
-Alternating loads may be one load whose measured share of the force changes: if the direction
-changes from start to start, so does the sign of the acceleration, and with it the force that a load
-transfer takes from the measured wheels.
+Alternating loads may be a single load if the measured share of the force changes: when the driving
+direction alternates from start to start, so does the sign of the acceleration, and with it the
+force that load transfer removes from the measured wheels.
 """
 
 from statistics import NormalDist
@@ -31,7 +31,7 @@ from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import format_count
 from estimators.numerics.fit_loss import list_rows_by_group
 
-#: What every log may have besides; columns of more noise would leave it in this one's way.
+#: Terms fitted besides in every log; noisier columns would absorb the growth.
 _USUAL: Final = ("const", "direction")
 
 
@@ -40,7 +40,7 @@ class ForceShareChange(NamedTuple):
 
     Attributes:
         value: change of the fraction, per m/s².
-        std: its standard deviation, per m/s².
+        std: standard deviation of the change, per m/s².
         gain: increase of twice the log likelihood over one load with a constant fraction.
         worse: advantage in twice the log likelihood of several loads over one load, both with a
             changing fraction.
@@ -58,7 +58,7 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
     """Compare one load and a changing force fraction with several loads.
 
     Returns:
-        None if the answer has one load, or the machine drives one way only.
+        The comparison; None if the answer has one load, or the machine drives one way only.
     """
     fit, noise, motion = (
         inputs.log_only_fit,
@@ -75,7 +75,7 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
         return None
     viscous, own_kg = max(fit.viscous_friction, 0.0), inputs.look_up_mass_of_samples_kg(motion)
     one_kg = np.full_like(own_kg, np.median(own_kg[motion.is_fittable]))
-    # with the share as well: loads that change otherwise than with the direction stay loads
+    # several loads with a changing fraction: loads that do not follow the direction remain loads
     by_loads = ProjectedEquation.project_out(
         build_whitened_force_rows(motion, noise, own_kg, viscous), ("driveline",)
     )
@@ -96,7 +96,7 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
 
 
 def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
-    """Find a force that is read with another gain in reverse, or loads that may be one."""
+    """Find a force with another gain in reverse, or loads that such a gain could explain."""
     weighing = inputs.check_inputs.weighing
     found = None if weighing is None else weighing.by_direction
     if weighing is None or found is None:
@@ -117,7 +117,7 @@ def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
             max(found.significance_1, 1.0),
             says,
             channel=inputs.force_channel,
-            # which of the two directions is right is not known
+            # it is not known which direction is right
             change=None
             if found.could_explain_several_loads
             else lambda: MassChange(0.0, of_mass_kg),
@@ -168,7 +168,7 @@ def _report_excluded_load_changes(inputs: FindingInputs) -> list[Symptom]:
     weighing = inputs.check_inputs.weighing
     if weighing is None:
         return []
-    # a gain that steps with the speed looks like a load, of a size that no loader carries
+    # a gain that depends on the speed looks like a load, larger than any loader carries
     steps = bool(inputs.reportable_missing_terms)
     most_kg = LOAD_LIMITS.largest_load_fraction * abs(weighing.fit.mass_kg)
     growing = [
@@ -205,7 +205,7 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         for part in list_rows_by_group(motion.stretch_of_sample)
         if part.size >= LIMITS.growth_min_rows * LIMITS.force_mean_samples
     ]
-    if len(parts) < 3:  # then nothing says what is usual
+    if len(parts) < 3:  # too few to know the usual scatter
         return []
     viscous = max(fit.viscous_friction, 0.0)
     system = build_whitened_force_rows(
@@ -242,7 +242,7 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
         least = LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
         if not abs(kg_s) * float(np.sqrt(rest / LIMITS.min_row_variance)) / limit / least > 1.0:
-            continue  # whatever the others' noise is, which takes long
+            continue  # whatever the noise, which takes long to compute
         others = np.delete(left, rows)
         deviations = (
             abs(kg_s) * float(np.sqrt(rest / compute_whitened_row_noise_variance(others))) / limit
@@ -265,10 +265,10 @@ def find_drift_among_loads(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
-    """Find loads that a mass which changes in proportion to time describes as well.
+    """Find load states that a mass proportional to time describes as well.
 
-    The Bayesian information criterion compares the two (Schwarz 1978). Manoeuvres in both
-    directions may differ by a constant, as loads that alternate with them do.
+    The two are compared by the Bayesian information criterion (Schwarz 1978). Masses in the two
+    driving directions may differ by a constant, as if loads alternated with the direction.
     """
     fit = inputs.log_only_fit
     states = None if fit is None else fit.states
@@ -291,12 +291,12 @@ def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
     A, y = np.column_stack(columns) * weight[:, None], states.manoeuvre_mass_kg * weight
     theta = np.linalg.lstsq(A, y, rcond=None)[0]
     by_loads = (states.manoeuvre_mass_kg - states.means_kg[states.state_of_manoeuvre]) * weight
-    # what fits better than noise allows tells nothing
+    # a fit better than the noise allows is not significant
     steadily, by_steps = (
         max(float(each @ each) / count, noise_kg**2) for each in (y - A @ theta, by_loads)
     )
     more = float(np.log(count)) * (len(columns) - states.state_count)
-    # two loads are one step, which a line does not come near by chance
+    # two loads are a single step, which a line hardly fits by chance
     allowed = LIMITS.indistinguishable_gain if states.state_count > 2 else 0.0
     if count * float(np.log(steadily / by_steps)) + more >= allowed:
         return []
@@ -315,7 +315,7 @@ def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
-    """Find an empty machine whose mass changes over the log by more than fuel."""
+    """Find an empty machine whose mass changes over the log by more than burnt fuel explains."""
     weighing = inputs.check_inputs.weighing
     drift = None if weighing is None else weighing.significant_empty_mass_drift
     if weighing is None or drift is None:

@@ -1,6 +1,6 @@
-"""Causes in one channel: frozen, clipped, with spikes, or unlike the other side.
+"""Causes in one channel: frozen, clipped, with spikes, or different from the other side.
 
-Sides that are unlike while the machine drives straight: one sensor, wheel or tyre is off.
+If the sides differ while the machine drives straight, one sensor, wheel or tyre is wrong.
 """
 
 from collections.abc import Callable
@@ -25,9 +25,9 @@ from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.signals.filters import compute_median_period_ns
 from estimators.arrays import Bools, Floats, Ints
 
-#: Force and acceleration, which a stop or a knock moves at once.
+#: Channels of force and acceleration, which a stop or a knock changes immediately.
 _FELT: Final = (*FORCES, *ACCELERATIONS)
-#: Causes that a dead channel explains: it has neither a sign nor a zero.
+#: Causes that a dead channel explains.
 _OF_DEAD: Final = ("unsigned", "offset")
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
@@ -90,7 +90,7 @@ def does_exclusion_keep_answer(
         return None
     if exclusion is not None:
         return exclusion.does_exclusion_keep_mass
-    # of several loads a stretch may move the others
+    # with several loads, the exclusion may change the other masses
     change = refit() if refit is not None and inputs.log_only_fit.mass_count == 1 else None
     if change is None:
         return None
@@ -98,13 +98,13 @@ def does_exclusion_keep_answer(
 
 
 def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tuple[int, int]]:
-    """Long repeats in motion of a channel that else never repeats; (begin, end) in Unix ns."""
+    """Long repeats in motion of a channel that else never repeats: start and end in Unix ns."""
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
     limits = signals.fraction_by_clipping_level_of_channel.get(channel, {})
     runs, never = find_unexplained_repeats(*inputs.unfiltered_readings[channel])
-    # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
+    # without the last readings of a standstill, which a slow channel repeats beyond its end
     return [
         (run.start_ns, run.end_ns)
         for run in runs
@@ -122,7 +122,7 @@ def find_noiseless_stretches_ns(inputs: FindingInputs, channel: str) -> list[tup
 def does_machine_stand_between(
     inputs: FindingInputs, channel: str, start_unix_ns: int, end_unix_ns: int
 ) -> bool:
-    """Whether the machine stands all the while; for a speed, which may be stuck, by the force."""
+    """Whether the machine stands throughout; judged by the force if a speed may be stuck."""
     edges_ns = inputs.convert_unix_to_aligned_ns(
         start_unix_ns + LIMITS.stand_edge_ns, end_unix_ns - LIMITS.stand_edge_ns
     )
@@ -184,7 +184,7 @@ class ChannelSpikes:
 
     Attributes:
         unix_ns: (k,) Unix time of each spike.
-        median_distance: of a spike from the mean of its neighbours, in the channel's SI unit.
+        median_distance: median distance of a spike from the mean of its neighbours, in SI units.
         largest_distance_std: largest such distance, in standard deviations of the channel's noise.
         near: (n,) True for grid samples next to a spike.
     """
@@ -228,7 +228,7 @@ def _find_spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
         if x.size < 3 * LIMITS.spike_block_readings:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
-        # a coarse channel is off by a step now and then
+        # a coarse channel deviates by one step now and then
         resolution = measure_repeat_fraction_and_resolution(inputs, name)[1]
         scale = np.maximum(estimate_robust_std_of_blocks(middle), resolution / np.sqrt(12.0))
         far = np.abs(middle) > LIMITS.spike_std * scale
@@ -248,7 +248,7 @@ def _find_spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
 
 
 def mark_stamps_of_jolts(inputs: FindingInputs, channel: str, unix_ns: Ints, sign: Floats) -> Bools:
-    """Whether force and acceleration jump together at each stamp, as at a knock; (k,)."""
+    """Whether force and acceleration jump together at each stamp, (k,), as at a knock."""
     topic = inputs.machine.channels[channel].topic
     felt = np.zeros(unix_ns.size, np.bool_)
     if channel not in _FELT:
@@ -277,12 +277,12 @@ def mark_stamps_of_jolts(inputs: FindingInputs, channel: str, unix_ns: Ints, sig
 
 
 def estimate_robust_std_of_blocks(readings: Floats) -> Floats:
-    """Robust standard deviation (n,) of each block; at least that of all samples."""
+    """Robust standard deviation of the block around each sample, (n,); at least that of all."""
     size = readings.size // LIMITS.spike_block_readings * LIMITS.spike_block_readings
     blocks = STD_OF_MAD * np.median(
         np.abs(readings[:size]).reshape(-1, LIMITS.spike_block_readings), axis=1
     )
-    # a start is sharper than what surrounds it
+    # include the adjacent blocks: a start is sharper than the samples around it
     around = np.maximum(blocks, np.maximum(np.append(blocks[1:], 0.0), np.append(0.0, blocks[:-1])))
     around = np.maximum(around, np.median(blocks))
     out = np.repeat(around, LIMITS.spike_block_readings)
@@ -385,7 +385,7 @@ def find_contradicted_wheel_speed_and_scale(
 def estimate_mass_change_by_smaller_side(
     inputs: FindingInputs, difference: SideDifference
 ) -> MassChange | None:
-    """Mass change if the smaller side is wrong; as uncertain, since the larger may be."""
+    """Mass change if the smaller side is wrong, with u as large, as the larger may be wrong."""
     if inputs.log_only_fit is None or difference.side_ratio_1 <= -1.0:
         return None
     kg = abs(inputs.log_only_fit.mass_kg) * (2.0 / (1.0 + max(difference.side_ratio_1, 0.0)) - 1.0)
@@ -393,7 +393,7 @@ def estimate_mass_change_by_smaller_side(
 
 
 def bound_mass_change_by_wheel_speed_error(inputs: FindingInputs) -> MassChange | None:
-    """Mass change of 0 ± half the answer's uncertainty; None without an accelerometer."""
+    """Mass change of 0 with half the answer's uncertainty; None without an accelerometer."""
     fit = inputs.log_only_fit
     return (
         None if fit is None or not fit.motion.by_accelerometer else MassChange(0.0, 0.5 * fit.u_kg)

@@ -21,7 +21,7 @@ from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.weighing.low_gears import subtract_gear_inertia
 from analysis.weighing.motion_samples import MotionSamples
 
-#: One that pitch vouches for is there whether driving sees it or not.
+#: Channel by which an accelerometer error at rest is certain, whether motion shows it or not.
 _PITCH: Final = "pitch_rad"
 
 
@@ -36,8 +36,8 @@ class ConstantForces:
         offset: whether the force at rest also acts in motion; None if the log does not determine
             it.
         tilt: whether the accelerometer's error also acts in motion; None if undetermined.
-        motion: the motion without the constant forces that act.
-        is_rest_significant: whether the force at rest is one, beyond noise and resolution.
+        motion: the motion with the constant errors that act in motion removed.
+        is_rest_significant: whether the force at rest exceeds noise and resolution.
     """
 
     rest_N: tuple[float, float]
@@ -49,7 +49,7 @@ class ConstantForces:
 
     @property
     def acts_only_at_rest(self) -> bool:
-        """Whether motion does not show the force at rest, such as one that brakes hold."""
+        """Whether the force at rest is absent in motion, such as one that brakes hold."""
         return self.is_rest_significant and self.offset is False
 
 
@@ -69,7 +69,7 @@ def compute_gravity_by_pitch_m_s2(inputs: FindingInputs) -> np.typing.NDArray[np
 
 
 def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
-    """Explain the constant force in motion by the fewest causes that suffice."""
+    """Explain the constant force in motion by as few causes as possible."""
     if "constants" not in inputs.cache:
         inputs.cache["constants"] = _estimate_and_explain_constant_forces(inputs)
     found = inputs.cache["constants"]
@@ -78,7 +78,7 @@ def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
 
 
 def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForces:
-    """Constant forces at rest, and which causes explain that in motion."""
+    """Estimate the constant forces at rest, and find the causes of the one in motion."""
     rest = inputs.compute_mean_and_std_of_signal_at_rest(
         compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     )
@@ -99,7 +99,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         abs(error[0]) > max(LIMITS.standing_reading_std * error[1], LIMITS.standing_reading_m_s2)
         and motion.by_accelerometer
     )
-    # with a pitch an error of the accelerometer is one, and acts
+    # with a measured pitch an error of the accelerometer is certain, and acts in motion
     tilts = (False, True) if tilt and not has_pitch_channel(inputs) else (bool(tilt),)
     offsets = (False, True) if offset else (False,)
     friction = "direction" if motion.drives_both_ways else "const"
@@ -121,7 +121,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
         square = own.compute_remaining_information_about_cause(friction)
-        # what holds the machine on a slope is no offset that friction takes off again
+        # a force that holds the machine on a slope is not an offset that friction cancels
         if acts and holds:
             continue
         if square > 0.0 and own.compute_remaining_likelihood_score_of_cause(friction) * way > 0.0:
@@ -143,7 +143,7 @@ def _estimate_and_explain_constant_forces(inputs: FindingInputs) -> ConstantForc
 def _does_standing_force_hold_slope(
     inputs: FindingInputs, force_at_rest_N: float, mass_kg: float
 ) -> bool:
-    """Whether the force at rest may be the drive's or the brakes' part of what gravity pulls."""
+    """Whether the force at rest may balance gravity on a slope, in part or in full."""
     if has_pitch_channel(inputs):
         gravity = compute_gravity_by_pitch_m_s2(inputs)
     elif ACC in inputs.aligned.columns:

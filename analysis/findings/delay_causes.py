@@ -1,8 +1,8 @@
-"""Delays: find which of force, wheels and accelerometer is late.
+"""Delays: find which of force, wheels and accelerometer is delayed.
 
 The likelihood of the equation covers delays up to a fifth of a second. A longer one, such as that
-of a GNSS speed, makes other causes appear (friction, a misaligned accelerometer, a frozen speed),
-and is therefore searched first, by the correlation of whole channels.
+of a GNSS speed, mimics other causes (friction, a misaligned accelerometer, a frozen speed) and is
+therefore searched for first, by the correlation of whole channels.
 """
 
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ from analysis.stages.signals.rates import find_source_channels
 from analysis.weighing.friction_warming import WARMING
 from estimators.arrays import Bools, Floats
 
-#: Causes that a long delay alone makes show.
+#: Causes that a long delay mimics.
 EXPLAINED_BY_LONG: Final = (
     *("sign_flipped", "unsigned", "wrong_unit", "wrong_scale", "unlike_sides", "frozen"),
     *("imu_misaligned", "imu_bias", "slope", "offset", "imu_low_passed", "wheel_radius", "slip"),
@@ -43,7 +43,7 @@ EXPLAINED_BY_LONG: Final = (
     *("external_force", "load_changed_inside", "heteroscedastic", "coloured_residuals"),
     *("too_little_excitation", "collinear", "imu_loose", "spikes", "gain_by_speed"),
 )
-#: Causes that a delay between two sensors of the force makes show, besides those of any delay.
+#: Causes that a delay between two sensors of the force mimics, besides those of any delay.
 EXPLAINED_BY_SOURCE: Final = ("braking_inside", "braking_left_out", "unlike_sides")
 #: Units of channels of which several make up a force.
 _FORCE_UNITS: Final = ("N", "kN", "N*m", "kN*m", "A", "percent", "Pa", "bar")
@@ -57,8 +57,8 @@ class LongDelay:
     Attributes:
         channel: `force`, `speed` or `imu`.
         delay_s: the delay; negative if the channel is early.
-        correlation: correlation with another channel after and before removing the delay.
-        rival: channel that may be early instead, if no third channel decides; else empty.
+        correlation: correlation with another channel, after and before correcting the delay.
+        rival: channel that may be early instead, if no third channel decides; else "".
     """
 
     channel: str
@@ -68,7 +68,10 @@ class LongDelay:
 
 
 def find_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
-    """Find the channel that is far behind the two others, which agree."""
+    """Find the channel with a long delay; None without one.
+
+    With three channels it is the one that lags behind the other two, which agree.
+    """
     if "long delay" not in inputs.cache:
         inputs.cache["long delay"] = _search_channel_with_long_delay(inputs)
     return inputs.cache["long delay"]  # type: ignore[return-value]
@@ -84,13 +87,13 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
         seen = _estimate_force_lag_while_driving(force, speed, channels["v"], drives, step_s)
         if not _does_long_shift_restore_correlation(seen):
             return None
-        # two channels do not tell which one is wrong; sensors are late more often than early
+        # two channels do not show which one is wrong; sensors are late more often than early
         late, rival = ("force", "speed") if seen.lag_s > 0.0 else ("speed", "force")
         return LongDelay(late, abs(seen.lag_s), seen[1:], rival)
     imu = channels["imu"]
     seen = estimate_lag_of_signal(speed, imu, step_s)
     if _does_long_shift_restore_correlation(seen):
-        # the one that the force begins with is in time
+        # the channel that starts together with the force has no delay
         before = round(LIMITS.driving_start_s / step_s)
         rows = flag_windows_with_flagged_rows(drives[::-1], before)[::-1]
         v = channels["v"]
@@ -113,11 +116,11 @@ def _search_channel_with_long_delay(inputs: FindingInputs) -> LongDelay | None:
 
 
 def _does_long_shift_restore_correlation(lag: SignalLag) -> bool:
-    """Whether a shift turns a poor correlation into a good one, or leaves little of the rest."""
+    """Whether a long shift restores the correlation, or explains most of the unexplained rest."""
     delay_s, after, before = lag
-    # the other way as they are: a sign
+    # a strong negative correlation without a shift is a wrong sign
     is_correlation_restored = abs(before) < LIMITS.delayed_correlation_ratio * after
-    # a slow motion correlates all the same, and the likelihood search does not reach that far
+    # slow motion correlates despite a delay, and the likelihood search does not reach that far
     is_rest_explained = (1.0 - after**2) < LIMITS.delayed_rest_ratio * (1.0 - before**2)
     if not is_correlation_restored and abs(delay_s) <= LIMITS.longest_likelihood_delay_s:
         return False
@@ -152,7 +155,7 @@ def compute_partial_force_acceleration_correlation(
 def _estimate_force_lag_while_driving(
     force: Floats, acceleration: Floats, speed: Floats, is_driving: Bools, step_s: float
 ) -> SignalLag:
-    """Lag of the force where no brakes act, with the values of `estimate_lag_of_signal`."""
+    """Lag of the force where no brakes act, with the same fields as `estimate_lag_of_signal`."""
     longest = round(LIMITS.longest_delay_s / step_s)
     inside = is_driving.copy()
     inside[:longest] = inside[-longest:] = False
@@ -193,7 +196,7 @@ def make_acceleration_signals_and_step_s(inputs: FindingInputs) -> tuple[float, 
     force = average_blocks(compute_longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
-    # a central difference has the time of its middle
+    # a central difference has no delay
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.select_measured_channels(ACC):
         found["imu"] = average_blocks(
@@ -213,9 +216,9 @@ def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
     is_source_late = any(each.strength >= 1.0 for each in of_sources)
     late = find_channel_with_long_delay(inputs)
     if late is not None and not (is_source_late and late.channel == "force"):
-        # of a speed without its sign, half of the log is late by half of a start
+        # a speed that has lost its sign looks delayed by half of a start
         return [] if find_unsigned_speed(inputs) else [_make_long_delay_symptom(inputs, late)]
-    # a part of the force that is late looks like a delay of the whole
+    # a delay of one part of the force looks like a delay of the whole
     found = [
         fitted_cause
         for name, fitted_cause in rank_causes_by_likelihood(inputs).items()
@@ -229,7 +232,7 @@ def find_channel_delays(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
-    """Find a sensor that is late against another one of those that make up the force."""
+    """Find a sensor that is late against another sensor of the force."""
     found: list[Symptom] = []
     for first, second in combinations(list_force_source_channels(inputs), 2):
         seen = estimate_lag_and_std_s(
@@ -256,7 +259,7 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
 
 
 def list_force_source_channels(inputs: FindingInputs) -> tuple[str, ...]:
-    """Channels that add up to the force, all forces, torques, currents or pressures; else none."""
+    """Channels of one kind of unit that together give the force; empty if fewer than two."""
     machine = inputs.machine
     whole = ("force_x_N",) if "force_x_N" in machine.channels else FORCES
     sources = frozenset[str]().union(*(find_source_channels(each, machine) for each in whole))
@@ -267,7 +270,7 @@ def list_force_source_channels(inputs: FindingInputs) -> tuple[str, ...]:
 
 
 def find_accelerometer_filter_delay(inputs: FindingInputs) -> list[Symptom]:
-    """Find an accelerometer that a filter makes later than its stamps explain."""
+    """Find an accelerometer that is delayed by a filter in addition to its stamps."""
     found = rank_causes_by_likelihood(inputs).get("delay:imu")
     if found is None or not is_likelier_accelerometer_filter(found):
         return []
@@ -291,13 +294,13 @@ def is_likelier_accelerometer_filter(fitted_cause: FittedCause) -> bool:
 def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Symptom:
     fitted_channel = fitted_cause.name.partition(":")[2]
     fitted_s, std_s = fitted_cause.value, fitted_cause.std
-    # two channels do not tell which one is wrong; sensors are late more often than early
+    # two channels do not show which one is wrong; sensors are late more often than early
     is_ambiguous = not inputs.has_accelerometer and bool(inputs.speed_channels)
     is_speed_late = is_ambiguous and fitted_channel == "force" and fitted_s < 0.0
     channel, delay_s = ("speed", -fitted_s) if is_speed_late else (fitted_channel, fitted_s)
     names = _list_log_channels_of_motion_channel(inputs, channel)
     setting, value = inputs.propose_delay_settings(names, delay_s)
-    # what lies beyond the search, or is no delay but a filter, ends there as well
+    # a longer delay, or a filter, also ends at the limit of the search
     is_at_end = abs(delay_s) >= LIMITS.longest_likelihood_delay_s
     beside = _list_other_motion_channels(inputs, channel)
     rivals = [each for each in beside if f"delay:{each}" in fitted_cause.rivals]
@@ -313,20 +316,20 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
         said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
     smooth = channel == "imu" and delay_s > 0
     others = [n for n in fitted_cause.rivals if not n.startswith("delay") and n not in WARMING]
-    # what is early against an accelerometer may be in time, and the accelerometer filtered
+    # a channel ahead of the accelerometer may have no error, if the accelerometer is filtered
     filtered = smooth or (delay_s < 0.0 and "imu" in rivals)
     return Symptom(
         min(
             float(np.sqrt(fitted_cause.gain)) / LIMITS.likelihood_gain_root,
             abs(delay_s) / LIMITS.trusted_stamp_s,
-            # at the end of the search the gain is of a step, not of the delay
+            # at the limit of the search the gain is that of the last step, not of the delay
             abs(delay_s) / (LIMITS.term_min_std * std_s),
         ),
         said,
         channel=next(iter(names), None),
         setting=setting if names and not is_at_end else None,
         value=value if names and not is_at_end else None,
-        # a low-pass is not mended by a delay
+        # correcting a delay does not correct a low-pass
         change=None
         if smooth or is_at_end
         else lambda: compute_mass_change_by_refit(
@@ -361,7 +364,7 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
         channel=next(iter(names), None),
         setting=setting if names else None,
         value=value if names else None,
-        # what is late may have been filtered
+        # a late channel may have been filtered
         alternatives=("imu_low_passed",)
         if long_delay.channel == "imu" and long_delay.delay_s > 0.0
         else (),
@@ -370,7 +373,7 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
 
 
 def _list_other_motion_channels(inputs: FindingInputs, motion_channel: str) -> list[str]:
-    """The other measured ones of force, speed and accelerometer."""
+    """The other measured channels among `force`, `speed` and `imu`."""
     return [
         each
         for each in _SHOWN
@@ -381,7 +384,7 @@ def _list_other_motion_channels(inputs: FindingInputs, motion_channel: str) -> l
 def _list_log_channels_of_motion_channel(
     inputs: FindingInputs, motion_channel: str
 ) -> tuple[str, ...]:
-    """Channels that a delay of force, speed or accelerometer concerns."""
+    """Channels of the log that `force`, `speed` or `imu` is computed from."""
     if motion_channel == "force":
         return inputs.select_measured_channels("force_x_N") or inputs.select_measured_channels(
             "torque_left_N_m", "torque_right_N_m"

@@ -1,8 +1,8 @@
-"""The stage `findings`: the causes that a log shows, by likelihood, and the causes they mask.
+"""The stage `findings`: the causes that a log shows, the strongest first, and those they mask.
 
-A force with the wrong sign, in another unit or late by a second leaves nothing to weigh, and so
-masks all other causes. One key of a channel corrects it; the log is then examined again with that
-key.
+A force with the wrong sign, in another unit or delayed by a second makes weighing impossible, and
+so masks all other causes. One key of a channel corrects it; the log is then searched again with
+that key.
 """
 
 import tomllib
@@ -24,9 +24,9 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build_frame, find_frame_declaration
 
 _MASKS_OTHERS: Final = [cause.key for cause in CAUSES if cause.masks_others]
-#: Keys of a channel that mend one.
+#: Keys of a channel that correct a masking cause.
 _OF_CHANNEL: Final = ("scale", "unit", "delay_s")
-#: What pushes back in a start that digs.
+#: Cause that a pile makes: a start against an external force.
 _PILE: Final = "external_force"
 
 
@@ -37,7 +37,7 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
         inputs: the log.
 
     Returns:
-        `findings`: a row per detected cause; explained causes follow the one that explains them.
+        `findings`: a row per detected cause; causes that other findings explain come last.
     """
     shown = [
         (cause, sign) for cause, sign in find_symptoms_of_all_causes(inputs) if sign.strength >= 1.0
@@ -45,7 +45,7 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
     explained = Counter(
         other[0].key
         for other, cause in permutations(shown, 2)
-        # of two that explain each other, the stronger is the reason
+        # if two causes explain each other, the stronger one counts
         if _does_finding_explain_other(cause, other)
         and (
             cause[1].strength >= other[1].strength or not _does_finding_explain_other(other, cause)
@@ -73,7 +73,7 @@ def find_causes(inputs: FindingInputs) -> pl.DataFrame:
 def _does_finding_explain_other(
     explaining: tuple[Cause, Symptom], explained: tuple[Cause, Symptom]
 ) -> bool:
-    """Whether one finding explains another, so that only the first is reported."""
+    """Whether one finding explains another, which is then its consequence."""
     (cause, own), (seen, sign) = explaining, explained
     if seen.key in own.explains:
         return True
@@ -110,7 +110,7 @@ def _make_finding_row(
 
 
 def _does_finding_affect_mass(finding_row: Mapping[str, object], inputs: FindingInputs) -> bool:
-    """Whether a finding invalidates the mass or may move it by about its uncertainty."""
+    """Whether a finding invalidates the mass or may change it by about its uncertainty."""
     change_kg = finding_row["mass_change_kg"]
     if (
         finding_row["severity"] != "tell"
@@ -141,10 +141,10 @@ def _choose_consequence_of_finding(
 def drop_findings_explained_by_work_cycles(
     findings: pl.DataFrame, cycles: pl.DataFrame
 ) -> pl.DataFrame:
-    """Drop the findings that the work cycles explain, and rank the others again.
+    """Drop findings of external forces if work cycles explain them by piles; rank the rest again.
 
     Args:
-        findings: the frame.
+        findings: the frame `findings`.
         cycles: frame `cycles`.
     """
     dug = cycles.filter("counted")["dig_t_ns"].drop_nulls().len()

@@ -83,14 +83,14 @@ class FindingInputs:
 
     @property
     def reportable_missing_terms(self) -> tuple[MissingTerm, ...]:
-        """Terms that the model lacks and that are plain enough to be reported."""
+        """Terms that the model lacks and that are significant enough to be reported."""
         weighing = self.check_inputs.weighing
         found = () if weighing is None else weighing.missing_terms
         return tuple(each for each in found if abs(each.t) >= LIMITS.named_term_min_std)
 
     @cached_property
     def column_noise(self) -> ColumnNoiseModel | None:
-        """Noise of acceleration, speed and force; None if it is not known."""
+        """Noise of acceleration, speed and force; None if unknown."""
         found = ColumnNoise.select_axis_noise(X, self.noise, self.machine.settings.noise)
         return None if found is None else CachedNoise(found)
 
@@ -101,12 +101,12 @@ class FindingInputs:
 
     @cached_property
     def absolute_force_newtons(self) -> Floats:
-        """Size of the longitudinal force on the grid, (n,)."""
+        """Magnitude of the longitudinal force on the grid, (n,) in N."""
         return np.abs(compute_longitudinal_force(self.aligned, self.machine.machine))
 
     @cached_property
     def is_idle_sample(self) -> Bools:
-        """Grid samples, (n,), whose force is no more than the drag of a drive at a stand."""
+        """Whether each grid sample's force is small enough for an idle drive, (n,)."""
         limit_N = LIMITS.idle_force_fraction * float(
             np.nanquantile(self.absolute_force_newtons, 0.98)
         )
@@ -139,14 +139,14 @@ class FindingInputs:
 
     @property
     def sensors_in_log(self) -> tuple[str, ...]:
-        """Channels of the equation in the log, and the one that arithmetic makes the force of."""
+        """Measured channels of the equation, and the single one that the force derives from."""
         signals = self.check_inputs.signals
         forces = () if signals is None else signals.force_channels
         alone = self.select_measured_channels(*forces) if len(forces) == 1 else ()
         return tuple(dict.fromkeys((*self.equation_channels_in_log, *alone)))
 
     def compute_median_force_newtons_in_spans(self, spans_unix_ns: Spans) -> float:
-        """Median size of the grid's force in some spans; NaN without samples in them."""
+        """Median magnitude of the force on the grid in some spans, in N; NaN without samples."""
         t_ns = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
         inside = mark_grid_rows_in_spans({"": spans_unix_ns}, t_ns, self.machine)
         force = self.absolute_force_newtons[inside]
@@ -159,7 +159,7 @@ class FindingInputs:
 
     @property
     def force_channel(self) -> str | None:
-        """Name of the force channel, else of the first measured torque; None without either."""
+        """Name of the force channel or else of the first measured torque; None without either."""
         return next(
             iter(self.select_measured_channels("force_x_N", "torque_left_N_m", "torque_right_N_m")),
             None,
@@ -176,7 +176,7 @@ class FindingInputs:
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
     def convert_unix_to_aligned_ns(self, start_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
-        """Convert two unix stamps to ns since the first aligned sample."""
+        """Convert two Unix stamps to ns since the first aligned sample."""
         t0 = self.check_inputs.t0_unix_ns
         return int(start_unix_ns) - t0, int(end_unix_ns) - t0
 
@@ -197,7 +197,7 @@ class FindingInputs:
     def propose_scale_settings(self, names: tuple[str, ...], factor: float) -> tuple[str, str]:
         """Keys and values of the machine file that multiply channels by a factor.
 
-        A speed without a declared unit gets one; a scale alone could be a wheel radius.
+        A speed without a declared unit gets a unit too, since a scale alone may be a wheel radius.
         """
         channels = self.machine.channels
         as_read = [
@@ -221,13 +221,13 @@ class FindingInputs:
         )
 
     def compute_mean_and_std_of_column_at_rest(self, column: str) -> tuple[float, float]:
-        """Mean and standard deviation of a grid column at standstill; NaN if it never stands."""
+        """Mean of a grid column at standstill and its standard deviation; NaN if never at rest."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
         return self.compute_mean_and_std_of_signal_at_rest(get_column_values(self.aligned, column))
 
     def compute_mean_and_std_of_signal_at_rest(self, signal: Floats) -> tuple[float, float]:
-        """Mean and standard deviation of (n,) values at standstill, by means over half a second."""
+        """Mean of (n,) values at standstill and its standard deviation, by half-second means."""
         (blocks,) = self.average_blocks_at_rest(signal)
         if blocks.size < LIMITS.stand_min_blocks:
             return float("nan"), float("nan")
@@ -235,7 +235,7 @@ class FindingInputs:
         return float(np.median(blocks)), 1.2533 * std_of_mean
 
     def average_blocks_at_rest(self, *signals: Floats) -> list[Floats]:
-        """Means (blocks,) over half a second at standstill, of signals (n,) where all are known."""
+        """Half-second means (blocks,) of signals (n,) at standstill, where all are finite."""
         used = self.is_resting_sample & np.logical_and.reduce([np.isfinite(x) for x in signals])
         size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)
         count = int(used.sum()) // size

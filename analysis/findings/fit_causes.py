@@ -34,7 +34,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     The radius scales the force as well.
     """
     fitted = rank_causes_by_likelihood(inputs).get("wheel_radius")
-    if fitted is None or fitted.value <= -1.0:  # no radius makes wheels follow that do not
+    if fitted is None or fitted.value <= -1.0:  # no radius corrects such wheels
         return []
     gain, std = fitted.value, fitted.std
     body = inputs.machine.machine
@@ -42,7 +42,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     setting, value = [], []
     if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
-    # a body that pitches adds gravity to what its accelerometer reads
+    # a body that pitches adds gravity to the accelerometer's reading
     may_squat = gain < 0.0 and "pitch_rad" not in inputs.unfiltered_readings
     squat = ", or the body pitches as it accelerates (channels.pitch_rad)" if may_squat else ""
     keys, scales = inputs.propose_scale_settings(inputs.speed_channels, 1.0 / (1.0 + gain))
@@ -139,7 +139,7 @@ def _find_constant_force(inputs: FindingInputs) -> list[Symptom]:
 def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     """Find a constant force against the direction of motion."""
     fit, found = inputs.log_only_fit, rank_causes_by_likelihood(inputs)
-    if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
+    if fit is None or inputs.machine.settings.forces.coulomb:  # already in the model
         return []
     motion = fit.motion
     name = "direction" if motion.drives_both_ways else "const"
@@ -171,13 +171,13 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
 
 
 def format_force_and_std(force_N: float, std_N: float, sign: str = "-") -> str:
-    """Force and standard deviation as text, rounded to a digit of the deviation if small."""
+    """Force and its standard deviation as text, to 1 N or to the first digit of the deviation."""
     places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
 def read_fitted_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> FittedCause | None:
-    """Term of the joint fit, less the part that standstill explains.
+    """Term of the joint fit as a fitted cause, minus the part that standstill explains.
 
     If all starts use one throttle, only the priors of the fit separate it from mass and friction.
     """
@@ -195,7 +195,7 @@ def read_fitted_cause_from_joint_fit(inputs: FindingInputs, term_name: str) -> F
 def estimate_mass_change_without_coulomb(
     inputs: FindingInputs, force: float, std: float, rival_terms: tuple[str, ...]
 ) -> MassChange | None:
-    """Mass change if Coulomb friction, or a rival term, is removed."""
+    """Change of the mass if Coulomb friction is removed; u covers that braking is its rival."""
     change = compute_mass_change_by_refit(
         inputs,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),
@@ -275,7 +275,7 @@ def find_force_gain_drift(inputs: FindingInputs) -> list[Symptom]:
             f"force over acceleration changes by {fitted.value:+.1%} ± {fitted.std:.1%} from the "
             "beginning of the log to its end: the force's gain, or the load",
             channel=inputs.force_channel,
-            # its mean over the log is what the masses have
+            # the masses contain its mean over the log
             change=lambda: MassChange(0.0, abs(fitted.value) / 2.0 * abs(fit.mass_kg)),
             alternatives=list_indistinguishable_causes(fitted),
         )
@@ -311,13 +311,13 @@ def compute_relative_mass_u_of_answer(inputs: FindingInputs) -> float:
         return float("inf")
     fit = weighing.fit
     parts = fit.compute_u_by_cause_kg(fit.make_mass_coefficients_of_state(fit.most_frequent_state))
-    # a gain is another cause, and no start would tell it better
+    # without the gain, which is another cause and does not improve with more starts
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(fit.mass_kg)
 
 
 def find_lack_of_excitation(inputs: FindingInputs) -> list[Symptom]:
-    """Find logs without an accepted stretch, or with a very uncertain answer."""
+    """Find too little excitation: no accepted stretch, or a very uncertain answer."""
     if inputs.check_inputs.weighing is None:
         stretches = inputs.value_by_check.get("accepted_stretches", 0.0)
         return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
@@ -355,7 +355,7 @@ def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
         return []
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
     fitted = None if weighing.braking_left_out else rank_causes_by_likelihood(inputs).get("braking")
-    if fitted is None:  # what driving says is all there is
+    if fitted is None:  # only the comparison with driving is available
         strength = float(abs(weighing.braking_kg) / (LIMITS.braking_change_u * weighing.fit.u_kg))
         share, others = "", ()
     else:

@@ -1,8 +1,8 @@
 """Stepwise search for causes that raise the likelihood of the two equations.
 
 At each step every cause is tried as one additional parameter besides mass, friction and the causes
-selected before; the one that raises the likelihood most is selected. Causes that would raise it
-nearly as much form its class: this log cannot distinguish them.
+selected before; the cause that raises the likelihood most is selected. Causes that would raise it
+nearly as much are its rivals: this log cannot distinguish them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,9 +26,9 @@ from analysis.findings.whitened_rows import (
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.motion_samples import MotionSamples
 
-#: Rows of the force, and of wheels against accelerometer.
+#: Rows of the force equation, and of the wheel equation or None.
 Equations = tuple[EquationRows, EquationRows | None]
-#: Parameters below these are no causes.
+#: Smallest parameter that counts, by cause.
 _LEAST: Final = {
     **{f"delay:{channel}": LIMITS.min_delay_s for channel in ("force", "speed", "imu")},
     "wheel_radius": LIMITS.trusted_gain_1,
@@ -36,9 +36,9 @@ _LEAST: Final = {
     "braking": 0.002,
     "gain_drift": 0.03,
 }
-#: Columns of Coulomb friction.
+#: Terms that Coulomb friction may appear as.
 _FRICTION: Final = ("const", "direction")
-#: Delays that the wheels do not tell apart.
+#: Delays that have the same effect on the wheel equation, each with the other.
 _BESIDE: Final = {"delay:speed": "delay:imu", "delay:imu": "delay:speed"}
 
 
@@ -62,7 +62,7 @@ class FittedCause:
 
 
 def rank_causes_by_likelihood(inputs: FindingInputs) -> Mapping[str, FittedCause]:
-    """Rank the causes by their gain of likelihood; selected causes come first."""
+    """Causes by name, ranked by their gain in likelihood, the selected ones first."""
     if "selected_causes" not in inputs.cache:
         inputs.cache["selected_causes"] = _select_causes_stepwise(inputs)
     return inputs.cache["selected_causes"]  # type: ignore[return-value]
@@ -132,8 +132,8 @@ def _refit_selected_delays_and_friction(
 ) -> dict[str, FittedCause]:
     """Refit the selected delays and Coulomb friction, each jointly with all others.
 
-    Whichever was selected first was fitted without the other, and both are steps where the motion
-    turns.
+    The one selected first was fitted without the other, and both change stepwise where the motion
+    reverses.
     """
     delays = [name for name in selected_causes if name.startswith("delay")]
     frictions = [name for name in selected_causes if name in _FRICTION]
@@ -159,8 +159,8 @@ def _refit_selected_delays_and_friction(
 
 def compute_indistinguishable_gain_difference(best_pick: FittedCause, cause_name: str) -> float:
     """Difference of gains below which two causes cannot be distinguished."""
-    # under a throttle that is held, brakes of an unknown course are a constant force as well, or
-    # one that is not linear in the acceleration
+    # at constant throttle, brakes also look like a constant force, or like one that is nonlinear
+    # in the acceleration
     pair = {best_pick.name, cause_name}
     alike = "braking" in pair and pair & {"const", "direction", "driveline"}
     return (
@@ -207,7 +207,7 @@ def _test_delay_beyond_linearisation(
         < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
     ):
         return None
-    # the wheels tell whether it is the accelerometer that is early or late
+    # the wheels show whether the accelerometer is early or late instead
     turned = correct_channel_delay(motion, "imu", -fit.force_lag_s)
     _, with_it = project_out_selected_causes(build_whitened_equations(inputs, turned))
     by_imu = (
@@ -227,7 +227,7 @@ def correct_delay_iteratively(
     selected_causes: list[str],
     delay_cause: FittedCause,
 ) -> tuple[MotionSamples, FittedCause]:
-    """Correct the delay of a channel repeatedly until none is left."""
+    """Correct the delay of a channel repeatedly until it converges; motion and total delay."""
     channel, total, std = delay_cause.name.partition(":")[2], 0.0, delay_cause.std
     begun, step = motion, delay_cause.value
     for _ in range(LIMITS.delay_rounds):
@@ -271,7 +271,7 @@ def decide_if_wheels_or_imu_are_delayed(
     motion, own = corrected_motion_and_delay
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
     other = correct_channel_delay(uncorrected, turned.name.partition(":")[2], turned.value)
-    # tried whole: noise of the force makes its derivative too large, and a delay too small
+    # the full delays are compared: noise of the force's derivative makes a fitted delay too small
     left, left_other = (
         project_out_selected_causes(build_whitened_equations(inputs, each), selected_causes)[0]
         for each in (motion, other)
@@ -289,7 +289,7 @@ def score_remaining_causes(
 ) -> dict[str, FittedCause]:
     """Score every remaining cause in addition to those already selected."""
     force, wheels = project_out_selected_causes(equations, selected_causes)
-    # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
+    # wheels that disagree with the accelerometer, as on hills without a pitch, are not used
     together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
     parts = [force, wheels] if wheels is not None and together else [force]
     names = list(dict.fromkeys(name for part in parts for name in part.information))
@@ -323,7 +323,7 @@ def build_whitened_equations(inputs: FindingInputs, motion: MotionSamples) -> Eq
         includes_braking=not inputs.machine.settings.gate.exclude_braking,
     )
     if not inputs.has_accelerometer:
-        # derived from the speed, an acceleration is late with it alone
+        # an acceleration derived from the speed has the delay of the speed
         del force.columns["delay:imu"]
     return force, build_whitened_wheel_rows(motion, noise)
 

@@ -27,7 +27,7 @@ MotionCorrection = Callable[[MotionSamples], MotionSamples]
 def compute_mass_change_by_refit_without_samples(
     inputs: FindingInputs, excluded_rows: Bools
 ) -> MassChange | None:
-    """Refit without some samples; u covers that a replay may accept other starts.
+    """Change of the mass without some samples; u covers that a replay may accept other starts.
 
     Args:
         inputs: the log.
@@ -41,9 +41,9 @@ def compute_mass_change_by_refit_without_samples(
 def compute_mass_change_by_refit_with_answer_u(
     inputs: FindingInputs, correct_motion: MotionCorrection, relative_u: float = 0.0
 ) -> MassChange | None:
-    """Refit the corrected motion, with the answer's uncertainty added to that of the change.
+    """Change of the mass by a refit of the corrected motion, with the answer's u added to its u.
 
-    A replay may accept other starts than this refit has.
+    The addition covers that a replay may accept other starts than this refit.
 
     Args:
         inputs: the log.
@@ -59,7 +59,7 @@ def compute_mass_change_by_refit_with_answer_u(
 def compute_mass_change_by_refit(
     inputs: FindingInputs, correct_motion: MotionCorrection, relative_u: float = 0.0
 ) -> MassChange | None:
-    """Refit the corrected motion from the joint fit on, and compare the masses.
+    """Change of the mass by a refit of the corrected motion, starting from the joint fit.
 
     Args:
         inputs: the log.
@@ -88,7 +88,7 @@ def compute_mass_change_by_refit(
 
 
 def get_uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
-    """Mass before the correction, by the whole fit or, in a long log, by the refitted part."""
+    """Mass before the correction: of the whole fit, or of the refitted part of a long log."""
     if "refitted" not in inputs.cache:
         whole = (
             np.unique(fit.motion.stretch_of_sample[fit.motion.is_fittable]).size
@@ -103,13 +103,13 @@ def get_uncorrected_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | Non
 
 
 def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
-    """Mass of the corrected motion, by the first stretches of a long log."""
+    """Mass of a corrected motion by a refit, over the first stretches only of a long log."""
     fit, noise = inputs.log_only_fit, inputs.column_noise
     if fit is None or noise is None:
         return None
     priors = inputs.machine.settings.priors
     known = do_wheels_and_imu_still_agree(fit.motion, motion)
-    # of a long log a part says as much of what a cause does
+    # in a long log a part is enough to show the effect of a cause
     motion = exclude_and_renumber_short_stretches(
         motion.cut_to_first_stretches(LIMITS.refit_max_stretches)
     )
@@ -135,9 +135,9 @@ def _refit_mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None
 def do_wheels_and_imu_still_agree(
     motion_before: MotionSamples, motion_after: MotionSamples
 ) -> bool:
-    """Whether wheels and accelerometer still agree as before.
+    """Whether a correction leaves the agreement of wheels and accelerometer unchanged.
 
-    A constant error of the accelerometer is ignored, since their comparison removes it.
+    A constant change of the accelerometer is ignored, since the comparison removes it.
     """
     if not (
         motion_after.speed is motion_before.speed
@@ -165,7 +165,7 @@ def _do_signals_differ_by_constant(signal_a: Floats, signal_b: Floats) -> bool:
 def refit_from_earlier_fit(
     earlier_fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, is_lag_known: bool
 ) -> JointFit:
-    """Refit from the parameters of an earlier fit; a long log's lag uses its first stretches.
+    """Refit from the parameters of an earlier fit; in a long log the lag is that of its start.
 
     Args:
         earlier_fit: the earlier fit.
@@ -201,7 +201,7 @@ def refit_from_earlier_fit(
 
 
 def exclude_and_renumber_short_stretches(motion: MotionSamples) -> MotionSamples:
-    """Number the stretches again after samples were excluded, and exclude those now too short."""
+    """Renumber the stretches after samples were excluded, and exclude those now too short."""
     parts = np.where(
         motion.is_fittable, np.cumsum(mark_stretch_starts(motion.stretch_of_sample)) - 1, -1
     )

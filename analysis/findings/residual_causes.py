@@ -1,7 +1,7 @@
 """Causes in the residual of the force: coloured noise, uneven noise, oscillation or hysteresis.
 
-The same combination of channels is examined at standstill, where it contains only the noise of the
-instruments; its spectrum while driving is compared with that.
+At standstill the same combination of channels contains only the noise of the instruments; the
+spectrum while driving is compared with the one at standstill.
 """
 
 from typing import NamedTuple
@@ -85,7 +85,7 @@ def fit_pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
 def compute_power_spectra_of_stretches(
     signal: Floats, used_samples: Bools, trend_degree: int
 ) -> list[Floats]:
-    """Power spectrum (frequencies,) of each used stretch, without its own polynomial trend."""
+    """Power spectrum (frequencies,) of each used stretch, with a polynomial trend removed."""
     edges = np.flatnonzero(
         np.diff(np.concatenate([[False], used_samples, [False]]).astype(np.int8))
     )
@@ -106,7 +106,7 @@ def compute_power_spectra_of_stretches(
 
 
 def average_spectra_robustly(spectra: list[Floats]) -> Floats:
-    """Mean spectrum (frequencies,) without the largest, which may hold a stop or a knock."""
+    """Mean spectrum (frequencies,) without the largest values, which may be stops or knocks."""
     kept = max(round(LIMITS.averaged_spectra_fraction * len(spectra)), 1)
     return np.sort(np.array(spectra), axis=0)[:kept].mean(axis=0)
 
@@ -116,7 +116,7 @@ def _median_power_in_band(hz: Floats, spectrum: Floats, low_hz: float, high_hz: 
 
 
 def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
-    """Find a mass on a spring, or a peak of the spectrum in motion over that at standstill."""
+    """Find a mass on a spring, or a peak in the ratio of spectra in motion and at standstill."""
     fit = inputs.log_only_fit
     springs = [each for each in inputs.reportable_missing_terms if each.term is ELASTICITY]
     if fit is not None and springs:
@@ -137,11 +137,11 @@ def find_resonance_of_residual(inputs: FindingInputs) -> list[Symptom]:
         return []
     hz = found.hz
     band = (hz >= LIMITS.resonance_band_hz[0]) & (hz <= LIMITS.resonance_band_hz[1])
-    # standing noise is smooth in frequency, so its own scatter is taken out
+    # noise at standstill is smooth in frequency, so its spectrum is smoothed
     smooth = np.convolve(found.standing, np.ones(5) / 5.0, "same")
     ratio = found.driving / np.maximum(smooth, 1e-12)
     usual = max(float(np.median(ratio[band])), 1.0)
-    # a swing stands out below its frequency too: what a step leaves only grows towards 0 Hz
+    # a resonance also falls off below its frequency, while residuals of steps grow towards 0 Hz
     below = np.where(hz >= LIMITS.below_resonance_hz, ratio, np.inf)
     stands_out = ratio / np.maximum(np.minimum.accumulate(below), usual)
     at = int(np.argmax(np.where(band, stands_out, 0.0)))

@@ -1,6 +1,6 @@
-"""Causes in rows, stamps and steps of readings.
+"""Causes in the sampling of topics and in the resolution of readings.
 
-Gaps, rows written twice, uneven sampling, clock jump and drift, a coarse resolution.
+Gaps, rows written twice, uneven sampling, clock steps and drift, a coarse resolution.
 """
 
 from typing import NamedTuple
@@ -129,10 +129,10 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
 def choose_sampling_jitter_limit_and_verdict(
     inputs: FindingInputs, channel_name: str
 ) -> tuple[float, str]:
-    """Relevant scatter of a topic's time steps, and whether its readings confirm the stamps.
+    """Limit of the scatter of a topic's time steps, by whether its readings confirm the stamps.
 
     Returns:
-        The scatter relative to the period, and the conclusion in words.
+        The limit relative to the period, and the conclusion on the stamps in words.
     """
     topic = inputs.machine.channels[channel_name].topic
     weight, weighted = 0.0, 0.0
@@ -177,10 +177,10 @@ def estimate_stamp_over_even_timing_weight_and_std(
     t_s = (stamps_ns - stamps_ns[0]) * 1e-9
     beside = readings[1:-1] - (readings[2:] + readings[:-2]) / 2.0
     off_s = t_s[1:-1] - (t_s[2:] + t_s[:-2]) / 2.0
-    # means, since a shake is no slope; row k is of what begins k rows on
+    # means, since a vibration is no slope; row k is the mean of n samples from row k on
     x_mean, t_mean = (np.convolve(each, np.full(n, 1.0 / n), "valid") for each in (readings, t_s))
     slopes = (x_mean[n:] - x_mean[:-n]) / (t_mean[n:] - t_mean[:-n])
-    # 2 n rows that end before the neighbour, and 2 n that begin after it
+    # 2 n rows that end before the neighbours, and 2 n that begin after them
     rows = np.arange(2 * n + 2, readings.size - 2 * n - 2)
     beside, off_s = beside[rows - 1], off_s[rows - 1]
     before, after = off_s * slopes[rows - 2 * n - 1], off_s * slopes[rows + 2]
@@ -188,7 +188,7 @@ def estimate_stamp_over_even_timing_weight_and_std(
     share = float((before @ beside) / power.sum())
     left = before * (beside - share * after)
     std = float(np.sqrt(left @ left) / abs(power.sum()))
-    # where the slopes do not agree with each other there is nothing to tell it by
+    # if the two slopes do not agree, there is nothing to decide by
     agree = power.sum() > LIMITS.stamp_fidelity_std * float(np.sqrt(power @ power))
     return (share, std) if agree else (np.nan, np.nan)
 
@@ -201,7 +201,7 @@ def find_header_clock_step(inputs: FindingInputs) -> list[Symptom]:
         if level is None:
             continue
         at, jump_s, left_s = find_largest_latency_step(level)
-        # a clock that drifts has no one step
+        # a drifting clock has no single step
         if left_s > compute_latency_std_about_line_s(level):
             continue
         strength = abs(jump_s) / max(LIMITS.clock_jump_std * std_s, LIMITS.clock_jump_s)
@@ -231,7 +231,7 @@ def find_header_clock_drift(inputs: FindingInputs) -> list[Symptom]:
         apart_s / LIMITS.clock_drift_s,
     )
     fit = inputs.log_only_fit
-    # which of the two is wrong the force tells: it becomes late, or does not
+    # the wrong clock is attributed by the force: either it becomes late or the other one does
     wrong = attribute_clock_drift_to_channel(inputs, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"
     return [
@@ -247,7 +247,7 @@ def find_header_clock_drift(inputs: FindingInputs) -> list[Symptom]:
 def attribute_clock_drift_to_channel(
     inputs: FindingInputs, faster_topic: str, slower_topic: str
 ) -> str:
-    """Channel to which two diverging clocks are attributed: that of the force, if involved."""
+    """Topic that the drift of two clocks is attributed to: the force's, or else the faster one."""
     force = inputs.force_channel
     topic = None if force is None else inputs.machine.channels[force].topic
     return slower_topic if slower_topic == topic else faster_topic
@@ -276,7 +276,7 @@ def measure_stamp_latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[I
 
 
 def estimate_typical_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | None, float]:
-    """Typical latency of each part, (parts,) in s, and its standard deviation."""
+    """Median latency of each part, (parts,) in s, and the standard deviation of such a median."""
     parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
     changes = np.abs(np.diff(level))
@@ -284,7 +284,7 @@ def estimate_typical_latencies_and_std_s(latency_s: Floats) -> tuple[Floats | No
 
 
 def find_largest_latency_step(latency_s: Floats) -> LatencyStep:
-    """Index and height in s of the largest step, and the standard deviation around it in s."""
+    """Find the step that splits the latencies best into two levels."""
     count = np.arange(1, latency_s.size)
     before = np.cumsum(latency_s)[:-1] / count
     after = (latency_s.sum() - np.cumsum(latency_s)[:-1]) / (latency_s.size - count)
@@ -297,7 +297,7 @@ def find_largest_latency_step(latency_s: Floats) -> LatencyStep:
 
 
 def compute_latency_std_about_line_s(latency_s: Floats) -> float:
-    """Standard deviation in s that remains after fitting a line."""
+    """Standard deviation of the latencies about a fitted line, in s."""
     x = np.arange(latency_s.size, dtype=np.float64)
     return float(np.std(latency_s - np.polyval(np.polyfit(x, latency_s, 1), x)))
 

@@ -1,8 +1,8 @@
-"""Causes in the settings: braking left out although the force shows it, and forgetting.
+"""Causes in the settings: braking excluded although the force measures it, and forgetting.
 
-If a machine is always about to brake, the gate accepts nothing. Whether the force sensor measures
-the brakes is therefore decided on all samples, gated or not: if it does, braking gives the same
-mass as driving.
+If a machine brakes often, the gate accepts no window. Whether the force sensor measures the brakes
+is therefore decided on all samples, gated or not: if it does, braking gives the same mass as
+driving.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from estimators.arrays import Bools, Floats, Ints
 
 
 def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
-    """Find useful braking that the gate rejects, in a log with few other windows."""
+    """Find usable braking that the gate rejects, in a log with few accepted windows."""
     if (
         not inputs.machine.settings.gate.exclude_braking
         or compute_relative_mass_u_of_answer(inputs) < LIMITS.poor_answer_u
@@ -73,15 +73,15 @@ def find_covariance_wind_up(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_std_growth_of_recursion(inputs: FindingInputs, method: str) -> Symptom | None:
-    """Find growth of a recursion's own standard deviation.
+    """Symptom of a recursive method whose own standard deviation grows; None if it cannot.
 
-    Without excitation the covariance grows by 1 / forgetting a sample (Åström and Wittenmark 1995,
-    Adaptive Control, 11.5); faster growth has other reasons.
+    Without excitation the covariance grows by 1 / forgetting per sample (Åström and Wittenmark
+    1995, Adaptive Control, 11.5); faster growth has other reasons.
     """
     frame = inputs.estimates[method]
     trace = inputs.machine.settings.trace
     recursive = METHODS[method].feed is FeedKind.SETTLED
-    # one that forgets only what is renewed cannot wind up
+    # with directional forgetting there is no wind-up
     renewed = method == "rls" and trace.directional_forgetting
     if not recursive or renewed or trace.forgetting >= 1.0 or frame.is_empty():
         return None
@@ -93,7 +93,7 @@ def find_std_growth_of_recursion(inputs: FindingInputs, method: str) -> Symptom 
         inputs.check_inputs.mark_samples_in_phases(each)[rows]
         for each in ("accelerating", "cruising")
     )
-    # a recursion begins anew with each load, and learns in each start
+    # a recursion restarts with each load, and gains information at each start
     load = np.searchsorted(find_load_change_rows(inputs.check_inputs.weighing), rows, "right")
     parts = np.flatnonzero(mark_rising_edges(starts) | mark_rising_edges(load))
     least_kg = apply_function_to_array_parts(np.fmin.accumulate, std_kg, parts)
@@ -103,7 +103,7 @@ def find_std_growth_of_recursion(inputs: FindingInputs, method: str) -> Symptom 
     if np.count_nonzero(np.isfinite(grown)) < LIMITS.wind_up_min_estimates:
         return None
     worst = int(np.argmax(grown))
-    mends = method == "rls"  # no other one can
+    mends = method == "rls"  # no other method has directional forgetting
     return Symptom(
         float(grown[worst] / np.log(LIMITS.wind_up_growth)),
         f"{method}'s standard deviation grows from {least_kg[worst]:.3g} to {std_kg[worst]:.3g} kg "

@@ -19,7 +19,7 @@ from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
 
-#: Ratios of units that are taken for each other, and what they are.
+#: Mistakes of speed units, by the ratio of the units.
 _SPEED_UNITS: Final = {
     3.6: "km/h as m/s",
     1.0 / 0.44704: "mile/h as m/s",
@@ -30,7 +30,7 @@ _SPEED_UNITS: Final = {
     9.5493: "rpm as rad/s",
     57.2958: "degrees/s as rad/s",
 }
-#: Likewise of wheels, over their radius.
+#: Mistakes of wheel speed units, by the ratio over the wheel radius.
 _WHEEL_UNITS: Final = {1.0: "rad/s as m/s", 9.5493: "rpm as m/s", 57.2958: "degrees/s as m/s"}
 _ACC_AXES: Final = (ACC, "specific_force_y_m_s2", "specific_force_z_m_s2")
 _ACC_UNITS: Final = {1.0 / 9.80665: "g as m/s²", 1000.0: "mm/s² as m/s²"}
@@ -73,9 +73,9 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
         and of_force > LIMITS.signed_correlation
         and not by_imu
     ):
-        # every start is against the force that causes it
+        # every start seems to go against the force
         names = inputs.speed_channels
-    # a speed without its sign makes every drive in reverse look like one of the wrong sign
+    # a speed that has lost its sign makes drives in reverse look like a wrong sign
     if not names or find_unsigned_speed(inputs):
         return []
     setting, value = inputs.propose_scale_settings(names, -1.0)
@@ -169,7 +169,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
             channel=sides[0],
             setting=keys,
             value=fields,
-            # what drives straight does not know its sides
+            # straight motion does not depend on the assignment of the sides
             change=lambda: compute_mass_change_by_refit(inputs, lambda motion: motion),
             alternatives=("sign_flipped",),
         )
@@ -178,7 +178,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
 
 def find_wrong_channel_unit(inputs: FindingInputs) -> list[Symptom]:
     """Find ratios of speed, acceleration and force that match a common unit conversion."""
-    # a mass in the wrong unit may be the acceleration's
+    # a mass off by a unit ratio may be due to the unit of the acceleration
     found = (
         _find_wrong_unit_by_gravity(inputs)
         or _find_wrong_unit_by_speed(inputs)
@@ -236,7 +236,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """Compare the accelerometer with the wheels and with gravity."""
     gain = inputs.value_by_check.get("acceleration_gain", np.nan)
     seen = fit_imu_to_wheel_acceleration_gain_and_std(inputs)
-    # what hardly moves has any gain
+    # with little motion the gain is arbitrary
     if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
     units = list_unit_mistakes_by_ratio(inputs)
@@ -246,7 +246,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     near = {
         ratio: abs(float(np.log(gain / ratio)))
         for ratio, names in channels.items()
-        # wheels of a radius of a metre read m/s either way
+        # with a wheel radius of about a metre, rad/s and m/s are indistinguishable
         if names and abs(np.log(ratio)) > 2.0 * LIMITS.unit_ratio_tolerance
     }
     ratio = min(near, key=near.__getitem__, default=None)
@@ -258,7 +258,7 @@ def _find_wrong_unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
         if near[r] < near[ratio] + max(LIMITS.ratio_resolution, 3.0 * seen[1] / seen[0])
     ]
     names = channels[ratio]
-    # the accelerometer's scale from the wheels' side, or the other way round
+    # the factor for the accelerometer's scale, or its inverse for the wheels'
     times = 1.0 / ratio if names[0] == ACC else ratio
     setting, value = inputs.propose_scale_settings(names, times)
     told = all(channels[each] == names for each in alike)
@@ -292,7 +292,7 @@ def _find_wrong_unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     if fit is None:
         poor = not inputs.value_by_check.get("relative_std", np.inf) < LIMITS.known_ratio_u
     else:
-        # with all that is uncertain of it: a lag that is beyond its prior leaves any ratio
+        # with the full uncertainty of the mass: a lag far beyond its prior allows any ratio
         poor = not inputs.value_by_check.get("relative_u", np.inf) < LIMITS.known_mass_u
     if not np.isfinite(ratio) or ratio <= 0.0 or poor or not names:
         return []
@@ -336,7 +336,7 @@ def scale_channel_of_motion(motion: MotionSamples, channel: str, factor: float) 
 
 
 def find_lightest_load_off_empty_mass(inputs: FindingInputs) -> list[Symptom]:
-    """Find a lightest load that contradicts the empty mass, given the scale's uncertainty."""
+    """Find a lightest load whose mass contradicts the empty mass, given the scale's uncertainty."""
     found = inputs.check_inputs.empty_mass_difference
     if found is None or not found.can_test_scale:
         return []

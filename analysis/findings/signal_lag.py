@@ -28,7 +28,7 @@ class _Deviations(NamedTuple):
 
     @classmethod
     def from_values(cls, values: Floats) -> "_Deviations":
-        """Compute the mean once, where `mean` beside `std` computes it twice."""
+        """Deviations of values, with the mean computed only once."""
         deviations = values - values.sum() / values.size
         return cls(deviations, math.sqrt(np.square(deviations).sum() / values.size))
 
@@ -48,7 +48,7 @@ def estimate_lag_of_signal(delayed: Floats, reference: Floats, step_s: float) ->
     size = int(2 ** np.ceil(np.log2(delayed.size + longest)))
     spectrum = np.fft.rfft(delayed, size) * np.conj(np.fft.rfft(reference, size))
     product = np.fft.irfft(spectrum, size) / (np.linalg.norm(delayed) * np.linalg.norm(reference))
-    # lag k: one is k steps behind
+    # element k of the product is for a lag of k steps
     near = np.concatenate([product[-longest:], product[: longest + 1]])
     at = int(np.argmax(near))
     part = find_parabola_peak_offset_steps(near[at - 1 : at + 2]) if 0 < at < near.size - 1 else 0.0
@@ -56,14 +56,14 @@ def estimate_lag_of_signal(delayed: Floats, reference: Floats, step_s: float) ->
 
 
 def estimate_lag_and_std_s(delayed: Series, reference: Series) -> tuple[float, float] | None:
-    """Lag of one series behind another in s, and its standard deviation over parts of the log.
+    """Lag of one series behind another in s, and its standard deviation from parts of the log.
 
-    None if the log is too short, or if they do not follow one another.
+    None if the log is too short, or if the series are not correlated.
     """
     both = (delayed, reference)
     if any(stamps_ns.size < 2 for stamps_ns, _ in both):
         return None
-    # a quarter of what is reported is fine enough, and the cost goes with the square of the rate
+    # steps of a quarter of the reported delay suffice, as the cost grows with the rate squared
     least_ns = LIMITS.source_delay_s * NS_PER_S / 4.0
     step_ns = max(least_ns, *(float(np.median(np.diff(stamps_ns))) for stamps_ns, _ in both))
     start_ns, end_ns = max(each[0][0] for each in both), min(each[0][-1] for each in both)

@@ -9,14 +9,14 @@ from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 
-#: Kept of the case: keys of the causes that it shows, and of those that matter to the mass.
+#: Key in the cache: the causes that the log shows, and those of them that affect the mass.
 SHOWN: Final = "shown causes"
 MATTERING: Final = "mattering causes"
-#: What failing a check costs; those that tell alone, or leave out a method, name their own reason.
+#: Consequences of failed checks that need a cause; other checks name their own reason.
 _COSTS: Final = ("withhold", "widen")
-#: Causes that bend nothing, and so account for no check.
+#: Causes that do not bias the fit, and so account for no check.
 _BEND_NOTHING: Final = ("quantised", "gaps", "repeated_rows", "wind_up", "braking_left_out")
-#: Causes of the very quantity of a check: they account for it whatever they do to the mass.
+#: Causes of the quantity that a check tests: they account for it whatever their effect on the mass.
 _OF_ITS_QUANTITY: Final[Mapping[str, tuple[str, ...]]] = {
     "force_delay_s": ("delay",),
     "speed_delay_s": ("delay", "imu_low_passed"),
@@ -28,8 +28,8 @@ _OF_ITS_QUANTITY: Final[Mapping[str, tuple[str, ...]]] = {
     "relative_u": ("too_little_excitation", "collinear"),
     "channel_noise": ("too_little_excitation", "resonance", "quantised"),
 }
-#: Checks of one thing, and the causes that account for them; others any cause that matters to the
-#: mass may fail.
+#: Checks that only certain causes account for; any cause that affects the mass accounts for the
+#: others.
 _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
     "frozen_s": ("frozen",),
     "clipped_share": ("saturated",),
@@ -44,7 +44,7 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 def find_failed_checks_without_cause(inputs: FindingInputs) -> list[Symptom]:
-    """Report failed checks of the mass that no cause accounts for."""
+    """Report the failed checks of the mass that no cause accounts for, as one symptom."""
     shown, mattering = (inputs.cache.get(name, ()) for name in (SHOWN, MATTERING))
     assert isinstance(shown, tuple)
     assert isinstance(mattering, tuple)
@@ -62,8 +62,8 @@ def make_unexplained_symptom(
     Args:
         verdict: the frame `verdict`.
         found_causes: keys of the causes that the log shows.
-        found_mass_causes: keys of those that invalidate the mass, move it by about its uncertainty,
-            or have an effect on it that is not known; None: all.
+        found_mass_causes: keys of those causes that invalidate the mass, change it by about its
+            uncertainty, or have an unknown effect on it; None means all.
     """
     told, matter = (
         set(found_causes),
@@ -88,7 +88,7 @@ def make_unexplained_symptom(
 def _is_failed_mass_check_unexplained(
     check_row: Mapping[str, Any], found_causes: set[str], found_mass_causes: set[str]
 ) -> bool:
-    """Whether a failed check of the mass has no cause among those found."""
+    """Whether a check of the mass has failed and none of the found causes accounts for it."""
     if (
         check_row["about"] != "mass"
         or check_row["passed"] is not False

@@ -1,4 +1,4 @@
-"""Channels that have lost their sign: a motor current as a force, pulses as a speed."""
+"""Channels without a sign, such as a motor current as force or pulses as speed."""
 
 import numpy as np
 
@@ -87,7 +87,7 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
 
 
 def has_channel_lost_its_sign(inputs: FindingInputs, channel: str) -> bool:
-    """Whether a channel has lost its sign; noise about zero would be negative at times."""
+    """Whether a channel is never negative, not even by noise about zero."""
     return (
         float((inputs.unfiltered_readings[channel][1] < 0.0).mean())
         < LIMITS.unsigned_negative_fraction

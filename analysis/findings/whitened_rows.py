@@ -1,7 +1,7 @@
-"""The two equations that causes are tested on, as rows with white noise of unit size.
+"""The two equations that causes are tested on, as rows with white noise of variance 1.
 
-Force: f = m a + b v, by means of a few samples inside the stretches. Wheels: v = v₀ + ∫a + c t, by
-means inside each stretch, with a linear trend removed; the accelerometer's noise adds up over it.
+Force: f = m a + b v, as means of a few samples inside the stretches. Wheels: v = v₀ + ∫a + c t, as
+means inside each stretch, with a linear trend removed; the accelerometer's noise accumulates in it.
 """
 
 from collections.abc import Sequence
@@ -25,10 +25,12 @@ class EquationRows:
     Attributes:
         y: (n,) the quantity to be explained.
         base: (n, p) regressors of a log without faults.
-        columns: (n,) effect of one unit of each cause, by its name; absent causes are not visible.
+        columns: (n,) effect of one unit of each cause, by its name; absent causes have no effect on
+            this equation.
         noise: (p, p) expected contribution of regressor noise to baseᵀ base.
-        noise_with: (p,) the same for baseᵀ column, by cause.
-        noise_of: the same for columnᵀ column, by cause, of noise that y has with the opposite sign.
+        noise_with: (p,) expected contribution of noise to baseᵀ column, by cause.
+        noise_of: expected contribution to columnᵀ column, by cause, of noise that y contains with
+            the opposite sign.
         size_N: divisor that makes a row of the force dimensionless.
     """
 
@@ -69,7 +71,7 @@ def build_whitened_force_rows(
             @ g
         )
     )
-    # a force without noise is known to its last digit
+    # a force without noise is still rounded
     std = max(std, np.finfo(np.float64).eps * motion.force_95_percentile_newtons) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
@@ -82,7 +84,7 @@ def build_whitened_force_rows(
         "slip": -friction * np.abs(v) * f,
         "driveline": a * f,
         "gain_drift": f * along,
-        # no faults: oil that warms
+        # oil that warms is no fault
         **{name: v * shape.share(along) for name, shape in WARMING.items()},
         "const": np.ones(f.size),
     }
@@ -164,8 +166,6 @@ def compute_whitening_matrix_and_imu_noise(
 ) -> tuple[Floats, float]:
     """Matrix that whitens the noise of a stretch and removes its mean and slope.
 
-    It also returns the accelerometer's share of that noise, summed over the rows.
-
     Returns:
         (count - 2, count) matrix, and the accelerometer's fraction of the noise, summed over the
         rows.
@@ -190,7 +190,7 @@ def list_indices_of_samples_in_whole_blocks(stretch_of_sample: Ints, block_size:
 
 
 def compute_sums_of_sample_blocks(values: Floats, block_size: int) -> Floats:
-    """Sums of blocks of so many samples, (blocks,)."""
+    """Sums of successive blocks of `block_size` samples, (blocks,)."""
     blocks = values.reshape(-1, block_size)
     total = blocks[:, 0].copy()
     for k in range(1, block_size):
@@ -247,7 +247,7 @@ class ProjectedEquation:
         right[count:] += [whitened_rows.noise_of.get(name, 0.0) for name in own]
         theta = inverse @ right
         left = whitened_rows.y - known @ theta
-        # what noise of the columns adds to a score
+        # contribution of column noise to a score
         score = tried.T @ left
         for place, name in enumerate(others):
             score[place] += whitened_rows.noise_with.get(name, np.zeros(count)) @ theta[:count]
@@ -260,7 +260,7 @@ class ProjectedEquation:
             for k in range(len(others))
             if information[k] > LIMITS.min_column_left_fraction * squares[k]
         ]
-        # noise by what all causes together leave, whichever it is
+        # noise from the residual of all causes together, whichever of them are true
         noise = left
         if kept:
             q = np.linalg.qr(np.column_stack([known, tried[:, kept]]))[0]
@@ -283,7 +283,7 @@ class ProjectedEquation:
 
 
 def compute_whitened_row_noise_variance(noise: Floats) -> float:
-    """Noise variance of a whitened row, raised where neighbouring rows are correlated."""
+    """Noise variance of a whitened row, increased if neighbouring rows are correlated."""
     own = float(noise @ noise) / max(noise.size, 1)
     if not own > 0.0:
         return 1.0

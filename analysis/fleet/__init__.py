@@ -1,1 +1,1 @@
-"""Results of a fleet over machines and days: tables, control charts, recordings to look at."""
+"""Results of a fleet over machines and days: tables, control charts, recordings to review."""

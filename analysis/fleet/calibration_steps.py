@@ -51,9 +51,9 @@ class LineChange(NamedTuple):
     """Change between two successive calibrations.
 
     Attributes:
-        before: the earlier one.
-        after: the later one.
-        offset_change_kg: change of m̂ midway between the two centres.
+        before: the earlier calibration.
+        after: the later calibration.
+        offset_change_kg: change of m̂ midway between the centres of the two lines.
         offset_change_limit_kg: largest change that the uncertainty of both lines explains.
         slope_change_1: relative change of the slope.
         slope_change_limit_1: largest relative change that the uncertainty of both lines explains.

@@ -52,8 +52,8 @@ def summarise_results_by_day(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.
 def sum_weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
     """Tonnes per machine and week.
 
-    Random errors of recordings add in squares. Systematic ones add linearly, since all recordings
-    of a machine share its error of scale.
+    Random errors of recordings are added in quadrature. Systematic ones are added linearly, since
+    all recordings of a machine share the error of its scale.
 
     Args:
         results: table `results`.
@@ -67,7 +67,7 @@ def sum_weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
 
 
 def sum_tonnes_by_group(results: pl.DataFrame, group_columns: list[str]) -> pl.DataFrame:
-    """Recordings, loads and tonnes grouped by some columns; see `weekly`."""
+    """Sum recordings, loads and tonnes by groups; see `sum_weekly_tonnes`."""
     return (
         results.group_by(group_columns)
         .agg(
@@ -88,7 +88,7 @@ def sum_tonnes_by_group(results: pl.DataFrame, group_columns: list[str]) -> pl.D
 
 
 def sum_daily_results_over_machines(machines: pl.DataFrame) -> Mapping[str, float]:
-    """Sum over machines; errors of different machines are independent.
+    """Sum daily results over machines, whose errors are independent.
 
     Args:
         machines: sums per machine.
@@ -104,7 +104,7 @@ def sum_daily_results_over_machines(machines: pl.DataFrame) -> Mapping[str, floa
 
 
 def make_expression_counting_unknown_scales() -> pl.Expr:
-    """Expression: number of recordings whose tonnes have an unknown scale."""
+    """Make the polars expression that counts the recordings whose scale is unknown."""
     unknown = pl.col("scale_unknown").fill_null("") != ""
     return (unknown & (pl.col("cycles_counted") > 0)).sum().cast(pl.Int64)
 
@@ -231,7 +231,7 @@ def list_payload_concerns(cycles: pl.LazyFrame) -> pl.DataFrame:
 
 
 def list_finding_concerns(findings: pl.LazyFrame) -> pl.DataFrame:
-    """Likeliest cause of each recording, unless it is only informative."""
+    """First finding of each recording, unless it is only informative."""
     change = pl.col("mass_change_kg").round(0).cast(pl.Int64, strict=False).cast(pl.String)
     return (
         findings.filter((pl.col("rank") == 1) & (pl.col("severity") != "tell"))

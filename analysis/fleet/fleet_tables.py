@@ -1,7 +1,7 @@
 """Tables of a fleet, and the columns that they keep of every recording.
 
-Every row begins with the key of its result, the machine, the day and the unix time of the first
-sample. A table that keeps a frame has the frame's name.
+Every row begins with the key of its result, the machine, the day and the Unix time of the first
+sample. A table that keeps a frame has the name of the frame.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from analysis.model.verdict import Verdict
 KEPT: Final = ("loads", "segments", "cycles", "findings")
 
 
-#: Of which result a row is.
+#: Columns that identify the result of a row.
 OF_RESULT: Final = (
     Column("key", pl.String, "1", "of the result: log, machine, settings and version"),
     Column("machine", pl.String, "1", "name by the fleet file"),
@@ -94,7 +94,7 @@ QUALITY: Final = Frame(
         make_float_column("late_1", "1", "share of messages more than one and a half periods late"),
     ),
 )
-#: Every table, `results` last: a result is there when its row of it is.
+#: All tables. `results` is written last, so that a row of it means that the result is complete.
 TABLES: Final[Mapping[str, Frame]] = {
     **{name: FRAMES[name] for name in KEPT},
     "gate_shares": GATE_SHARES,

@@ -1,13 +1,13 @@
-"""Which machines drift: charts of zero, scale and friction between one calibration and the next.
+"""Drift of machines: charts of zero, scale and friction between successive calibrations.
 
-A chart of values that come day by day, from the first one on, is a self-starting CUSUM.
-Nobody knows a machine's zero and its scatter in advance, and an estimate of them by the first month
-would make every limit wrong by the error of that estimate. So each value is compared with those
-before it: T = √((n-1)/n) (x_n - mean) / s is Student's t with n-2 degrees of freedom while nothing
-drifts, whatever mean and deviation are, and U = Φ⁻¹(F(T)) is a standard normal one, independent of
-those before (Hawkins, J. Quality Technology 19, 1987). The CUSUM of U (Page, Biometrika 41, 1954)
-has the average run length of one whose baseline is known, which a Markov chain gives (Brook and
-Evans, Biometrika 59, 1972): the limit follows from how often a false alarm may come.
+Daily values are charted from the first one on, by a self-starting CUSUM. A machine's zero and its
+scatter are not known in advance, and with an estimate from the first month every limit would have
+the error of that estimate. So each value is compared with those before it: without drift,
+T = √((n-1)/n) (x_n - mean) / s is Student's t with n-2 degrees of freedom, whatever mean and
+standard deviation are, and U = Φ⁻¹(F(T)) is standard normal and independent of the earlier ones
+(Hawkins, J. Quality Technology 19, 1987). The CUSUM of U (Page, Biometrika 41, 1954) has the
+average run length of a CUSUM with known baseline, which a Markov chain gives (Brook and Evans,
+Biometrika 59, 1972): the limit follows from the accepted rate of false alarms.
 """
 
 import datetime as dt
@@ -21,7 +21,7 @@ from scipy.special import ndtr, ndtri, stdtr
 from analysis.fleet.fleet_limits import LIMITS
 from estimators.arrays import Floats
 
-#: Days of a year.
+#: Days in a year.
 _DAYS: Final = 365.0
 
 
@@ -29,13 +29,13 @@ class ControlChart(NamedTuple):
     """Control chart of n values.
 
     Attributes:
-        innovation: (n,) U of each value, standard normal while nothing drifts; 0 for the first.
+        innovation: (n,) U of each value, standard normal without drift; 0 for the first values.
         cusum_up: (n,) CUSUM of increases.
         cusum_down: (n,) CUSUM of decreases.
         limit: limit of both sums.
         flagged_index: index of the first value beyond the limit; None if there is none.
         first_shifted_index: index of the first value of the flagged stretch.
-        change: mean from `first_shifted_index` on less the mean before; NaN if nothing is flagged.
+        change: mean from `first_shifted_index` on minus mean before; NaN if nothing is flagged.
         change_std: standard deviation of `change`; NaN if nothing is flagged.
     """
 
@@ -55,7 +55,7 @@ class ChartedQuantity(NamedTuple):
     Attributes:
         name: name of the quantity.
         column: its column in the frame of days.
-        logarithm: whether changes are relative, as of friction.
+        logarithm: whether changes are relative, as for friction.
         unit: unit of changes.
         means: meaning of a change.
     """
@@ -105,7 +105,7 @@ class MachineChart(NamedTuple):
 
     @property
     def flagged_change_std_in_unit(self) -> float:
-        """Standard deviation of `change`."""
+        """Standard deviation of `flagged_change_in_unit`."""
         std = self.chart.change_std
         return std * (100.0 + self.flagged_change_in_unit) if self.signal.logarithm else std
 
@@ -119,7 +119,7 @@ def make_machine_charts(days: pl.DataFrame) -> list[MachineChart]:
     """Control charts by machine, quantity and calibration; each starts a new baseline.
 
     Args:
-        days: frame of `daily`.
+        days: frame by `summarise_results_by_day`.
     """
     limit = compute_cusum_limit_of_fleet()
     found: list[MachineChart] = []
@@ -140,7 +140,7 @@ def make_machine_chart_of_quantity(
     """Chart of one quantity of a machine between two calibrations."""
     values = days[quantity.column].to_numpy()
     if quantity.logarithm:
-        # what is not positive has no share to change by
+        # values that are not positive have no relative change
         kept = values > 0.0
         days, values = days.filter(pl.Series(kept)), np.log(values[kept])
     raw = np.exp(values) if quantity.logarithm else values
@@ -181,10 +181,10 @@ def make_control_chart(values: Floats, cusum_limit: float) -> ControlChart:
 
 
 def remove_lag_1_correlation(values: Floats) -> Floats:
-    """Part (n,) of each value that the value before does not predict.
+    """Part (n,) of each value that the previous value does not predict.
 
-    The correlation is that of differences over one and two values, E2 / E1 - 1 of a first-order
-    process, which a drift does not raise as it would that of the values.
+    The correlation is estimated from differences over one and two values, as E2 / E1 - 1 of a
+    first-order process, which a drift increases less than the correlation of the values.
     """
     if values.size < LIMITS.correlation_min_values:
         return values
@@ -195,11 +195,11 @@ def remove_lag_1_correlation(values: Floats) -> Floats:
 
 
 def standardise_innovations(values: Floats) -> Floats:
-    """Innovation (n,) of each value, standard normal while nothing drifts."""
+    """Innovation (n,) of each value, standard normal without drift."""
     found = np.zeros(values.size)
     if values.size < LIMITS.deviation_min_values:
         return found
-    # about the first value, so that squares keep their digits
+    # relative to the first value, so that squares keep their digits
     offset = values - values[0]
     number = np.arange(values.size, dtype=float)
     sums, squares = np.cumsum(offset), np.cumsum(offset**2)
@@ -212,7 +212,7 @@ def standardise_innovations(values: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.sqrt(n / (n + 1.0)) * apart / np.sqrt(variance)
     t = np.where(np.isnan(t), 0.0, t)
-    # by the nearer tail, which keeps its digits
+    # computed from the nearer tail, which keeps its digits
     tail = ndtri(stdtr(n - 1.0, -np.abs(t)))
     found[LIMITS.deviation_min_values - 1 :] = np.clip(
         np.where(t > 0, -tail, tail), -LIMITS.cusum_max_std, LIMITS.cusum_max_std
@@ -259,7 +259,7 @@ def compute_cusum_average_run_length(cusum_limit: float, mean_shift: float = 0.0
     """
     width = 2.0 * cusum_limit / (2 * LIMITS.cusum_states - 1)
     middle = np.arange(LIMITS.cusum_states) * width
-    # from a state to another by a value less the allowance
+    # transition from one state to another, by a value minus the allowance
     to = middle[np.newaxis, :] - middle[:, np.newaxis] + LIMITS.cusum_allowance_std - mean_shift
     chance = ndtr(to + width / 2.0) - ndtr(to - width / 2.0)
     chance[:, 0] = ndtr(to[:, 0] + width / 2.0)

@@ -1,4 +1,4 @@
-"""Comparison of two sets of results of the same logs: which tonnes differ, and by how much."""
+"""Comparison of two sets of results for the same logs: differences in tonnes."""
 
 from typing import Final, NamedTuple
 
@@ -11,9 +11,8 @@ class FleetComparison(NamedTuple):
     """Comparison of the results A and B.
 
     Attributes:
-        logs: a row per log that both have, the largest change first: machine, day, source, key and
-            key_b, payload_kg, payload_b_kg, change_kg, loads, loads_b, and whether A and B can
-            weigh.
+        logs: a row per log in both, the largest change first: machine, day, source, key and key_b,
+            payload_kg, payload_b_kg, change_kg, loads, loads_b, and whether A and B can weigh.
         machines: a row per machine: logs, payload_kg, payload_b_kg, change_kg, loads, loads_b.
         only_a: logs that only A has.
         only_b: logs that only B has.

@@ -13,11 +13,11 @@ from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.model.windows import mark_samples_in_accepted_windows
 
-#: What the joint fit is called among the methods.
+#: Name of the joint fit among the methods.
 JOINT: Final = "joint"
-#: Columns of `masses` that say how a row came about rather than what it says.
+#: Columns of `masses` that describe a row instead of being a result.
 _ABOUT: Final = ("method", "rows", "rows_z", "withheld", "withheld_z")
-#: What the fit of all motion together has of the joint answer.
+#: Columns of the joint answer that the planar fit of all motion gives.
 _OF_SPINS: Final = tuple(name for pair in Z.parameters for name in pair)
 
 
@@ -46,7 +46,7 @@ class AnswerRow:
         return self.quantities.get(quantity, {}).get(method)
 
     def has_quantity(self, quantity: str) -> bool:
-        """Whether any method has a number for it."""
+        """Whether any method has a value of the quantity."""
         return any(value is not None for value in self.quantities.get(quantity, {}).values())
 
     @classmethod
@@ -61,7 +61,7 @@ class AnswerRow:
         Args:
             masses: frame with a row per method.
             load_row: row of `loads` for a single load.
-            planar_row: row of `planar` for all motion, whose inertia is the answer's.
+            planar_row: row of `planar` for all motion, which gives the inertia of the answer.
         """
         rows = {row["method"]: row for row in masses.to_dicts()}
         if load_row is not None:
@@ -97,7 +97,7 @@ class Answer:
         loads: the answer by load: mass, payload and their uncertainties, or the reason for none.
         nuisances: prior and posterior of each nuisance.
         budget: uncertainty sources, the largest first.
-        planar: arc and joint fits, as in the frame.
+        planar: planar fits of arcs and of all motion, as in the frame `planar`.
         planar_budget: uncertainty sources of the joint planar fit, the largest first.
         accepted_share: fraction of the samples in accepted windows.
         verdict: whether the log can weigh, check by check.
@@ -106,7 +106,7 @@ class Answer:
         fingerprint: digests of inputs, settings and results.
         recording: path of the recording; None without one.
         shift: totals of the cycles; empty without cycles.
-        findings: causes of an error found in the log, the most likely first.
+        findings: causes of error found in the log, in the order of their rank.
     """
 
     rows: tuple[AnswerRow, ...]
@@ -125,7 +125,7 @@ class Answer:
     findings: Sequence[Mapping[str, Any]] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The answer as JSON-compatible values; a single load has its masses beside `loads`."""
+        """The answer as JSON-compatible values; with one load, its masses are outside `loads`."""
         one = self.rows[0].quantities if len(self.rows) == 1 else {}
         several = {"no_mass_for": f"{len(self.loads)} loads"} if len(self.loads) > 1 else {}
         return {

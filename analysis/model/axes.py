@@ -1,4 +1,4 @@
-"""The two axes that are estimated by windows: straight motion (7) and spins (8).
+"""The two axes of windowed estimation: straight motion (7) and spins (8).
 
 x:  a_x m + v_x b [+ sign(v) c] = f_x
 z:  ω̇_z Izz + ω_z b_ψ = τ_z
@@ -17,7 +17,7 @@ from estimators.arrays import Floats
 from estimators.estimate import Trace
 from estimators.planar import planar_rows
 
-#: What the z axis cannot do without.
+#: Columns that the z axis requires.
 YAW_COLUMNS: Final = ("torque_z_N_m", "yaw_rate_rad_s", "yaw_acc_rad_s2")
 
 
@@ -89,8 +89,8 @@ def make_straight_regressor_and_force(
 ) -> tuple[Floats, Floats]:
     """A (rows, 2 or 3) and f (rows,) of the x row of (7); NaN if a sample is missing.
 
-    The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
-    accelerometer's 9.81 m/s² in a_z.
+    The printed y and z rows set m·a_y and m·a_z to zero; with the accelerometer's 9.81 m/s² in a_z
+    they would make the mass wrong.
     """
     direction = get_column_values(excitation, "direction_x_1") if settings.forces.coulomb else None
     A = planar_rows.make_straight_regressor(
@@ -137,7 +137,7 @@ def read_parameters_and_stds(axis: Axis, estimates: pl.DataFrame) -> tuple[Float
 
 
 def select_estimate_rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
-    """Rows of an axis; all rows if x is the only one."""
+    """Rows of an axis; without a column `axis`, all rows belong to x."""
     if "axis" not in estimates.columns:
         return estimates if axis is X else estimates.clear()
     return estimates.filter(pl.col("axis") == axis.letter)

@@ -1,7 +1,6 @@
-"""Former names of checks: what is stored with them is read with the present names.
+"""Former names of checks, which are replaced by the present names when stored data are read.
 
-What is signed or fingerprinted keeps the names that it was written with; only what is read from
-it has the present ones.
+Signed or fingerprinted files are not changed; only the values read from them have present names.
 """
 
 import re
@@ -11,7 +10,7 @@ from typing import Final, TypeVar
 
 import polars as pl
 
-#: What a check is called now, by the name that it had.
+#: Present name of a check by its former name.
 PRESENT_NAMES: Final[Mapping[str, str]] = {
     "aa": "force_nonlinearity",
     "beyond_prior": "term_beyond_prior",
@@ -36,11 +35,11 @@ PRESENT_NAMES: Final[Mapping[str, str]] = {
     "spin_centre": "spin_centre_m",
     "wheels": "wheel_imu_residual",
 }
-#: Begin of the reason why a reading of a campaign has no mass; the checks follow.
+#: Start of the reason why a reading of a campaign has no mass; the checks follow.
 _CANNOT_WEIGH: Final = "this log cannot weigh: "
-#: What stands before the checks in the evidence of an unknown cause.
+#: Start of the evidence of an unknown cause; the checks follow.
 _UNEXPLAINED: Final = "no known cause explains the failed checks: "
-#: A name before its value and limit; the first is at the begin.
+#: Name of a check, at the start or after "; ", before its value and limit.
 _NAME_WITH_VALUE: Final = re.compile(r"(^|; )(\w+)(?= has no value| [-+.\deinf]+ [<>] )")
 
 Rows = TypeVar("Rows", pl.DataFrame, pl.LazyFrame)
@@ -53,7 +52,7 @@ def replace_former_check_names(text: str) -> str:
         text: names of checks, separated by commas, or the reason of a reading that ends with them.
 
     Returns:
-        The text with the present names; any other text as it is.
+        The text with the present names; any other text unchanged.
     """
     before = _CANNOT_WEIGH if text.startswith(_CANNOT_WEIGH) else ""
     names = text.removeprefix(before).split(", ")
@@ -72,7 +71,7 @@ def _replace_matched_name(match: re.Match[str]) -> str:
     return match[1] + PRESENT_NAMES.get(match[2], match[2])
 
 
-#: Column with names of checks, and how they are replaced, by the frame or table that has it.
+#: By frame or table: its column with names of checks, and the function that replaces them.
 _COLUMNS: Final[Mapping[str, tuple[str, Callable[[str], str]]]] = {
     "verdict": ("check", replace_former_check_names),
     "loads": ("withheld_for", replace_former_check_names),
@@ -87,7 +86,7 @@ def rename_stored_checks(frame_name: str, rows: Rows) -> Rows:
 
     Args:
         frame_name: name of the frame, or of the table of a fleet.
-        rows: its rows, or some of its columns.
+        rows: rows of the frame or table, with all or some of its columns.
 
     Returns:
         The rows with the present names.

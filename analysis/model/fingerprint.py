@@ -1,9 +1,9 @@
 """The fingerprint of a run: SHA-256 digests of its inputs, its settings and its results.
 
 The same input and settings give the same results bit for bit, on any number of threads: equal
-digests of inputs and settings with another digest of results mean other software or another
-processor. Nothing in a digest depends on paths, file names, the time of the replay, the chunks
-that polars or Arrow keep a column in, or the byte order of the machine.
+digests of inputs and settings but different digests of results mean different software or another
+processor. A digest does not depend on paths, file names, the time of the replay, the chunks in
+which polars or Arrow store a column, or the byte order of the machine.
 """
 
 import hashlib
@@ -25,13 +25,13 @@ class Fingerprint(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    #: Of the contents of the input files, in any order.
+    #: Digest of the contents of the input files, whatever their order.
     inputs: str
-    #: Of the machine file as resolved, with every setting.
+    #: Digest of the machine file as resolved, with every setting.
     settings: str
-    #: Of all frames, in their order.
+    #: Digest of all frames, in their order.
     results: str
-    #: Of each frame by its name, in the order of the run.
+    #: Digest of each frame by its name, in the order of the run.
     frames: dict[str, str] = {}
 
     def __str__(self) -> str:
@@ -48,13 +48,13 @@ def make_run_fingerprint(
     machine: Mapping[str, Any],
     settings: Mapping[str, Any],
 ) -> Fingerprint:
-    """Take the fingerprint of a run.
+    """Compute the fingerprint of a run.
 
     Args:
         frames: frames by name, in the order of the run.
         inputs: the SHA-256 digest of each input file.
         machine: resolved machine file, as JSON-compatible values.
-        settings: its settings, as JSON-compatible values.
+        settings: settings of the replay, as JSON-compatible values.
     """
     digests = {name: digest_frame(frame) for name, frame in frames.items()}
     return Fingerprint(
@@ -68,8 +68,8 @@ def make_run_fingerprint(
 def digest_frame(frame: pl.DataFrame) -> str:
     """Digest of a frame: its height, and name, dtype, values and nulls of each column in order.
 
-    Values count bit for bit: 0.0 differs from -0.0, and so do NaNs with different bits. Memory
-    below a null does not count.
+    Values are compared bit for bit: 0.0 differs from -0.0, and so do NaNs with different bits. The
+    memory behind a null is ignored.
     """
     if frame.height < LIMITS.threaded_rows:
         columns = list(map(_digest_column_values, frame.get_columns()))

@@ -8,9 +8,9 @@ from estimators.errors import join_to_one_line
 # no pydantic: importing it takes as long as opening a log does
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """A loss: recorded data that is missing, altered or not provably there, in a sentence.
+    """A loss: recorded data that is missing, altered or no longer provably there.
 
-    `topic` is empty for a whole file.
+    `what` describes it in a sentence; `topic` is empty for a whole file.
     """
 
     source: str
@@ -22,5 +22,5 @@ class Loss:
             object.__setattr__(self, each.name, join_to_one_line(getattr(self, each.name)))
 
     def __str__(self) -> str:
-        """Place and sentence."""
+        """Source, topic and description of the loss, as one line."""
         return f"{' '.join(filter(None, (self.source, self.topic)))}: {self.what}"

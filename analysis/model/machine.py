@@ -28,16 +28,16 @@ from analysis.model.settings import Settings
 from analysis.model.strict_config import STRICT
 from estimators.errors import suggest_choice
 
-# TOML can write nan and inf, which are no scale, delay or length
+# TOML allows nan and inf, which are not valid as a scale, delay or length
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
 _MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
-#: Channels of wheels: in rad/s their scale is the wheel's radius.
+#: Channels of wheel speed: if read in rad/s, their scale is the wheel radius.
 _WHEEL_SPEEDS = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 _WHEEL_RADIUS = "wheel_radius_m"
-#: Channels of the equation's force, and units of what one may be computed from.
+#: Channels of the force in the equation of motion, and units of channels it may be computed from.
 FORCES = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
 _FORCE_UNITS = ("N", "N*m", "A", "Pa")
-#: Units of speed in m/s, which are no radius: km/h, mile/h, knot, ft/s.
+#: Units of speed in m/s, which must not be mistaken for a wheel radius: km/h, mile/h, knot, ft/s.
 _SPEED_UNITS_M_S = (1.0 / 3.6, 0.44704, 0.514444, 0.3048)
 _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 
@@ -62,7 +62,7 @@ class LogSection(BaseModel):
 
     @model_serializer(mode="wrap")
     def _serialise_given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Keep the given keys only, so that a later version's keys change no earlier file."""
+        """Keep only the given keys, so that keys of later versions change no earlier file."""
         return {name: value for name, value in handler(self).items() if value is not None}
 
 
@@ -83,11 +83,11 @@ class Channel(BaseModel):
 
     @property
     def is_recorded_piecewise_constant(self) -> bool:
-        """Whether a log has its readings constant between steps, as those of a gear."""
+        """Whether the channel's readings in the log are constant between steps, like a gear."""
         return self._is_piecewise_constant
 
     def copy_as_piecewise_constant(self) -> Self:
-        """The same channel, constant between steps."""
+        """Copy of the channel, marked as constant between steps."""
         channel = self.model_copy()
         channel._is_piecewise_constant = True  # noqa: SLF001  a copy of its own class
         return channel
@@ -106,13 +106,13 @@ class Channel(BaseModel):
 
     @property
     def angle_and_quaternion_field(self) -> tuple[str, str] | None:
-        """The angle and the quaternion's field of `derive = "pitch(FIELD)"` or `"roll(FIELD)"`."""
+        """Angle and quaternion field of `derive = "pitch(FIELD)"` or `"roll(FIELD)"`; else None."""
         match = _ANGLE.fullmatch((self.derive or "").strip())
         return (match[1], match[2]) if match else None
 
     @property
     def expression(self) -> Expression | None:
-        """The arithmetic of `derive = "torque_N_m / 0.35 [m]"`; None where it is another form."""
+        """Arithmetic such as `derive = "torque_N_m / 0.35 [m]"`, parsed; None for another form."""
         if (
             self.derive is None
             or self.differentiated_channel
@@ -124,7 +124,7 @@ class Channel(BaseModel):
 
     @property
     def is_derivative(self) -> bool:
-        """Whether it is made by a derivative."""
+        """Whether the channel is, or contains, a derivative of another channel."""
         tree = self.expression if self.derive and not self.differentiated_channel else None
         return self.differentiated_channel is not None or (
             tree is not None and any(iter_differentiated_channels(tree))
@@ -132,14 +132,14 @@ class Channel(BaseModel):
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """The fields that are read from its topic; none where it is made of other channels."""
+        """Fields read from the channel's topic; empty if it is derived from other channels."""
         if self.angle_and_quaternion_field:
             return tuple(f"{self.angle_and_quaternion_field[1]}.{part}" for part in "xyzw")
         return () if self.field is None else (self.field,)
 
     @property
     def direct_source_channels(self) -> tuple[str, ...]:
-        """The channels that this one is computed from, one step back; none if it is recorded."""
+        """Channels that this one is directly computed from; empty if it is recorded."""
         if self.expression is not None:
             return tuple(
                 dict.fromkeys(
@@ -195,7 +195,7 @@ class Machine(BaseModel):
             return content
         body = content.get("machine")
         if not isinstance(body, Mapping):
-            return content  # that it has no such table says more than what needs it
+            return content  # the error about the missing table is clearer than one about its key
         radius_m = body.get(_WHEEL_RADIUS)
         misspelt = {*content} - {*cls.model_fields} | {*body} - {*Body.model_fields}
         if radius_m is None and misspelt:
@@ -220,7 +220,7 @@ class Machine(BaseModel):
                         f"channels.{name}: '{source}' is neither a channel nor a key of [machine]; "
                         f"{suggest_choice(source, (*self.channels, *BODY_NUMBERS))}"
                     )
-        # what arithmetic alone needs has a name of its own: current_A
+        # channels that only arithmetic uses have names of their own, such as current_A
         known |= {
             source
             for channel in self.channels.values()
@@ -304,14 +304,14 @@ class Machine(BaseModel):
 
     @property
     def differentiates_speed(self) -> bool:
-        """Whether what multiplies the mass is the speed's derivative."""
+        """Whether the acceleration that multiplies the mass is the derivative of the speed."""
         channel = self.channels.get("acc_x_m_s2")
         kinematic = self.settings.forces.acceleration == "kinematic"
         return kinematic and channel is not None and channel.differentiated_channel == "speed_x_m_s"
 
     @property
     def differentiates_wheel_speed(self) -> bool:
-        """Whether acceleration is differentiated from wheel speed, which may slip."""
+        """Whether the acceleration is the derivative of a wheel speed, and wheels may slip."""
         return (
             self.differentiates_speed
             and self.channels["speed_x_m_s"].differentiated_channel is None
@@ -321,7 +321,7 @@ class Machine(BaseModel):
     def recorded_force_channels(self) -> tuple[str, ...]:
         """Recorded channels that the force is computed from: forces, torques, currents, pressures.
 
-        A speed or a gear in its arithmetic is none.
+        A speed or a gear in the arithmetic of the force does not count.
         """
         found: list[str] = []
         waiting = [name for name in FORCES if name in self.channels]
@@ -334,7 +334,7 @@ class Machine(BaseModel):
 
     @staticmethod
     def _measures_force(channel_name: str) -> bool:
-        """Whether a channel of arithmetic is in the unit of a force, or a torque in per cent."""
+        """Whether a channel used in arithmetic is in a unit of force, or a torque in percent."""
         unit = split_unit_from_name(channel_name)[1]
         if unit is None:
             return False
@@ -344,7 +344,7 @@ class Machine(BaseModel):
         return any(registry.is_compatible_with(unit, each) for each in _FORCE_UNITS)
 
     def is_piecewise_constant(self, channel_name: str) -> bool:
-        """Whether a channel is constant between steps: as recorded, or of such channels alone."""
+        """Whether a channel is constant between steps, as recorded or by all of its sources."""
         channel = self.channels.get(channel_name)
         if channel is None:
             return False
@@ -356,7 +356,7 @@ class Machine(BaseModel):
         """Channel names with sources first.
 
         Raises:
-            ValueError: when channels are derived from each other in a circle.
+            ValueError: channels are derived from each other in a circle.
         """
         order: list[str] = []
         waiting = dict(self.channels)

@@ -1,4 +1,4 @@
-"""The body of the machine: what is known of it, with standard uncertainties."""
+"""The body of the machine: its known properties, with standard uncertainties."""
 
 from datetime import date
 from typing import Annotated, Final, Self
@@ -15,7 +15,7 @@ from pydantic import (
 
 from analysis.model.strict_config import STRICT
 
-#: A serial number as evidence chains by it.
+#: A serial number in the form by which evidence is chained.
 MachineId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 
 
@@ -70,45 +70,45 @@ class Body(BaseModel):
     model_config = STRICT
 
     name: str
-    #: Serial number: compared with that of logs and of evidence.
-    #: Left out where it is not given, so that it changes no machine file of before there was one.
+    #: Serial number, which is compared with that of logs and of evidence.
+    #: Not written if it is not given, so that earlier machine files do not change.
     id: MachineId | None = Field(None, exclude_if=lambda value: value is None)
     empty_mass_kg: float | None = Field(None, gt=0)
     empty_mass_u_kg: float | None = Field(None, ge=0)
-    #: When it was weighed, where the machine is.
+    #: Date of the weighing, in the machine's time zone.
     empty_mass_day: Annotated[date, PlainSerializer(date.isoformat)] | None = None
-    #: What it was weighed with, and what it carries in this log: bucket, fork.
-    #: Left out where they are not given, as the serial number.
+    #: Attachment at the weighing, and in this log: bucket, fork.
+    #: Not written if not given, like the serial number.
     empty_mass_attachment: str | None = Field(None, exclude_if=lambda value: value is None)
     attachment: str | None = Field(None, exclude_if=lambda value: value is None)
     wheel_radius_m: float | None = Field(None, gt=0)
     wheel_radius_u_m: float | None = Field(None, ge=0)
-    #: Of the rolling radius' relative change under a load as heavy as the machine.
-    #: Left out where it is not given, as the serial number.
+    #: Standard uncertainty of the relative change of the radius under a load as heavy as the
+    #: machine. Not written if not given, like the serial number.
     wheel_radius_by_load_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
     track_width_m: float | None = Field(None, gt=0)
     track_width_u_m: float | None = Field(None, ge=0)
     force_share: float = Field(1.0, gt=0, le=1)
     force_share_u: float | None = Field(None, ge=0)
-    #: Of the share's relative change under a load as heavy as the machine.
+    #: Standard uncertainty of the share's relative change under a load as heavy as the machine.
     force_share_by_load_u: float | None = Field(None, ge=0)
     force_gain_u: float | None = Field(None, ge=0)
-    #: Force read in reverse over that read forwards, of the same force.
-    #: Left out where it is not given, as the serial number.
+    #: Reading of the force in reverse over that forwards, for the same force.
+    #: Not written if not given, like the serial number.
     force_gain_in_reverse: float | None = Field(None, gt=0, exclude_if=lambda value: value is None)
     rotating_mass_kg: float = Field(0.0, ge=0)
     rotating_mass_u_kg: float = Field(0.0, ge=0)
     repeatability_kg: float | None = Field(None, ge=0)
-    #: Share of a load that pours from the bucket between the pile and the dump.
-    #: Left out where it is not given, as the serial number.
+    #: Fraction of a load that is spilled from the bucket between the pile and the dump.
+    #: Not written if not given, like the serial number.
     haul_spillage_share: float | None = Field(
         None, ge=0, lt=1, exclude_if=lambda value: value is None
     )
     haul_spillage_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
-    #: Relative standard uncertainty of the channel that gives the fuel's rate; left out likewise.
+    #: Relative standard uncertainty of the fuel rate's channel. Not written if not given.
     fuel_gain_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
     fuel: FuelTank | None = Field(None, exclude_if=lambda value: value is None)
-    #: Whether it has a bucket to dig with: without one no start is driven into a pile.
+    #: Whether the machine has a bucket to dig with; without one there are no digging starts.
     digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
     timezone: Annotated[str, AfterValidator(_require_known_timezone)] = "UTC"
@@ -126,19 +126,19 @@ class Body(BaseModel):
 
     @property
     def wheel_radius_u_1(self) -> float | None:
-        """Relative standard uncertainty of the wheels' radius; None where it is not stated."""
+        """Relative standard uncertainty of the wheel radius; None if it is not stated."""
         if self.wheel_radius_m is None or self.wheel_radius_u_m is None:
             return None
         return self.wheel_radius_u_m / self.wheel_radius_m
 
     @property
     def empty_inertia_kg(self) -> float | None:
-        """Empty mass with what rotates, which the force accelerates; None if it is not stated."""
+        """Empty mass plus rotating mass, which the force accelerates; None if not stated."""
         return None if self.empty_mass_kg is None else self.empty_mass_kg + self.rotating_mass_kg
 
     @property
     def time_zone(self) -> ZoneInfo:
-        """The time zone that a person reads times in."""
+        """The time zone in which times are shown."""
         return ZoneInfo(self.timezone)
 
 

@@ -1,8 +1,7 @@
 """The table of methods: a row per estimator, with its inputs and summary.
 
-Every place that runs, steps, summarises, colours or tests estimators iterates over it. A new
-estimator is a file in `estimators` and a row here; an option of its own is a field of
-`MethodOptions` as well.
+All code that runs, steps, summarises, colours or tests estimators iterates over it. A new estimator
+needs a file in `estimators` and a row here, and a field of `MethodOptions` for each option.
 """
 
 from collections.abc import Callable, Mapping
@@ -96,12 +95,12 @@ class Method:
             recursive one.
         title: description in a sentence.
         feed: input of `estimate_along_log`.
-        summary: how a log is summarised.
-        on_board: module and function in `estimators` for use on board; by `feed`, of the current
-            window, of the samples since the window before, or of a manoeuvre's samples.
-        options: makes its options from the settings and the noise of the axis.
-        takes_noise_off: whether it corrects for noise in the regressor. Others take the regressor
-            as exact, as (6) does, and are attenuated by that noise.
+        summary: how the estimates of a log are summarised.
+        on_board: module and function in `estimators` for use on board; depending on `feed`, it
+            takes the current window, the samples since the last window, or those of a manoeuvre.
+        options: function that makes the options from the settings and the noise of the axis.
+        takes_noise_off: whether the method corrects for noise in the regressor. Others treat the
+            regressor as exact, like (6), and their estimates are attenuated by its noise.
     """
 
     name: str
@@ -207,7 +206,7 @@ METHODS: Final = _index_methods_by_name(
         takes_noise_off=True,
     ),
 )
-#: Names of methods whose estimate at a time is from everything before it.
+#: Names of methods whose estimate at a time is based on all samples before it.
 RECURSIVE_METHODS: Final = tuple(
     name for name, method in METHODS.items() if method.summary is LogSummary.LAST
 )

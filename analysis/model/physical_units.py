@@ -11,12 +11,12 @@ from analysis.expressions.parse import format_unit_for_pint
 from analysis.model.model_limits import LIMITS
 from estimators.errors import MachineError
 
-#: Nanoseconds of a second, for durations in s, and as a whole number, for stamps.
+#: Nanoseconds in a second, as a float for durations and as an integer for stamps.
 NS_PER_S: Final = 1e9
 NS: Final = 10**9
-#: Seconds of an hour, for rates by the hour.
+#: Seconds in an hour, for rates per hour.
 SECONDS_PER_HOUR: Final = 3600.0
-#: What pint lets through of its tokenizer and its evaluation, for text that is no unit.
+#: Exceptions that pint's tokenizer and evaluation raise for a text that is no unit.
 _UNREADABLE = (
     ArithmeticError,
     AssertionError,
@@ -64,7 +64,7 @@ def find_gain_and_offset_to_si(unit: str, si_unit: str) -> tuple[float, float]:
     return float(one - zero), float(zero)
 
 
-#: How people write units beside their numbers, by pint's name of each.
+#: Usual spellings of units, by pint's name of each.
 _SPELLINGS: Final[Mapping[str, str]] = {
     "m/s": "m/s m/sec mps meterspersec meterspersecond m_s m*s^-1 ms-1 м/с м/сек m/giây 米/秒",
     "km/h": "km/h kmh kph km/hr kmph km_h км/ч км/год km/jam km/sa km/u km/t 公里/小时 千米/时",
@@ -134,7 +134,7 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "t": "t ton tonne tonnes",
 }
 _EXACT: Final = {each: unit for unit, text in _SPELLINGS.items() for each in text.split()}
-#: Without capitals where no two units are told apart by them.
+#: Lower-case spellings, for units that capitals do not distinguish.
 _FOLDED: Final = {(each.lower(), unit) for each, unit in _EXACT.items()}
 _UNITS_OF_FOLDED: Final = Counter(each for each, _ in _FOLDED)
 _LOWER: Final[Mapping[str, str]] = {
@@ -156,18 +156,19 @@ def find_pint_unit_name(text: str) -> str | None:
     if unit := _EXACT.get(bare):
         return unit
     if bare.startswith("%"):
-        # percent of what stands behind: % Mn, %FLA
+        # percent of the quantity that follows: % Mn, %FLA
         return "percent"
-    # a lone v or a is the name of a column more often than volts or amperes
+    # a single v or a is more often the name of a column than volts or amperes
     unit = _LOWER.get(bare.lower()) if len(bare) > 1 else None
-    # milli or mega: a capital tells, and without it neither is taken
+    # milli or mega: only a capital distinguishes them, so without it neither is assumed
     return None if unit in _MILLI_OR_MEGA else unit
 
 
-#: Behind a name a serial number, not a Turkish second, and what flows in, not an inch.
+#: Words at the end of a name that are not units: a serial number, not a Turkish second; "in" as a
+#: direction, not an inch.
 _WORDS_BEHIND: Final = ("sn", "in")
-#: Where a capital begins a word of several letters: speedKmh, SpeedMetersPerSec; speedMin is the
-#: least one. Before a short unit a letter may be its prefix (torquekNm); TimeUS is one word.
+#: Places where a capital begins a new word: speedKmh, SpeedMetersPerSec. speedMin is not split,
+#: being a minimum; a letter before a short unit may be its prefix (torquekNm); TimeUS is one word.
 _HUMP: Final = re.compile(r"(?<=[a-z]{2})(?=[A-Z](?:[a-z0-9]|\w\w))")
 _PREFIXES: Final = "cdhkmnpu"
 
@@ -178,7 +179,7 @@ def split_unit_from_name(name: str) -> tuple[str, str | None]:
     for count in range(min(LIMITS.suffix_words, len(words) - 1), 0, -1):
         is_word = words[-1].lower() in _WORDS_BEHIND
         unit = None if is_word else find_pint_unit_name("_".join(words[-count:]))
-        # a lone letter at the end is an axis or a side more often than tonnes
+        # a single letter at the end is more often an axis or a side than tonnes
         if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg%"):
             return "_".join(words[:-count]), unit
     for hump in _HUMP.finditer(name):

@@ -1,4 +1,4 @@
-"""The priors of the joint fit's nuisances, and those that a calibration learnt."""
+"""The priors of the joint fit's nuisances, and the priors learnt by a calibration."""
 
 from typing import Literal, Self
 
@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field
 
 from analysis.model.strict_config import STRICT
 
-#: Terms of the answer's fit that a calibration learns: what lasts as long as the machine does.
+#: Terms of the joint fit that a calibration can learn, since they are constant for a machine.
 LearnableTerm = Literal[
     "const",
     "lag",

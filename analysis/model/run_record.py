@@ -14,7 +14,7 @@ from estimators.errors import join_to_one_line
 
 
 class InputFile(BaseModel):
-    """One file that was read: a rosbag2 directory gives one entry a file."""
+    """One file that was read; a rosbag2 directory has one entry per file."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -29,19 +29,19 @@ class Provenance(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     inputs: tuple[InputFile, ...] = ()
-    #: The machine file as resolved: every section, defaults filled in, as plain JSON values.
+    #: The resolved machine file: every section with its defaults, as plain JSON values.
     machine: dict[str, Any] = {}
     settings: Settings = Settings.model_validate({})
     versions: dict[str, str] = {}
     t0_unix_ns: int = 0
-    #: Which stamp each topic was placed by: "header", "log" or "table".
+    #: Kind of stamp that places each topic's samples in time: "header", "log" or "table".
     stamps: dict[str, str] = {}
     losses: tuple[Loss, ...] = ()
-    #: What a reader of the answer should know, a sentence each.
+    #: Notes for readers of the answer, a sentence each.
     notes: tuple[str, ...] = ()
-    #: The machine's serial number as the logs' own metadata have it; "" where they do not tell.
+    #: The machine's serial number in the metadata of the logs; "" if they do not give it.
     logged_machine_id: Annotated[str, AfterValidator(join_to_one_line)] = ""
-    #: Of the inputs, the settings and the frames, as `run` left them.
+    #: Fingerprint of the inputs, the settings and the frames when the run ended.
     fingerprint: Fingerprint | None = None
 
 
@@ -53,7 +53,7 @@ class Run:
     provenance: Provenance = field(default_factory=Provenance)
 
     def __eq__(self, other: object) -> bool:
-        """Same frames in the same order, bit for bit with dtypes and nulls, same provenance."""
+        """Whether provenance and frames are equal: order, dtypes, nulls and values bit for bit."""
         return (
             isinstance(other, Run)
             and list(self.frames) == list(other.frames)

@@ -1,7 +1,8 @@
 """Every column of every frame, declared once: name, unit, dtype, meaning, sign.
 
-Missing is null. `t_ns` counts from the first aligned sample. A frame holds some or all of its
-declared columns, in the declared order; `raw/<topic>` holds its topic's fields beside its stamps.
+Missing values are null. `t_ns` counts from the first aligned sample. A frame contains some or all
+of its declared columns, in the declared order; `raw/<topic>` contains the stamps and fields of its
+topic.
 """
 
 from collections.abc import Mapping
@@ -32,8 +33,8 @@ REASONS: Final = (
     "digging",
 )
 AXES: Final = ("x", "z")
-#: What noise is estimated from: standstill; fast changes of the grid, of the channels' own samples;
-#: what the equation leaves over, or the spread of the column, where those say more; a setting.
+#: Sources of a noise estimate: standstill; fast changes on the grid, or of the channels' own
+#: samples; residuals of the equation, or spread of the column, where these are smaller; a setting.
 NOISE_SOURCES: Final = (
     *("standstill", "differences", "samples", "residuals", "spread"),
     "setting",
@@ -51,9 +52,10 @@ NOISE_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
         "torque_z_N_m": "torque_z_N_m",
     },
 }
-#: What a row of `responses` is about beside the terms that a calibration learns.
+#: Subject of a row of `responses` that is about the scale instead of a learnt term.
 SCALE: Final = "scale"
-#: What moves: the mass of a load, its payload to the empty loads, the payload of a cycle.
+#: Quantities that respond: mass of a load, its payload relative to the empty loads, payload of a
+#: cycle.
 MOVED: Final = ("mass", "payload", "cycle")
 #: Columns of `loads` that a calibration adds.
 CALIBRATED: Final = (
@@ -69,7 +71,7 @@ CALIBRATED: Final = (
     "calibrated_payload_low_kg",
     "calibrated_payload_high_kg",
 )
-#: What a cycle's payload is worth.
+#: Qualities of a cycle's payload.
 QUALITIES: Final = ("good", "weak", "not dumped", "no mass")
 QUALITY: Final = pl.Enum(QUALITIES)
 PHASE: Final = pl.Enum(PHASES)
@@ -78,7 +80,7 @@ REASON: Final = pl.Enum(REASONS)
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column: its name carries the unit that `unit` spells out ("1" is a pure number)."""
+    """One column, whose name ends in its unit; `unit` is the same unit ("1": dimensionless)."""
 
     name: str
     dtype: pl.DataType | DataTypeClass
@@ -96,7 +98,7 @@ class Frame:
 
     @property
     def time_column(self) -> str | None:
-        """Name of the column that orders rows in time: t_ns, start_t_ns, log_time_ns or none."""
+        """Name of the column that orders rows in time (t_ns, start_t_ns, log_time_ns), or None."""
         names = {column.name for column in self.columns}
         return next((n for n in ("t_ns", "start_t_ns", "log_time_ns") if n in names), None)
 
@@ -162,7 +164,7 @@ _DIRECTION = make_float_column(
     "sign of the longitudinal speed at its own rate, gridded like the others: the Coulomb column",
 )
 
-#: What no estimate needs: a hint that is late or stale costs nothing but itself.
+#: Channels that no estimate needs, so that gaps or delays of them affect nothing else.
 HINTS: Final = frozenset(column.name for column in _HINTS)
 #: The columns that a machine file's channels may fill.
 CHANNEL_COLUMNS: Final = (*_FORCE, *_MOTION, *_HINTS)
@@ -932,7 +934,7 @@ def find_frame_declaration(frame_name: str) -> Frame:
 
 
 def conform_frame_to_schema(frame_name: str, frame: pl.DataFrame) -> pl.DataFrame:
-    """Put `frame` into the declared order and dtypes; undeclared columns raise an error."""
+    """Convert a frame to the declared order and dtypes; undeclared columns raise an error."""
     return _make_declared_frame(
         frame_name, {each: frame.get_column(each) for each in frame.columns}
     )
@@ -954,7 +956,7 @@ def _make_declared_frame(frame_name: str, columns: Mapping[str, pl.Series]) -> p
             f"{frame_name}: columns without a declaration: {sorted(unknown)}; declare them in "
             "analysis/model/schema.py"
         )
-    # column by column: a query a frame, or a frame of a mapping, costs more than all of its casts
+    # column by column: a query, or a frame from a mapping, costs more than all casts together
     return pl.DataFrame(
         [
             series if series.dtype == column.dtype else series.cast(column.dtype)
@@ -969,7 +971,7 @@ def _make_declared_series(name: str, column: NDArray[Any] | pl.Series) -> pl.Ser
         has_nan = column.dtype.kind == "f" and bool(np.isnan(column).any())
         return pl.Series(name, column, nan_to_null=has_nan)
     named = column.alias(name)
-    # a null is NaN for numpy, which asks sooner than a query of polars would
+    # numpy shows nulls as NaN, and checks for them faster than a query of polars
     may_have_nan = named.dtype.is_float() and bool(np.isnan(named.to_numpy()).any())
     return named.fill_nan(None) if may_have_nan else named
 

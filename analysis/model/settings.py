@@ -1,4 +1,4 @@
-"""The settings of a replay, a part a stage: the paper's values where the paper gives one."""
+"""The settings of a replay, one part per stage, with the paper's values where it gives them."""
 
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -199,7 +199,7 @@ class PlanarSettings(BaseModel):
 def suggest_similar_setting(
     unknown_key: str, models_by_stage: Mapping[str, type[BaseModel]]
 ) -> str | None:
-    """The setting, with its stage, whose name is most like a key that is none."""
+    """The setting, with its stage, whose name is most similar to an unknown key; else None."""
     stages = {name: stage for stage, part in models_by_stage.items() for name in part.model_fields}
     close = get_close_matches(unknown_key, stages, n=1)
     return f"{stages[close[0]]}.{close[0]}" if close else None
@@ -230,7 +230,7 @@ class Settings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _require_stage_of_values(cls, content: Any) -> Any:
-        """Name the stage of a value that was given without one."""
+        """Raise an error that names the stage if a value is given without one."""
         if not isinstance(content, Mapping):
             return content
         for key, value in content.items():
@@ -258,7 +258,7 @@ class Settings(BaseModel):
         }
 
     def get_setting(self, dotted_name: str) -> Any:
-        """The setting of a dotted name, as `gate.threshold_nat`."""
+        """The setting with a dotted name such as `gate.threshold_nat`."""
         part, _, key = dotted_name.partition(".")
         return getattr(getattr(self, part), key)
 
@@ -266,9 +266,9 @@ class Settings(BaseModel):
         """Copy the settings with changes by dotted name: `{"gate.window_samples": 400}`.
 
         Raises:
-            ValidationError: no such setting, or a value that it does not take.
+            ValidationError: unknown setting, or a value that is not valid for it.
         """
-        # what was not set stays so: a log's own rate fills it in
+        # unset fields stay unset, so that the rate of the log can fill them
         content = self.model_dump(exclude_unset=True)
         for name, value in changes.items():
             part, _, key = name.partition(".")

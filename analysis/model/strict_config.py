@@ -4,5 +4,5 @@ from typing import Final
 
 from pydantic import ConfigDict
 
-#: Fixed once made, no unknown key, no infinity and no NaN.
+#: Immutable; unknown keys, infinity and NaN are errors.
 STRICT: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

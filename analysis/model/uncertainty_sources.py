@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.model.machine import Machine
 
-#: Standard deviation of normal numbers over the median of their distances from the median.
+#: Ratio of the standard deviation to the median absolute deviation, for a normal distribution.
 STD_OF_MAD: Final = 1.4826
 
 
@@ -17,10 +17,10 @@ class UncertaintySource:
     """Source of uncertainty.
 
     Attributes:
-        name: of the source.
+        name: name of the source.
         kind: random (more starts average it out), common (to the log) or scale (no log determines
             it).
-        u: standard uncertainty, in the unit of the quantity; None where it is not known.
+        u: standard uncertainty, in the unit of the quantity; None if unknown.
         meaning: description of the source.
         reduced_by: what would reduce it.
     """
@@ -48,7 +48,7 @@ def compute_root_sum_of_squares(parts: Iterable[float]) -> float:
 
 
 def combine_u(sources: Iterable[UncertaintySource], *kinds: str) -> float:
-    """Root sum of squares of the sources of some kinds, or of all."""
+    """Combined standard uncertainty of the sources of the given kinds, or of all."""
     return float(np.sqrt(sum(s.u**2 for s in sources if s.u and (not kinds or s.kind in kinds))))
 
 
@@ -59,13 +59,13 @@ class ScaleFactor:
     Attributes:
         name: name of the source.
         applies: whether it applies to the machine.
-        u: its standard uncertainty, relative for a force factor, in metres for a position; None if
-            not stated.
-        setting: key that states it.
+        u: function that gives its standard uncertainty, relative for a factor of the force, in
+            metres for a position; None if not stated.
+        setting: key of the machine file that states the uncertainty.
         meaning: description in a sentence.
-        by_load: whether the factor changes with the load; the uncertainty is then that of a load as
+        by_load: whether the factor changes with the load; the uncertainty is then for a load as
             heavy as the machine.
-        remedy: what would determine it, besides the key.
+        remedy: what would determine the factor, besides the key.
     """
 
     name: str
@@ -77,7 +77,7 @@ class ScaleFactor:
     remedy: str = "known loads"
 
     def make_uncertainty_source(self, u: float | None) -> UncertaintySource:
-        """Source in a budget, with its effect on the quantity."""
+        """Source of a budget, with `u` as its effect on the quantity."""
         reduced_by = f"{self.remedy}; {self.setting} states what is known"
         return UncertaintySource(self.name, "scale", u, self.meaning, reduced_by)
 
@@ -92,12 +92,12 @@ def has_side_torques(machine: Machine) -> bool:
 
 
 def compute_relative_uncertainty(u: float | None, value: float | None) -> float | None:
-    """A standard uncertainty over its value; None if one of them is not stated."""
+    """A standard uncertainty divided by its value; None if one of them is not stated."""
     return None if u is None or value is None else u / value
 
 
 def compute_relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
-    """Relative u of a mass due to the radius under load: of the force, and of a wheel's motion."""
+    """Relative u of a mass by the wheel radius under load, in the force and in wheel speeds."""
     u = machine.machine.wheel_radius_by_load_u
     by_wheels = machine.settings.forces.acceleration == "kinematic"
     return None if u is None else u * (2.0 if by_wheels else 1.0)
@@ -158,7 +158,7 @@ TRACK_WIDTH: Final = ScaleFactor(
     "track width, which converts the torques of the two sides to a yaw torque",
     remedy="measuring it",
 )
-#: Where the accelerometer sits.
+#: Position of the accelerometer.
 IMU_POSITION: Final = ScaleFactor(
     "imu_position",
     lambda machine: machine.settings.forces.acceleration == "specific_force",

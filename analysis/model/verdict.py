@@ -1,4 +1,4 @@
-"""A check of a log against a limit, and the verdict that its checks come to."""
+"""Checks of a log against limits, and the verdict that they give together."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal, Self
@@ -7,12 +7,12 @@ import polars as pl
 
 from analysis.model.model_limits import LIMITS
 
-#: Checks of the mass that find a force without its sign, which spoils the yaw torque as well.
+#: Checks of the mass that find a force without a sign, which makes the yaw torque wrong as well.
 _SIGNS: Final = frozenset({"opposing_share", "driving_share"})
 
 EvidenceSubject = Literal["mass", "inertia"]
-#: What a check that fails leads to: the number withheld, its uncertainty widened, the methods that
-#: disagree withheld, or a word to the reader.
+#: Consequence of a failed check: the number is withheld, its uncertainty widened, the methods that
+#: disagree withheld, or the reader told.
 Consequence = Literal["withhold", "widen", "method", "tell"]
 
 
@@ -22,14 +22,14 @@ class Check:
 
     Attributes:
         check: name of the check.
-        about: quantity that it may withhold.
+        about: quantity that the check may withhold.
         value: the number; None if it cannot be computed.
         minimum: smallest passing number; None without one.
         maximum: largest passing number; None without one.
         passed: whether it passed; None if it does not apply.
         meaning: meaning of the number, in a sentence.
         consequence: consequence of failing.
-        remedy: setting or change that would correct it; empty if there is none.
+        remedy: setting or change that would correct the fault; "" if there is none.
     """
 
     check: str
@@ -87,7 +87,7 @@ class Verdict:
 
     @property
     def has_spins(self) -> bool:
-        """Whether there are spins to judge."""
+        """Whether the log has spins that checks judge."""
         return any(check.about == "inertia" for check in self.checks)
 
     @property
@@ -98,7 +98,7 @@ class Verdict:
 
     @property
     def checks_beyond_limit(self) -> tuple[Check, ...]:
-        """Withholding checks that failed by their number rather than for lack of data."""
+        """Withholding checks that failed because of their value, not for lack of data."""
         return tuple(
             check
             for check in self.checks
@@ -106,7 +106,7 @@ class Verdict:
         )
 
     def list_withholding_checks(self, subject: EvidenceSubject) -> tuple[Check, ...]:
-        """Checks that withhold the mass or the inertia."""
+        """Failed checks that withhold the subject: the mass or the inertia."""
         return tuple(
             each
             for each in self.checks

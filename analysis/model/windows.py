@@ -16,9 +16,9 @@ def flag_rows_near_flagged_rows(is_flagged: Bools, after: int, before: int | Non
     """Rows near a flagged one, (rows,).
 
     Args:
-        is_flagged: (rows,).
-        after: number of rows that begin at each flagged one.
-        before: number of rows that end at it; as many if not given.
+        is_flagged: (rows,) flags.
+        after: number of rows from each flagged row on, itself included.
+        before: number of rows up to each flagged row, itself included; None for `after`.
     """
     before = after if before is None else before
     later = flag_windows_with_flagged_rows(is_flagged, after)
@@ -27,7 +27,7 @@ def flag_rows_near_flagged_rows(is_flagged: Bools, after: int, before: int | Non
 
 def mark_samples_in_accepted_windows(accepted: Bools, window: int) -> Bools:
     """Whether each row lies inside at least one accepted window, (rows,)."""
-    # the windows that hold row k end at k … k + window - 1
+    # the windows that contain row k end at k … k + window - 1
     return flag_windows_with_flagged_rows(accepted[::-1], window)[::-1]
 
 

@@ -7,8 +7,8 @@
     for report in board.advance():
         print(report.to_dict())
 
-`start`, `step` and `finish` are the same a row of `excitation` at a time, state in, state out.
-`rehearse` loads all that they need, so that no row waits for it.
+`start`, `step` and `finish` do the same one row of `excitation` at a time, state in, state out.
+`rehearse` loads all that they need in advance, so that no row waits for it.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,7 @@
 """Progress towards a target uncertainty: evidence so far, and manoeuvres still needed.
 
-The mass of a load is the mean of its manoeuvres. Its uncertainty falls with their number as far as
-they scatter at random; what all of them share (gain, slope, wheel radius) is not in it.
+The mass of a load is the mean of its manoeuvres' masses. As far as these scatter at random, its
+uncertainty falls with their number; errors that all share (gain, slope, wheel radius) are excluded.
 """
 
 import math
@@ -19,9 +19,9 @@ class AnswerProgress:
         until_u_kg: target standard uncertainty; None without a target.
         forward: number of forward manoeuvres.
         reverse: number of reverse manoeuvres.
-        mean_kg: mean of their masses.
-        squares_kg2: sum of squared deviations from the mean.
-        own_kg2: mean square of their own standard uncertainties.
+        mean_kg: mean of the manoeuvres' masses.
+        squares_kg2: sum of the masses' squared deviations from the mean.
+        own_kg2: mean square of the masses' own standard uncertainties.
     """
 
     until_u_kg: float | None
@@ -38,7 +38,7 @@ class AnswerProgress:
 
     @property
     def manoeuvre_u_kg(self) -> float:
-        """Standard deviation of a manoeuvre: its own, corrected by the observed scatter."""
+        """Standard deviation of one manoeuvre's mass: its own, updated by the observed scatter."""
         degrees_of_freedom = LIMITS.own_u_degrees_of_freedom + self.manoeuvre_count - 1
         return math.sqrt(
             (LIMITS.own_u_degrees_of_freedom * self.own_kg2 + self.squares_kg2) / degrees_of_freedom
@@ -78,11 +78,11 @@ class AnswerProgress:
         return max(0, min(missing, (self.manoeuvre_count + missing) // 2 - self.reverse))
 
     def add_manoeuvre(self, mass_kg: float, u_kg: float, speed_m_s: float) -> "AnswerProgress":
-        """Add a manoeuvre; one with another load starts again.
+        """Add a manoeuvre; if it has another load, start again with it.
 
         Args:
-            mass_kg: mass of the manoeuvre.
-            u_kg: its random standard uncertainty.
+            mass_kg: mass by the manoeuvre.
+            u_kg: random standard uncertainty of that mass.
             speed_m_s: speed in the manoeuvre; negative in reverse.
         """
         before = self
@@ -104,7 +104,7 @@ class AnswerProgress:
 
 
 def choose_target_uncertainty_kg(body: Body, requested_u_kg: float | None) -> float | None:
-    """Target uncertainty in kg: the given one, or a fraction of the empty mass; None without."""
+    """Target uncertainty in kg: the requested one, or a fraction of the empty mass if known."""
     if requested_u_kg is not None or body.empty_mass_kg is None:
         return requested_u_kg
     return LIMITS.target_u_1 * body.empty_mass_kg
@@ -113,11 +113,11 @@ def choose_target_uncertainty_kg(body: Body, requested_u_kg: float | None) -> fl
 def describe_missing_manoeuvres(
     missing_count: int | None, missing_reverse_count: int | None
 ) -> str:
-    """Missing manoeuvres in words; empty if none is missing or the number is unknown.
+    """The missing manoeuvres in words; "" if none is missing.
 
     Args:
-        missing_count: number of missing manoeuvres.
-        missing_reverse_count: number of them in reverse.
+        missing_count: number of missing manoeuvres; None if unknown.
+        missing_reverse_count: number of them that should be in reverse; None if unknown.
     """
     if missing_count is None or missing_reverse_count is None:
         return "a start that the gate accepts"

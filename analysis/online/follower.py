@@ -39,11 +39,11 @@ class FollowedRow(NamedTuple):
     Attributes:
         t_ns: time of the row.
         phase: phase of motion; None if unknown.
-        gate: decision on the window that ends here; None after the end of the log.
+        gate: decision on the window that ends at this row; None after the end of the log.
         estimates: estimates by method, each with the `t_ns` of its row.
         reports: reports made at this row.
         excitation: row of `excitation`; empty after the end of the log.
-        spin_gate: decision on the window of the yaw axis; None without one.
+        spin_gate: decision on the window of the yaw axis; None without a yaw axis.
         spin_estimates: estimates of inertia and turning friction, by method.
     """
 
@@ -59,7 +59,7 @@ class FollowedRow(NamedTuple):
 
 @dataclass(slots=True)
 class _RowTimeline:
-    """`t_ns` by row number: a line, with jumps at holes of the grid.
+    """`t_ns` by row number: uniform steps, with jumps at gaps of the grid.
 
     Attributes:
         step_ns: step of the grid.
@@ -85,8 +85,8 @@ class _RowTimeline:
 class Follower:
     """Follows the log of one machine.
 
-    From `excitation` on, its decisions and estimates equal the causal replay's bit for bit; the
-    standard uncertainties are its own (see `on_board`).
+    From `excitation` on, its decisions and estimates equal those of the causal replay bit for bit;
+    its standard uncertainties do not (see `on_board`).
     """
 
     def __init__(
@@ -110,15 +110,15 @@ class Follower:
         self.log = GrowingLog(copy_machine_with_causal_filters(machine))
         self.last_gate: GateRow | None = None
         self.last_mass: PooledEstimate | None = None
-        #: of the last spin: inertia and friction of turning
+        #: inertia and friction of turning of the last spin
         self.last_inertia: PooledEstimate | None = None
-        #: the newest estimate of each method, with the `t_ns` at which it stands
+        #: the newest estimate of each method, with the `t_ns` of its row
         self.newest: dict[str, tuple[int, Estimate]] = {}
         self.manoeuvres = 0
         self.spins = 0
-        #: of the load that the machine carries now
+        #: progress for the load that the machine carries now
         self.progress = AnswerProgress(choose_target_uncertainty_kg(machine.machine, until_u_kg))
-        #: since when the machine has moved ahead (speed in m/s) or backwards, the newest last
+        #: times of the latest changes of direction, with the new speed in m/s, the newest last
         self._directions: deque[tuple[int, float]] = deque(maxlen=LIMITS.max_directions)
         self._noise, self._valid_s = noise, valid_s
         self._state: OnlineState | None = None
@@ -147,7 +147,7 @@ class Follower:
         self.log.append_topic_samples(topic, samples)
 
     def advance(self, *, is_log_complete: bool = False) -> list[OnlineReport]:
-        """Process all rows that the samples so far determine; returns the reports.
+        """Process all rows that the samples so far determine, and return the reports.
 
         Args:
             is_log_complete: whether no further samples will come.
@@ -166,7 +166,7 @@ class Follower:
         return [*self.iter_complete_rows(is_log_complete=is_log_complete)]
 
     def iter_complete_rows(self, *, is_log_complete: bool = False) -> Iterator[FollowedRow]:
-        """Yield the same rows, each once it is stepped; those that nobody takes are lost."""
+        """Yield the complete rows, each as soon as it is processed; rows not consumed are lost."""
         table = self.log.compute_new_excitation_rows(is_log_complete=is_log_complete)
         for part in () if table is None else table.iter_slices(LIMITS.rows_stepped_at_once):
             rows = part.rows(named=True)

@@ -1,7 +1,7 @@
 """The gate on board: its state, and its decision on the current window.
 
 Its decisions are those of `analysis.stages.gating.gate`, by the same rules, in bounded memory: a
-window holds a flagged row when the last one flagged is less than a window ago.
+window contains a flagged row if the last flagged row is less than a window ago.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ from estimators.methods.incremental import WindowState, compute_window_statistic
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics import nearest_neighbours
 
-#: Row, far in the past, of what has not happened yet.
+#: Row number, far in the past, of an event that has not happened yet.
 _NEVER: Final = -(10**18)
 _CODES: Final = {None: UNKNOWN, **{name: code for code, name in enumerate(PHASES)}}
 
@@ -58,7 +58,7 @@ class GateRow:
     ksg_nat: float = float("nan")
 
     def make_gate_columns(self, axis: Axis = X) -> dict[str, float]:
-        """The numbers by their column names in `gate`."""
+        """The numbers of the row, by their column names in the frame `gate`."""
         letter = axis.letter
         return {
             f"corr_{letter}_1": self.corr_1,
@@ -75,12 +75,13 @@ class GateState(NamedTuple):
     Attributes:
         axis: straight motion or spins.
         row: number of the current row, -1 before the first.
-        first_whole: first of the latest complete rows; None before it.
-        last: last flagged row, by reason in order of precedence.
+        first_whole: first of the uninterrupted complete rows; None before it.
+        last: number of the last flagged row, by reason in order of precedence.
         accelerations: accelerations over the span of the speed rate, for slip; x axis only.
         yaw_rates: yaw rates over that span and one more row, for spins that slow down; z axis only.
         known: whether the phase of this row is known.
-        kind: phase that forms a manoeuvre of its own, "" for driving, None without a row.
+        kind: phase of the row if it forms a manoeuvre of its own, "" for driving; None before the
+            first row.
         segment_id: number of the last manoeuvre that began.
         braking_lag: rows before braking that are not pooled; 1 if braking is accepted.
     """
@@ -134,11 +135,11 @@ def judge_windows(
     settings: Settings,
     noise: Floats | None,
 ) -> list[GateRow]:
-    """Judge the windows that end at successive rows: several cost little more than one.
+    """Judge the windows that end at successive rows; several cost little more than one.
 
     Args:
-        states: state including each row, as from `append_row_without_decision`.
-        windows: window including each row.
+        states: state after each row, by `append_row_without_decision`.
+        windows: window that ends at each row.
         settings: settings with window, thresholds and rejections.
         noise: (p + 1, p + 1) noise covariance of a row of [A f]; None if unknown.
     """
@@ -199,7 +200,7 @@ def judge_windows(
 def append_row_without_decision(
     state: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
 ) -> GateState:
-    """State including this row."""
+    """State of the gate after this row, without a decision on its window."""
     k, name = state.row + 1, row["phase"]
     sample = window.z[:, -1]
     axis, phase = state.axis, np.array([_CODES[name]], np.uint8)
@@ -220,7 +221,7 @@ def append_row_without_decision(
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
     if known:
-        # manoeuvres are numbered alike on both axes
+        # manoeuvres have the same numbers on both axes
         alone = name in TURNS or (settings.gate.exclude_braking and bool(brakes[0]))
         kind = name if alone else ""
     return state._replace(

@@ -1,8 +1,8 @@
 """Rows of `excitation` of a growing log, each once, equal to those of the causal replay.
 
-The stages are the replay's own, over the newest seconds: what is causal looks back no further.
-What the replay takes from a whole log (which stamps place a topic, the grid's rate, how late a row
-is) is taken from its first seconds and kept.
+The stages are those of the replay, applied to the newest seconds: causal stages look back no
+further. Properties that the replay takes from a whole log (stamps of each topic, rate of the grid,
+latency of a row) are determined from its first seconds and kept.
 """
 
 from collections.abc import Mapping
@@ -50,7 +50,7 @@ class LogBasis:
             if header stamps are used.
         stamp_label_by_topic: kind of stamp of each topic, for readers.
         origin: origin of the grid.
-        held: channels whose readings are held, as far as the first seconds show it.
+        held: channels whose readings are held in the first seconds.
         notes: notes on chosen settings.
     """
 
@@ -68,7 +68,7 @@ class LogBasis:
 
 
 def copy_machine_with_causal_filters(machine: Machine) -> Machine:
-    """The machine for following: with causal filters, without optional channels."""
+    """The machine with causal filters and without optional channels, for following a log."""
     needed = {
         source for channel in machine.channels.values() for source in channel.direct_source_channels
     }
@@ -83,22 +83,22 @@ def copy_machine_with_causal_filters(machine: Machine) -> Machine:
 
 @dataclass(slots=True)
 class GrowingLog:
-    """Newest samples of a log, and the state of its rows.
+    """Newest samples of a log, from which its next rows are computed.
 
     Attributes:
         machine: machine from `copy_machine_with_causal_filters`.
         basis: basis; None until the first seconds are available.
-        late_samples: number of samples that came after their rows were given.
+        late_samples: number of samples that arrived after their rows had been computed.
     """
 
     machine: Machine
     basis: LogBasis | None = None
     late_samples: int = 0
     _raw: dict[str, pl.DataFrame] = field(default_factory=dict)
-    #: samples not yet placed, which a call of `collect_complete_rows` takes
+    #: samples not yet placed in time, which the next call of `compute_new_excitation_rows` uses
     _new: dict[str, list[pl.DataFrame]] = field(default_factory=dict)
     _last_t_ns: int = -1
-    #: newest stamp of the topic that was furthest behind when rows were made last
+    #: newest stamp of the topic that was furthest behind when rows were last computed
     _awaited_unix_ns: int = -1
 
     @property
@@ -109,7 +109,7 @@ class GrowingLog:
 
     @property
     def _kept_s(self) -> float:
-        """Time in s before a row that its samples come from."""
+        """Time in s before a row from which samples are kept."""
         if not any(channel.is_derivative for channel in self.machine.channels.values()):
             return LIMITS.kept_s
         return LIMITS.kept_s + LIMITS.kept_low_pass_cycles / self.machine.settings.filter.cutoff_hz
@@ -125,7 +125,7 @@ class GrowingLog:
             self._new.setdefault(topic, []).append(samples)
 
     def compute_new_excitation_rows(self, *, is_log_complete: bool = False) -> pl.DataFrame | None:
-        """New rows of `excitation` that are determined by now.
+        """Compute the new rows of `excitation` that the samples so far determine.
 
         Args:
             is_log_complete: whether no further samples will come.
@@ -145,7 +145,7 @@ class GrowingLog:
                 return None
             return self._make_next_excitation_rows(is_log_complete=is_log_complete)
         except DataError:
-            # too few samples, or none that is a number: more may come
+            # too few samples, or none that is finite: more may come
             if is_log_complete and self.basis is None:
                 raise
             return None
@@ -173,7 +173,7 @@ class GrowingLog:
         assert self.basis is not None
         behind = self.basis.log_time_offset_ns_by_topic[topic]
         stamps = frame["header_stamp_ns"] if behind is None else frame["log_time_ns"] - behind
-        # column by column: a query would cost more than all the rest of a few samples
+        # column by column: for a few samples a query would cost more than everything else
         fields = [frame[name] for name in frame.columns if name not in _STAMPS]
         placed = pl.DataFrame([stamps.alias("unix_ns"), *fields])
         if stamps.null_count() or (behind is None and (stamps == 0).any()):
@@ -221,7 +221,7 @@ class GrowingLog:
         return True
 
     def _drop_samples_before_last_topic(self, begins_ns: int) -> None:
-        """Drop samples between the begin of the log and that of the last topic, but for the ends.
+        """Drop samples from the time before the last topic begins, except at its ends.
 
         Args:
             begins_ns: log time from which samples of the last topic can come.
@@ -232,12 +232,12 @@ class GrowingLog:
             self._drop_samples_between("log_time_ns", first_ns + ends_ns, begins_ns - ends_ns)
 
     def _drop_samples_while_topic_is_missing(self) -> bool:
-        """Drop samples within a gap of a topic, of which no row is made; whether it goes on."""
+        """Drop samples within a gap of a topic, which give no row; return whether it continues."""
         assert self.basis is not None
         newest_ns = [int(frame["unix_ns"][-1]) for frame in self._raw.values() if frame.height]
         awaited_ns = min(newest_ns)
         is_awaited, self._awaited_unix_ns = awaited_ns == self._awaited_unix_ns, awaited_ns
-        # a topic that comes is asked first: what counts as a gap costs more than the question
+        # whether the topic has continued is checked first, as determining a gap costs more
         if not is_awaited or max(newest_ns) - awaited_ns <= SIGNAL_LIMITS.longest_gap_s * 1e9:
             return False
         align = self.basis.machine.settings.align
@@ -245,7 +245,7 @@ class GrowingLog:
             compute_gap_threshold_ns(frame["unix_ns"].to_numpy(), align)
             for frame in self._raw.values()
         )
-        # rows begin again after no less, and look back over what is kept
+        # rows resume after at least this time, and look back over the samples that are kept
         ends_ns = round(longest_ns + (SIGNAL_LIMITS.longest_gap_s + self._kept_s) * 1e9)
         if max(newest_ns) - awaited_ns <= ends_ns:
             return False
@@ -270,7 +270,7 @@ class GrowingLog:
         channels, _ = derive_channels_in_si(
             drop_rows_with_held_readings(read, self.basis.held), machine
         )
-        # the mean, the speed rate over it, and an acceleration averaged over the span of that
+        # moving mean, speed rate over its span, and acceleration averaged over the same span
         looks_back = settings.smooth.samples + 2 * count_rows_in_speed_rate_span(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
@@ -301,7 +301,7 @@ def concatenate_samples(frames: list[pl.DataFrame]) -> pl.DataFrame:
         return frames[0]
     if any(frame.dtypes != frames[0].dtypes for frame in frames):
         return pl.concat(frames, how="vertical_relaxed")
-    # a query would cost more than all the rest of a few samples
+    # for a few samples a query would cost more than everything else
     return reduce(pl.DataFrame.vstack, frames)
 
 
@@ -313,10 +313,10 @@ def sort_by_time(frame: pl.DataFrame, time_column: str) -> pl.DataFrame:
 def cut_topics_to_first_seconds(
     topics: Mapping[str, pl.DataFrame],
 ) -> dict[str, pl.DataFrame] | None:
-    """First seconds of every topic, up to a common time; None if one has fewer.
+    """First seconds of every topic, up to a common time; None if a topic has fewer.
 
-    The cut does not depend on how much was available, so that following the same
-    log again starts from the same data.
+    The cut does not depend on how much was available, so that following the same log again starts
+    from the same data.
     """
     reached: list[int] = []
     for frame in topics.values():
@@ -329,9 +329,9 @@ def cut_topics_to_first_seconds(
 
 
 def find_log_time_minus_header_stamp_ns(frame: pl.DataFrame, stamp_label: str) -> int | None:
-    """Median log time less header stamp in ns, which is subtracted from log times.
+    """Median delay of log time behind the header stamp in ns, to subtract from log times.
 
-    It is 0 if header stamps are missing, zero or a second or more off, and None if header stamps
+    It is 0 if header stamps are missing, zero, or a second or more off, and None if header stamps
     are used.
     """
     if stamp_label == "header":

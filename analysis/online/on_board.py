@@ -1,11 +1,11 @@
 """On board: gate and estimators, one row of `excitation` at a time, as in replay.
 
 State in, state out: a step takes bounded time and memory, and from `excitation` on every decision
-of the gate and every θ equals the replay's bit for bit. The deviations are their own (see
-`estimators.methods.incremental`): what the replay pools over the log is not known yet. A
-manoeuvre's pooled estimate comes when the manoeuvre is over and no braking can claim its last
-samples any more, that of a recursion when none can claim the window that it is fed. Straight
-motion and spins are gated and estimated alike, each by itself.
+of the gate and every θ equals the replay's bit for bit. Standard deviations differ (see
+`estimators.methods.incremental`), since the replay pools them over a log that is not known yet. The
+pooled estimate of a manoeuvre is made once it is over and later braking can no longer exclude its
+last samples; that of a recursion once braking can no longer exclude the window it is fed. Straight
+motion and spins are gated and estimated in the same way, but separately.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,7 +33,7 @@ from estimators.methods import incremental
 
 
 class TimedEstimate(NamedTuple):
-    """An estimate, and the number of its row."""
+    """An estimate with the number of its row."""
 
     row: int
     estimate: Estimate
@@ -57,7 +57,7 @@ class SettlingWindow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class AxisPlan:
-    """What all rows of an axis have in common.
+    """Settings and methods of an axis, which all of its rows share.
 
     Attributes:
         settings: settings with window, gate and methods.
@@ -88,17 +88,17 @@ class AxisState(NamedTuple):
     """State of an axis between two rows.
 
     Attributes:
-        plan: what all rows have in common.
+        plan: settings and methods of the axis.
         window: the last `window_samples` rows and their sums.
         gate: state of the gate.
         pasts: states of the recursive methods, by name.
-        settling: accepted windows to feed them unless braking follows.
-        fed_row: last row fed to them, -1 before the first.
+        settling: accepted windows to feed the recursive methods unless braking follows.
+        fed_row: last row fed to the recursive methods, -1 before the first.
         accepted_row: last row with an accepted window, -1 before the first.
         segments: manoeuvre of the last `window_samples` rows, the oldest first, -1 for none.
-        standstill: whether those rows stand.
+        standstill: whether each of the rows of `segments` is at standstill.
         pending: samples to pool unless braking follows.
-        pool: samples pooled so far into the manoeuvre `pooled_id`, the last of row `pooled_row`.
+        pool: samples pooled so far into the manoeuvre `pooled_id`, the last at row `pooled_row`.
     """
 
     plan: AxisPlan
@@ -122,7 +122,7 @@ class OnlineState:
 
     Attributes:
         settings: settings with window, gate and methods.
-        noise: as in `start`.
+        noise: frame `noise` as passed to `start`.
         axes: state of each axis; empty before the first row, which determines the axes.
     """
 
@@ -135,9 +135,9 @@ class AxisStep(NamedTuple):
     """Result of one row on an axis.
 
     Attributes:
-        gate: statistics and decision of the gate on the window that ends here.
-        estimates: estimates by method: windowed ones at every accepted row, recursive ones when
-            that row has settled, `pooled` at the end of a manoeuvre.
+        gate: statistics and decision of the gate on the window that ends at this row.
+        estimates: estimates by method: windowed ones at every accepted row, recursive ones once
+            braking can no longer exclude it, `pooled` at the end of a manoeuvre.
     """
 
     gate: GateRow
@@ -176,7 +176,7 @@ def start(settings: Settings, noise: pl.DataFrame | None = None) -> OnlineState:
         settings: settings with window, gate and methods.
         noise: frame `noise` of a replay of the same machine, or of half a minute of standstill;
             without it the settings' noise is used if complete, otherwise no window is rejected for
-            noise, `pooled` takes the regressor as exact and TLS the default ratios.
+            noise, `pooled` treats the regressor as exact and TLS uses the default ratios.
     """
     return OnlineState(settings, noise)
 
@@ -186,14 +186,14 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
 
     Args:
         state: state after the previous row; it is not changed.
-        row: regressors, force, phase and what the settings require; None is missing. With yaw
-            torque, rate and acceleration spins are estimated as well.
+        row: regressors, force, phase and columns that the settings require; None means missing.
+            With yaw torque, rate and acceleration, spins are estimated as well.
     """
     return step_rows(state, [row])[0]
 
 
 def step_rows(state: OnlineState, rows: Sequence[Mapping[str, Any]]) -> list[OnlineStep]:
-    """Process successive rows, each as by `step`; judging their windows at once costs less.
+    """Process successive rows like `step`; judging their windows together costs less.
 
     Args:
         state: state after the previous row; it is not changed.
@@ -212,7 +212,7 @@ def step_rows(state: OnlineState, rows: Sequence[Mapping[str, Any]]) -> list[Onl
 
 
 def finish(state: OnlineState) -> Iterator[tuple[Axis, Mapping[str, TimedEstimate]]]:
-    """Outstanding estimates at the end of a log, whose last samples no braking can exclude."""
+    """Yield the outstanding estimates at the end of a log, when no more braking can follow."""
     for axis_state in state.axes:
         for found in _finish_axis(axis_state):
             yield axis_state.plan.axis, found
@@ -239,7 +239,7 @@ def _make_initial_axis_states(state: OnlineState, row: Mapping[str, Any]) -> tup
 def _step_axis(
     state: AxisState, rows: Sequence[Mapping[str, Any]]
 ) -> list[tuple[AxisState, AxisStep]]:
-    """Step an axis by some rows: the state after each, and its result."""
+    """Process some rows on one axis; the state after each row, and its result."""
     plan, window, gate = state.plan, state.window, state.gate
     windows: list[incremental.WindowState] = []
     gates: list[GateState] = []
@@ -266,7 +266,7 @@ def _step_axis(
 def _estimate_at_judged_row(
     state: AxisState, gate_row: GateRow
 ) -> tuple[AxisState, dict[str, TimedEstimate]]:
-    """Estimates of all methods that the row of the state completes."""
+    """Estimates of all methods that the current row completes, and the new state."""
     gate = state.gate
     estimates: dict[str, TimedEstimate] = {}
     if gate_row.accepted:
@@ -339,7 +339,7 @@ def queue_moving_samples_for_pooling(state: AxisState, row: int, new_samples: in
 def pool_samples_after_braking_delay(
     state: AxisState, row: int
 ) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
-    """Pool samples that braking can no longer exclude; an estimate at a manoeuvre's end."""
+    """Pool samples that braking can no longer exclude; at a manoeuvre's end, estimate from them."""
     waiting = list(state.pending)
     while waiting and row - waiting[0].row >= state.gate.braking_lag - 1:
         if _does_sample_start_next_manoeuvre(state, waiting[0]):
@@ -359,8 +359,8 @@ def _does_sample_start_next_manoeuvre(state: AxisState, pending_sample: PendingS
 def is_manoeuvre_over(state: AxisState, row: int) -> bool:
     """Whether no later window can add a sample of the manoeuvre.
 
-    A window of spins may reach into the standstill after a spin. Straight motion ends in samples
-    that no window may contain, so it is over at once.
+    A window of spins may extend into the standstill after a spin. Straight motion ends in samples
+    that no window may contain, so it is over immediately.
     """
     if state.pooled_id == -1:
         return True

@@ -1,6 +1,6 @@
 """Reports while driving: the last mass with its uncertainty, age and validity.
 
-A number is given only with its validity: what is not valid or merely old is null.
+A number is given only with its validity; it is null unless it is valid or merely old.
 """
 
 import math
@@ -12,8 +12,8 @@ from analysis.model.machine_body import Body
 from analysis.online.online_limits import LIMITS
 from estimators.estimate import Estimate
 
-#: none_yet: no manoeuvre has given a mass; uncertain, implausible: the last one is not worth its
-#: name; old: it is, but was measured longer ago than `valid_s`, and the load may have changed.
+#: none_yet: no manoeuvre has given a mass; uncertain, implausible: the last mass is too uncertain
+#: or implausible; old: it was valid, but longer ago than `valid_s`, so the load may have changed.
 Validity: TypeAlias = Literal["valid", "old", "none_yet", "uncertain", "implausible"]
 Event: TypeAlias = Literal["second", "manoeuvre", "spin", "end"]
 
@@ -31,7 +31,7 @@ class PooledEstimate:
     """Pooled estimate of the last manoeuvre that gave one.
 
     Attributes:
-        t_ns: time of its last sample.
+        t_ns: time of the last pooled sample.
         estimate: mass in kg and friction in N·s/m, or inertia in kg·m² and friction of turning in
             N·m·s, with their random standard uncertainties.
     """
@@ -46,32 +46,32 @@ class OnlineReport:
 
     Attributes:
         event: event that the report is made for.
-        unix_ns: when, in the log's time.
-        t_s: the same from the first row.
+        unix_ns: Unix time of the report, in the time of the log.
+        t_s: time since the first row.
         phase: phase of motion; None if unknown.
-        gate: the reason of the window that ends here.
+        gate: reason of the decision on the window that ends here.
         index_nat: index (11) of the window; None if it has none.
-        validity: of mass and friction.
-        mass_kg: of the last manoeuvre; None unless valid or old.
-        mass_u_kg: random standard uncertainty: what all manoeuvres share is not in it.
+        validity: validity of mass and friction.
+        mass_kg: mass by the last manoeuvre; None unless valid or old.
+        mass_u_kg: random standard uncertainty of the mass, without errors that manoeuvres share.
         friction_x_N_s_m: viscous friction; None if unknown.
-        friction_u_N_s_m: random standard uncertainty.
-        age_s: since the last sample that the mass is made of; None without one.
-        manoeuvres: how many have given a mass so far.
-        load_mass_kg: mean of the manoeuvres with the load of now; None before the first.
-        load_u_kg: random standard uncertainty of the load; None if unknown.
-        load_manoeuvres: how many they are.
+        friction_u_N_s_m: random standard uncertainty of the friction.
+        age_s: time since the last sample that the mass is estimated from; None without a mass.
+        manoeuvres: number of manoeuvres that have given a mass so far.
+        load_mass_kg: mean mass of the manoeuvres with the present load; None before the first.
+        load_u_kg: random standard uncertainty of `load_mass_kg`; None if unknown.
+        load_manoeuvres: number of manoeuvres with the present load.
         until_u_kg: target uncertainty; None if none is stated.
-        percent: percentage of the information needed for that; None without a target.
-        starts_missing: manoeuvres like these until then; None before the first.
-        reverse_missing: those of them that should be driven backwards.
-        spin_validity: of inertia and friction of turning; `none_yet` also without a yaw axis.
-        inertia_z_kg_m2: about the point that the last spin turned about; None unless valid or old.
-        inertia_u_kg_m2: random standard uncertainty.
+        percent: information so far, in percent of that needed for the target; None without one.
+        starts_missing: number of such manoeuvres still needed; None before the first.
+        reverse_missing: number of those that should be in reverse.
+        spin_validity: validity of inertia and friction of turning; `none_yet` without a yaw axis.
+        inertia_z_kg_m2: inertia about the centre of the last spin; None unless valid or old.
+        inertia_u_kg_m2: random standard uncertainty of the inertia.
         friction_z_N_m_s: viscous friction of turning; None if unknown.
-        friction_z_u_N_m_s: random standard uncertainty.
-        spin_age_s: since the last sample that they are made of; None without one.
-        spins: how many have given an inertia so far.
+        friction_z_u_N_m_s: random standard uncertainty of the friction of turning.
+        spin_age_s: time since the last sample that the inertia is estimated from; None without one.
+        spins: number of spins that have given an inertia so far.
     """
 
     event: Event
@@ -103,7 +103,7 @@ class OnlineReport:
     spins: int = 0
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields by name, as JSON has them."""
+        """The fields by name, as JSON-compatible values."""
         return {name: getattr(self, name) for name in self.__slots__}
 
 
@@ -118,7 +118,7 @@ def make_report_schema() -> dict[str, Any]:
 
 
 def describe_report_fields(report: type[Any]) -> dict[str, dict[str, Any]]:
-    """JSON type of each field: one of some words, or a number or text that may be null."""
+    """JSON type of each field: an enumeration, or a number or text that may be null."""
     return {each.name: _describe_json_type(each.type) for each in fields(report)}
 
 
@@ -137,7 +137,7 @@ def judge_mass_validity(
 
     Args:
         last_estimate: last estimate; None before the first.
-        t_ns: present time.
+        t_ns: present grid time.
         body: machine body with its empty mass, if known.
         valid_s: age from which a mass is old.
     """
@@ -151,14 +151,14 @@ def judge_mass_validity(
 def judge_spin_validity(
     last_estimate: PooledEstimate | None, t_ns: int, valid_s: float
 ) -> Validity:
-    """Validity of the last inertia at a grid time; it only has to be positive and recent."""
+    """Validity of the last inertia at a grid time: it must be certain, positive and recent."""
     return _judge_validity_by_age(last_estimate, t_ns, valid_s, (0.0, math.inf))
 
 
 def _judge_validity_by_age(
     last_estimate: PooledEstimate | None, t_ns: int, valid_s: float, limits: tuple[float, float]
 ) -> Validity:
-    """Validity of the last estimate by its size, uncertainty and age."""
+    """Validity of the last estimate by its uncertainty, its limits and its age."""
     if last_estimate is None:
         return "none_yet"
     value, u = float(last_estimate.estimate.theta[0]), float(last_estimate.estimate.std[0])

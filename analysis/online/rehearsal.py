@@ -1,7 +1,7 @@
-"""A synthetic start before the first row, which loads or compiles every loop.
+"""A synthetic start before the first row, by which every compiled loop is loaded or compiled.
 
-Loading what is compiled already takes a second in all, and compiling it up to a minute: as late
-as that came the first window that the gate accepts.
+Loading the compiled loops takes about a second, and compiling them up to a minute; without it, the
+first accepted window would be delayed by that time.
 """
 
 from collections.abc import Iterator, Mapping
@@ -17,7 +17,7 @@ from estimators.interpreted import force_compilation
 
 
 def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
-    """Run gate and methods through a synthetic start, so that all they need is loaded and compiled.
+    """Run gate and methods through a synthetic start, so that all their loops are compiled.
 
     Args:
         settings: settings of the follower.

@@ -1,6 +1,6 @@
 """Reports of a replay in the background: load states so far, or the checks that withhold them.
 
-A number is given only with its validity: null is whatever is not valid.
+A number is given only with its validity; it is null unless valid.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,10 +12,10 @@ from analysis.model.answer import Answer, make_answer
 from analysis.model.run_record import Run
 from analysis.online.online_report import describe_report_fields
 
-#: valid: the checks let it pass; withheld: a check withholds it; none_yet: the log so far is too
-#: short for any; failed: the log could not be replayed.
+#: valid: no check withholds the number; withheld: a check does; none_yet: the log so far is too
+#: short for one; failed: the log could not be replayed.
 ReplayValidity: TypeAlias = Literal["valid", "withheld", "none_yet", "failed"]
-#: The fits of turning in `planar`, the one with less uncertainty first.
+#: The fits in `planar` that give an inertia, the one with less uncertainty first.
 _FITS_OF_TURNING: Final = ("joint", "arcs")
 
 
@@ -24,19 +24,19 @@ class LoadReport:
     """A load state.
 
     Attributes:
-        load_id: its number.
+        load_id: number of the load state.
         start_unix_ns: start of its first manoeuvre.
         end_unix_ns: end of its last manoeuvre.
-        manoeuvres: how many the joint fit has of it.
-        validity: of its numbers.
-        withheld_by: checks that withhold them; empty if valid.
-        empty: whether it is taken as the empty machine.
+        manoeuvres: number of its manoeuvres in the joint fit.
+        validity: validity of the numbers.
+        withheld_by: checks that withhold the numbers; empty if valid.
+        empty: whether the state counts as the empty machine.
         mass_kg: mass of machine and load; None unless valid.
-        mass_u_kg: its standard uncertainty, with what all manoeuvres share.
+        mass_u_kg: standard uncertainty of the mass, including errors that manoeuvres share.
         payload_kg: difference to the empty machine; None if unknown.
-        payload_u_kg: its standard uncertainty.
-        friction_x_N_s_m: viscous friction, which all loads share.
-        friction_u_N_s_m: its standard uncertainty.
+        payload_u_kg: standard uncertainty of the payload.
+        friction_x_N_s_m: viscous friction, common to all loads.
+        friction_u_N_s_m: standard uncertainty of the friction.
     """
 
     load_id: int
@@ -60,19 +60,19 @@ class ReplayReport:
 
     Attributes:
         event: `replay`.
-        unix_ns: time of the last row that was replayed.
-        t_s: that time in s since the first row.
-        age_s: s that the log had gone on beyond it when the result came.
-        is_whole: whether it is the last replay, of everything recorded when following ended.
-        validity: `valid` if any load is.
+        unix_ns: time of the last replayed row.
+        t_s: the same time in s since the first row.
+        age_s: time in s by which the log had continued after that row when the result was ready.
+        is_whole: whether this is the last replay, of everything recorded when following ended.
+        validity: `valid` if any load is valid.
         withheld_by: checks that withhold the mass of every load.
         loads: load states in the order of their numbers.
         turning_validity: validity of the inertia; `none_yet` without arcs or joint motion.
-        inertia_z_kg_m2: by the fit of all motion, else of arcs; None unless valid.
-        inertia_u_kg_m2: its standard uncertainty.
+        inertia_z_kg_m2: inertia by the fit of all motion, else of arcs; None unless valid.
+        inertia_u_kg_m2: standard uncertainty of the inertia.
         processor_s: processor time that the replay took, in s.
         fingerprint: digest of the frames, as `payscope run` states it; empty without a result.
-        fault: why there is no result; empty if there is one.
+        fault: reason why there is no result; "" if there is one.
     """
 
     event: Literal["replay"]
@@ -91,7 +91,7 @@ class ReplayReport:
     fault: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields by name, as JSON has them."""
+        """The fields by name, as JSON-compatible values."""
         return asdict(self)
 
     @classmethod
@@ -102,12 +102,12 @@ class ReplayReport:
         return cls(loads=loads, withheld_by=tuple(given.pop("withheld_by")), **given)
 
     def copy_with_age_at(self, unix_ns: int) -> Self:
-        """The same with its age at a later time of the log."""
+        """Copy of the report with its age at a later time of the log."""
         return replace(self, age_s=max(0.0, (unix_ns - self.unix_ns) / 1e9))
 
     @property
     def closed_loads(self) -> tuple[LoadReport, ...]:
-        """Loads that no later manoeuvre joins, as far as this replay knows."""
+        """Loads that are complete: all but the last, or all if the log is whole."""
         return self.loads if self.is_whole else self.loads[:-1]
 
 
@@ -126,7 +126,7 @@ def make_replay_report_schema() -> dict[str, Any]:
 
 
 def make_replay_report(run: Run) -> ReplayReport:
-    """Report the result of a replay of the log so far, without the time that it took."""
+    """Report on a replay of the log so far, without the processor time that it took."""
     found, t_ns = make_answer(run), run.frames["excitation"]["t_ns"]
     t0_unix_ns, last_ns = run.provenance.t0_unix_ns, int(t_ns[-1]) if t_ns.len() else 0
     loads = tuple(iter_load_reports(found, t0_unix_ns))
@@ -153,7 +153,7 @@ def make_replay_report(run: Run) -> ReplayReport:
 
 
 def select_fit_with_inertia(planar: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
-    """The fit with an inertia, of joint motion before arcs; without an inertia, the first fit."""
+    """The fit that gives an inertia, all motion preferred to arcs; without one, the first fit."""
     fits = [row for kind in _FITS_OF_TURNING for row in planar if row["kind"] == kind]
     has_inertia = (
         row for row in fits if replace_nonfinite_by_none(row["inertia_z_kg_m2"]) is not None
@@ -192,5 +192,5 @@ def iter_load_reports(answer: Answer, t0_unix_ns: int) -> Iterator[LoadReport]:
 
 
 def replace_nonfinite_by_none(value: float | None) -> float | None:
-    """The number, or None where JSON has none for it."""
+    """The number, or None if it is not finite, which JSON does not allow."""
     return value if value is not None and isfinite(value) else None

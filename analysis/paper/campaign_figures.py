@@ -17,7 +17,7 @@ from analysis.paper.simulated_sources import CAMPAIGNS, START, Extract, Repetiti
 
 @dataclass(frozen=True, eq=False)
 class Figure5:
-    """One start and stop, and the highest index (11) in nat by phase, if it has any."""
+    """One start and stop, and the highest index (11) in nat of each phase that has one."""
 
     frame: pl.DataFrame
     highest_nat: Mapping[str, float]
@@ -134,9 +134,9 @@ def make_figure_7_calibrated_mass_data(extracts: RepetitionResults) -> Figure7:
 
 @dataclass(frozen=True, eq=False)
 class Figure8:
-    """Errors by load, and their ratio: error without the own load in the fit over that with it.
+    """Errors by load, and the ratio of the error without the load in the fit to that with it.
 
-    `ends_1` is the mean ratio of the smallest and largest load, `middle_1` that of the other loads.
+    `ends_1` is the mean ratio for the smallest and largest load, `middle_1` for the other loads.
     """
 
     frame: pl.DataFrame

@@ -25,7 +25,7 @@ from analysis.paper.simulated_sources import (
 )
 from analysis.paper.torque_chain import TorqueChain
 
-#: Methods whose smallest and largest error is compared: FGLS follows LS.
+#: Methods whose smallest and largest errors are compared; FGLS behaves like LS.
 _COMPARED: Final = ("ls", "rls", "tls", "pooled")
 
 
@@ -107,9 +107,9 @@ def make_table_2_calibration_lines(extracts: RepetitionResults) -> Table2:
 
 
 class ErrorExtremes(NamedTuple):
-    """Smallest and largest error of a method over a setting, without the own load in the fit.
+    """Smallest and largest error of a method over a setting, each load left out of its fit.
 
-    `alike` are those of `values` whose error is within the interval of the smallest.
+    `alike` are the values of the setting whose error is within the interval of the smallest one.
     """
 
     method: str
@@ -241,7 +241,7 @@ def _average_errors_by_setting(
 def find_best_and_worst_setting(
     method: str, setting: str, selected_rows: pl.DataFrame
 ) -> ErrorExtremes:
-    """The values of a setting with the least and the largest error of a method."""
+    """Find the values of a setting with the smallest and the largest error of a method."""
     known = dict(selected_rows.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
     (best, *_), worst = find_keys_of_lowest_error(known), max(known, key=lambda at: known[at])
     high = selected_rows.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]

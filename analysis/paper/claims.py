@@ -1,7 +1,7 @@
 """Claims of the abstract and the conclusion, compared with simulated campaigns.
 
-Every error is given relative to the machine's mass, as in the paper, and to the payload range, by
-which a scale is judged.
+Every error is given relative to the machine's mass, as in the paper, and relative to the payload
+range, as is usual for scales.
 """
 
 from collections.abc import Mapping
@@ -22,9 +22,9 @@ from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Repeti
 from analysis.paper.table1 import AT_LENGTH
 from analysis.stages.gating.gate import gate_windows
 
-#: What recursive least squares is fed: what the gate accepts, all but braking, everything.
+#: Samples that RLS is fed: those that the gate accepts, all except braking, or all.
 Fed: TypeAlias = Literal["gated", "no braking", "ungated"]
-#: What it is fed over a long cruise, and whether it forgets directionally.
+#: Samples that RLS is fed over a long cruise, and whether it forgets directionally.
 CRUISE_FED: Final[tuple[tuple[Fed, bool], ...]] = (
     ("ungated", False),
     ("gated", False),
@@ -32,9 +32,9 @@ CRUISE_FED: Final[tuple[tuple[Fed, bool], ...]] = (
     ("ungated", True),
 )
 
-#: Reasons to refuse a window that have nothing to do with information or braking.
+#: Reasons to reject a window other than information or braking.
 _INCOMPLETE: Final = ("warming_up", "gap")
-#: Quantile of the normal distribution of a 95 % interval.
+#: Quantile of the normal distribution for a 95 % interval.
 _NORMAL: Final = 1.96
 _PARAMETERS: Final = 2  # mass and friction
 _FLOAT_BYTES: Final = 8
@@ -43,7 +43,7 @@ _FLOAT_BYTES: Final = 8
 def rerun_estimates_with_accepted_windows(
     campaign: ReplayedCampaign, window_rule: Fed, settings: Settings
 ) -> ReplayedCampaign:
-    """Campaign with other accepted windows and new estimates.
+    """Rerun the estimates of a campaign with other accepted windows.
 
     Args:
         campaign: replayed campaign.
@@ -245,7 +245,7 @@ def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
 
 
 def _make_error_and_buffer_rows_by_window(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
-    """Mean error of OLS and RLS by window length, and the bytes that each keeps."""
+    """Mean errors of OLS and RLS by window length, and the bytes of memory of each."""
     means = compute_mean_intervals(
         campaigns.filter(pl.col("method").is_in(["ls", "rls"])),
         [WINDOW, "method"],
@@ -349,7 +349,7 @@ def find_gate_rule_that_reduces_rls_error(
     """Rule of the gate that reduces the error of RLS on short starts, or "nothing".
 
     Args:
-        mean_errors: mean errors by method and by what it is fed.
+        mean_errors: mean errors by method and by the samples that it is fed.
     """
     rls = mean_errors.filter(pl.col("method") == "rls")
     by_fed = dict(rls.select("fed", "rms_left_out_kg").iter_rows())

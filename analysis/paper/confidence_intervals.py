@@ -46,7 +46,7 @@ def compute_mean_intervals(
     for name in values:
         count = means[f"{name}_count"].to_numpy().astype(float)
         std = means[f"{name}_std"].cast(pl.Float64).fill_null(np.nan).to_numpy()
-        # below two there is no spread, and no quantile
+        # with fewer than two values there is no scatter and no quantile
         quantile = t.ppf(
             (1.0 + LIMITS.confidence_1) / 2.0, np.where(count > 1, count - 1.0, np.nan)
         )
@@ -59,11 +59,11 @@ def compute_mean_intervals(
 def bootstrap_rms_and_interval(errors: Floats, rng: np.random.Generator) -> RmsInterval:
     """Root mean square of independent errors with its percentile bootstrap interval.
 
-    The errors need not share one variance: windows that start at different phases do not.
+    The errors may have different variances, like those of windows that start at different phases.
 
     Args:
-        errors: (n,), NaN if a repetition gave none.
-        rng: generator of the resamples.
+        errors: (n,) errors, NaN if a repetition gave none.
+        rng: random generator for the resampling.
 
     Returns:
         R.m.s., low, high; NaN without errors.

@@ -1,9 +1,9 @@
-"""Cramér–Rao bounds of the mass: how good the best unbiased estimate of a window can be.
+"""Cramér–Rao bounds of the mass: the smallest variance of an unbiased estimate from a window.
 
 Functional errors-in-variables: force, acceleration and speed are all measured with white noise and
-the true motion is unknown, so every sample says f - a m - v b = 0 to within
-σ² = σ_f² + m² σ_a² + b² σ_v², and cov θ ≥ σ² (ZᵀZ)⁻¹ with the noise-free regressor Z. It bounds
-what treats samples as unrelated, as (7) does; who also knew that a = dv/dt could do better.
+the true motion is unknown, so every sample satisfies f - a m - v b = 0 to within
+σ² = σ_f² + m² σ_a² + b² σ_v², and cov θ ≥ σ² (ZᵀZ)⁻¹ with the noise-free regressor Z. The bound is
+for estimators that treat samples as unrelated, as (7) does; using a = dv/dt could be better.
 """
 
 import numpy as np
@@ -37,7 +37,7 @@ def compute_cramer_rao_mass_bounds_kg(
         sum_v_squared: (...,) sum of the squared speeds.
 
     Returns:
-        (...,); infinite if the samples cannot separate mass from friction.
+        (...,) bounds in kg; infinite if the samples cannot separate mass from friction.
     """
     determinant = sum_a_squared * sum_v_squared - sum_a_v**2
     # to working precision

@@ -22,7 +22,7 @@ from estimators.planar import planar_rows
 
 @dataclass(frozen=True, eq=False)
 class Figure2:
-    """Motion, time constant of the machine, and remainder of a step response after T."""
+    """Motion, time constant of the machine, and relative remainder of a step response after T."""
 
     frame: pl.DataFrame
     constant_s: float
@@ -77,7 +77,7 @@ def make_figure_3_convergence_data(campaign: ReplayedCampaign) -> Figure3:
         {
             "gate.window_samples": round(LIMITS.optimal_window_s * rate_hz),
             "trace.methods": printed_numbers.METHODS,
-            # the drive itself slows the machine down
+            # here the drive slows the machine down, not the brakes
             "gate.exclude_braking": False,
         }
     )
@@ -136,7 +136,7 @@ def make_figure_4_spin_data(campaign: ReplayedCampaign) -> Figure4:
     rate_hz = campaign.settings.align.rate_hz
     window = round(LIMITS.optimal_window_s * rate_hz)
     known = np.isfinite(A).all(axis=1) & np.isfinite(f)
-    # the brakes that end the drive are no part of (8)
+    # without the brakes at the end, which (8) does not model
     known &= excitation["t_ns"].to_numpy() <= round(LIMITS.figure_s * 1e9)
     complete = np.convolve(known, np.ones(window))[: f.size] > window - 0.5
     standing = np.flatnonzero(np.isfinite(f))[-round(LIMITS.standing_s * rate_hz) :]

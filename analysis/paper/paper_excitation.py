@@ -1,6 +1,6 @@
 """Excitation of the paper: a periodic triangular force or torque from standstill.
 
-After the start has decayed the motion is periodic, and many of its windows are measured at once.
+Once the transient has decayed the motion is periodic, and many of its windows are measured at once.
 """
 
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ class SteadyDrive:
         true = self.motion[(start + steps) % self.motion.shape[0]]
         noise = (sensors.acc_noise_m_s2, sensors.speed_noise_m_s, sensors.force_noise_N)
         measured = true + noise * rng.standard_normal(true.shape)
-        # the mean of a row's first samples reaches into the row before: those are cut off
+        # the mean of a row's first samples includes the previous row, so they are cut off
         smoothed = [
             compute_trailing_mean(column.ravel(), smooth_samples).reshape(column.shape)[:, before:]
             for column in np.moveaxis(measured, -1, 0)

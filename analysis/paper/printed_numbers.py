@@ -54,7 +54,7 @@ TABLE_4_KG: Final = {
     700.0: (15.1, 12.4, 63.7, 28.6),
 }
 
-#: Abstract: the RMS error is below this share of the machine's mass.
+#: Abstract: the RMS error is below this fraction of the machine's mass.
 RMS_SHARE: Final = 0.01
 #: Section 5, "on average … with a 95 % confidence level", shares of the machine's mass.
 SIMULATION_ERROR: Final = (0.0008e-2, 0.03e-2)

@@ -1,8 +1,8 @@
-"""Simulated campaign, replayed and compared with its truth: errors of calibrated masses.
+"""Simulated campaign, replayed and compared with its true values: errors of calibrated masses.
 
-A trial is one run of a campaign (`campaign.runs`). Tables 3 and 4 leave open whether an error is
-that of a single trial or of a load's mean, and whether the own load is in the fit of (19); all four
-are given.
+A trial is one run of a campaign (`campaign.runs`). Tables 3 and 4 do not say whether an error is
+that of a single trial or of a load's mean, and whether the fit of (19) includes that load; all four
+errors are given.
 """
 
 from dataclasses import dataclass, replace
@@ -37,7 +37,7 @@ class ReplayedCampaign:
     Attributes:
         scenario: simulated scenario.
         replayed: replay of its logs on one time line.
-        trials: truth of every trial (`SimulatedLog.trials`).
+        trials: true values of every trial (`SimulatedLog.trials`).
         noise_free_motion: true motion (`SimulatedLog.noise_free_motion`) of all logs.
     """
 
@@ -103,8 +103,8 @@ def compute_calibrated_mass_errors(campaign: ReplayedCampaign) -> pl.DataFrame:
 def compute_cramer_rao_bound_of_trial_kg(campaign: ReplayedCampaign) -> float:
     """Cramér–Rao bound of a trial's mass, r.m.s. over the trials with an accepted window.
 
-    It uses all samples in accepted windows of the trial except true braking, where (7) does not
-    hold.
+    It uses all samples in accepted windows of the trial, except those of true braking, for which
+    (7) does not hold.
     """
     frames, scenario = campaign.replayed.frames, campaign.scenario
     window = campaign.settings.gate.window_samples

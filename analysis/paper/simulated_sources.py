@@ -1,8 +1,8 @@
 """Simulations that tables and figures share; each is replayed once for all items.
 
 An item of the reproduction needs extracts; an extract is made from one source; a source is
-simulated as often as the study says, one repetition at a time, so that memory does not grow with
-their number.
+simulated as often as the study requires, one repetition at a time, so that the memory does not grow
+with the number of repetitions.
 """
 
 from collections.abc import Callable, Iterable
@@ -23,7 +23,7 @@ from analysis.simulation import Scenario, SimulatedLog
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 
-#: The noise of the paper's sensors, which its study takes for known: TLS scales by it.
+#: Noise of the paper's sensors, which its study assumes to be known: TLS scales by it.
 PAPER_NOISE: Final = {
     "noise.force_N": 60.0,
     "noise.acc_m_s2": 0.01,
@@ -35,13 +35,13 @@ PAPER_NOISE: Final = {
 
 S = TypeVar("S")
 T = TypeVar("T")
-#: What lies between the simulated signals and their recording.
+#: Function that alters the simulated signals before they are recorded.
 Chain: TypeAlias = Callable[[SimulatedLog], SimulatedLog]
 
 
 @dataclass(frozen=True, eq=False)
 class StudySettings:
-    """Settings of the simulations, and their number.
+    """Settings and number of the simulations.
 
     Attributes:
         scenario: campaign with the seed of the first repetition; each further one has the next.
@@ -179,7 +179,7 @@ def _replay_seeded_campaign(study: StudySettings, repetition: int) -> ReplayedCa
 
 
 def _replay_torque_chain_campaign(study: StudySettings, repetition: int) -> ReplayedCampaign:
-    # (17) as printed knows no share of the force
+    # (17) as printed has no force share
     printed = study.machine.machine.model_copy(update={"force_share": 1.0})
     machine = study.machine.model_copy(update={"machine": printed})
     return study.replay(

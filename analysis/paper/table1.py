@@ -29,23 +29,23 @@ from estimators.arrays import Floats
 from estimators.methods import fgls, ls, rls, tls
 from estimators.methods.rls import RlsOptions
 
-#: The paper's, and total least squares on raw units.
+#: The paper's methods, and total least squares in raw units.
 METHODS: Final = (*printed_numbers.METHODS, "tls_raw")
-#: A normal error is larger than so many of its standard deviations once in twenty times.
+#: Number of standard deviations that a normal error exceeds once in twenty times.
 RARE: Final = 1.96
-#: From this length on, the paper's response time T, windows tell mass from friction.
+#: Length from which windows separate mass from friction: the paper's response time T.
 LONG_S: Final = printed_numbers.RESPONSE_S
 
 
 @dataclass(frozen=True, eq=False)
 class Table1:
-    """Table 1, and how it compares with the printed one.
+    """Table 1, compared with the printed one.
 
     Attributes:
-        frame: frame of `window_errors` for every length.
+        frame: frame of `compute_errors_by_window_length` for every length.
         printed_count: number of printed values.
-        below_bound: number of them below the Cramér–Rao bound.
-        improbably_large_count: number of them larger than `RARE` times ours.
+        below_bound: number of printed values below the Cramér–Rao bound.
+        improbably_large_count: number of printed values larger than `RARE` times ours.
         best_printed_s: length with the smallest printed error, by method.
         best_s: length with the smallest error of ours, by method.
         long_over_bound_1: smallest and largest error of LS and TLS over the bound, from `LONG_S`.
@@ -169,7 +169,7 @@ def compute_errors_by_window_length(
     """
     rows: list[dict[str, object]] = []
     for window_s in windows_s:
-        # a length's windows are the same whichever other lengths are asked for
+        # the windows of a length do not depend on the other lengths
         rng = np.random.default_rng([sensors.seed, round(window_s * 1e3)])
         bound_kg, strict_kg, errors = compute_cramer_rao_bounds_and_errors_kg(
             drive, sensors, window_s, smooth_samples, window_count, methods, rng
@@ -202,7 +202,7 @@ def compute_errors_by_window_length(
 def compute_errors_in_raw_units(
     drive: SteadyDrive, sensors: SimulatedSensors, window_count: int
 ) -> pl.DataFrame:
-    """`window_errors` at 2 s and a noise under which total least squares needs scaled columns."""
+    """Errors at 2 s with a noise for which total least squares needs scaled columns."""
     noisier = sensors.model_copy(update={"force_noise_N": 150.0, "acc_noise_m_s2": 0.03})
     return compute_errors_by_window_length(
         drive, noisier, window_count, windows_s=(2.0,), methods=("tls", "tls_raw")

@@ -1,10 +1,11 @@
 """A torque chain that would explain Table 2: sensors on the front wheels, a gain and an offset.
 
-Noise flattens no line to a slope of 0.14: (19) is fitted on means, and simulated noise leaves it at
-1. But a load in the bucket sits ahead of the front axle and unloads the rear, so that the front
-wheels, if they carry the drive force as they carry weight, gain more than the load; (17) knows no
-such share. With a conditioning gain and an offset beside it (section 4.3 suspects both) Table 2
-comes out. That is plausible, not proven: the paper gives none of the four numbers.
+Noise cannot flatten the line to a slope of 0.14: (19) is fitted to means, and simulated noise
+leaves the slope at 1. But a load in the bucket is ahead of the front axle and unloads the rear. If
+the front wheels carry drive force in proportion to weight, their force therefore grows by more than
+the load; (17) has no such share. With a gain and an offset of the signal conditioning (section 4.3
+suspects both) Table 2 results. This is plausible but not proven: the paper gives none of the four
+numbers.
 """
 
 from dataclasses import dataclass, replace
@@ -32,7 +33,7 @@ class TorqueChain:
     offset_N: float = -3500.0
 
     def compute_front_axle_fraction(self, empty_kg: float, load_kg: float) -> float:
-        """Share of the weight on the front axle with a load in the bucket."""
+        """Fraction of the weight on the front axle with a load in the bucket."""
         front_kg = self.empty_fraction_1 * empty_kg + self.load_lever_1 * load_kg
         return front_kg / (empty_kg + load_kg)
 

@@ -1,9 +1,9 @@
-"""The centre of mass from arcs (stage 3), and every parameter that motion in the plane determines.
+"""The centre of mass from arcs (stage 3), and all parameters that planar motion determines.
 
-An arc holds v and ω constant, so the index (11) is undefined there: its gate is the phase `arc` for
-a window and the predicted deviation of the centre of mass. One arc determines nothing by itself;
-mass, inertia and friction come from straight motion and spins of the same log. What a real machine
-has besides (`terms`) is fitted under its priors, and what no log tells is in the uncertainty.
+On an arc v and ω are constant, so the index (11) is undefined: an arc is accepted if it lasts a
+window and the predicted deviation of the centre of mass is small. One arc alone determines nothing;
+mass, inertia and friction come from straight motion and spins of the same log. Further forces of a
+real machine (`terms`) are fitted with priors; errors that no log shows are in the uncertainty.
 """
 
 from collections.abc import Iterator, Mapping
@@ -50,7 +50,7 @@ _COLUMNS: Final = {
 }
 _COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
 _UNKNOWN: Final = ("scale_unknown", "com_scale_unknown")
-#: Which rows, and which of the six columns, straight motion, spins and all motion are fitted by.
+#: Rows of the regressor that straight motion, spins and all motion are fitted with.
 _FORCE, _TORQUE, _BOTH = slice(0, 1), slice(1, 2), slice(0, 2)
 _ALL: Final = tuple(range(len(PARAMETERS)))
 _STAGES: Final = ((X, _FORCE, (0, 4)), (Z, _TORQUE, (1, 5)))
@@ -67,7 +67,7 @@ class PlanarLog:
 
 @dataclass(frozen=True, slots=True)
 class PlanarFit:
-    """A fit, and the names of what its `responses` are of: a term with two kinds has two rows."""
+    """A fit, and the name of each row of its `responses`; a term may have two rows."""
 
     estimate: BaseEstimate
     response_names: tuple[str, ...]
@@ -90,9 +90,9 @@ def make_planar_frames(
         noise: noise of the columns, if known.
 
     Returns:
-        `planar`, without rows where the machine does not turn. What the motion does not determine
-        is null, and `combinations` says what it determines instead. And `planar_budget`, what the
-        uncertainty of all motion together is made of.
+        `planar`, without rows if the machine does not turn. Parameters that the motion does not
+        determine are null, and `combinations` states the combinations that it determines instead.
+        And `planar_budget`, the uncertainty budget of the fit of all motion.
     """
     log = PlanarLog(
         collect_planar_samples(excitation, machine.settings, noise), excitation, machine
@@ -117,7 +117,7 @@ def make_planar_frames(
 def iter_fit_rows_of_arcs_and_all_arcs(
     log: PlanarLog, gated: pl.DataFrame, verdict: Verdict, initial_parameters: Floats
 ) -> Iterator[dict[str, Any]]:
-    """Each arc that lasts a window, and all of them as one fit."""
+    """Yield the row of each arc that lasts a window, and that of the fit of all arcs."""
     plane, settings = log.plane, log.machine.settings
     steady = plane.usable & (log.excitation["phase"] == "arc").fill_null(False).to_numpy()
     arc_id = np.where(steady, assign_manoeuvre_numbers_to_samples(log.excitation, settings), -1)
@@ -134,7 +134,7 @@ def iter_fit_rows_of_arcs_and_all_arcs(
             known = known.combine_with_prior(
                 make_arc_prior_from_axis(log, gated, initial_parameters, *stage)
             )
-    # a yaw torque counts once spins have vouched for it
+    # the yaw torque is used only if spins have confirmed it
     both = "friction_z_N_m_s" in known.names
     parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
     parts += [("arcs", slice(firsts[0], lasts[-1] + 1))] if firsts.size > 1 else []
@@ -162,7 +162,7 @@ def make_arc_prior_from_axis(
     axes: slice,
     columns: tuple[int, ...],
 ) -> Prior:
-    """Prior for an arc by straight motion or spins, with the terms that only these have."""
+    """Prior for arcs from straight motion or spins, including the terms of that axis alone."""
     nothing = Prior.make_zero_mean({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
@@ -207,7 +207,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
     row = _make_fit_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
-    # of a force that never changes nothing is explained
+    # of a constant force nothing is explained
     unexplained = np.divide(
         estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
     )
@@ -220,11 +220,11 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
 
 
 def does_check_concern_joint_motion(check: Check, machine: Machine) -> bool:
-    """Whether joint motion is wrong where the check fails, too.
+    """Whether a failed check also makes the fit of all motion wrong.
 
-    It needs no windows. A machine that spins about another point than the origin has first moments,
-    which are fitted; an accelerometer that is elsewhere than stated shows the same, so that its
-    place must be stated with an uncertainty, and be near.
+    That fit needs no windows. If the machine spins about another point than the origin, the first
+    moments are not 0, and are fitted; an accelerometer at another position than stated has the same
+    effect, so its position must be stated with an uncertainty, and be near the origin.
     """
     if check.check == "spin_centre_m":
         far_m = LIMITS.spin_centre_max_1 * (machine.machine.track_width_m or 0.0) / 2.0
@@ -239,7 +239,7 @@ def is_joint_planar_fit_plausible(
     """Whether the joint fit passes the checks of straight motion on its own ungated samples."""
     limits = settings.verdict
     explained = min(fit_row["r_squared_x_1"], fit_row["r_squared_z_1"])
-    # of a mass and an inertia; those that the motion does not determine are not told anyway
+    # mass and inertia, unless the motion does not determine them
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.parameter_stds[:2][told]
     force, speeds_up = samples.f[:, 0], samples.known & (samples.speed_change_sign > 0)
@@ -266,12 +266,12 @@ def fit_planar_parameters_iteratively(
     axes: slice,
     columns: tuple[int, ...] = _ALL,
 ) -> PlanarFit:
-    """Fit the samples of segment_id >= 0 again and again, each with the terms of the last fit.
+    """Fit the samples of segment_id >= 0 repeatedly, with the terms of the last fitted parameters.
 
     Args:
         log: rows of the whole log.
         segment_id: (n,) stretch of each sample.
-        initial_parameters: (6,) mass, inertia, moments and frictions to begin with.
+        initial_parameters: (6,) mass, inertia, moments and frictions for the first fit.
         prior: prior by the earlier stages, with its terms.
         axes: fitted axes: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
@@ -294,12 +294,12 @@ def fit_planar_parameters_once(
     axes: slice,
     columns: tuple[int, ...],
 ) -> PlanarFit:
-    """One fit, with the terms of a machine of these coefficients (6,)."""
+    """Fit once, with the terms of a machine that has these coefficients (6,)."""
     where = np.flatnonzero(segment_id >= 0)
     part = slice(int(where[0]), int(where[-1]) + 1)
     of_columns = np.array(columns)
     drive = make_planar_drive(log.plane, log.excitation, log.machine, coefficients)
-    # the noise of a column that is not fitted would tell a term that is a share of it
+    # a term that is a share of a column not fitted would be determined by that column's noise
     terms = [
         (term, std)
         for term, std in select_terms_of_drive(drive, "xz"[axes])
@@ -392,7 +392,7 @@ def _make_fit_row(
 
 
 def _make_outcome_row(fit_row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
-    """The row with its outcome: no number of a fit that is refused or withheld."""
+    """The row with its reason, and without numbers if the fit is rejected or withheld."""
     fit_row = {**fit_row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":
         hidden = {*_COLUMNS, *_COLUMNS.values(), *_COM, *_UNKNOWN}

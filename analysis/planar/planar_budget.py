@@ -25,7 +25,7 @@ from estimators.planar.planar_rows import MOMENTS, PARAMETERS
 _TERMS: Final = {term.name: term for term in TERMS}
 #: Rows of the planar regressor.
 _TORQUE: Final = 1
-#: What the budget is told of: quantity, and its unit.
+#: Quantities of the budget, with their units.
 _QUANTITIES: Final = {
     "inertia_z_kg_m2": "kg·m²",
     "first_moment_x_kg_m": "kg·m",
@@ -48,7 +48,7 @@ def list_uncertainty_sources_of_quantity(
     Args:
         estimate: the fit.
         gradient: (p,) derivatives of the quantity by the parameters.
-        terms: names of what its `responses` are of; those that are no terms count as noise.
+        terms: name of each row of its `responses`; rows that are not of a term count as noise.
         machine: machine file with its uncertainties.
     """
     at = np.flatnonzero(gradient)
@@ -91,7 +91,7 @@ def iter_machine_uncertainty_sources(
         if not scale.applies(machine) or (scale is TRACK_WIDTH and not by_sides):
             continue
         change = torque if scale is TRACK_WIDTH else whole
-        # two sides have a gain each
+        # each of two sides has its own gain
         sides = scale is SCALES[0] and by_sides
         if abs(change) <= LIMITS.cancelled_gain_1 * size and not sides:
             continue
@@ -126,12 +126,12 @@ def compute_combined_uncertainty(
 def make_planar_budget_rows(
     fit_row: Mapping[str, Any], estimate: BaseEstimate, terms: tuple[str, ...], machine: Machine
 ) -> list[dict[str, Any]]:
-    """Rows on the sources of uncertainty of each quantity that all motion determines.
+    """Rows of `planar_budget` for each quantity that the fit of all motion determines.
 
     Args:
-        fit_row: the fit of all motion in `planar`.
+        fit_row: row of that fit in `planar`.
         estimate: the fit.
-        terms: as `list_uncertainty_sources_of_quantity` takes them.
+        terms: as in `list_uncertainty_sources_of_quantity`.
         machine: machine file with its uncertainties.
     """
     parts: list[dict[str, Any]] = []
@@ -164,7 +164,7 @@ def make_planar_budget_rows(
 def join_missing_setting_names(
     estimate: BaseEstimate, gradients: list[Floats], terms: tuple[str, ...], machine: Machine
 ) -> str:
-    """Values missing in the machine file that any of these quantities needs.
+    """Settings missing in the machine file that any of these quantities needs, with commas.
 
     Args:
         estimate: the fit.

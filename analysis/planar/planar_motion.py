@@ -1,4 +1,4 @@
-"""Planar motion of a log with the known parameters of the machine, for the terms of a fit."""
+"""Planar motion of a log with the known parameters of its machine: the input of terms."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -19,8 +19,8 @@ _AT = {name: number for number, name in enumerate(PARAMETERS)}
 class TurningSamples(NamedTuple):
     """Samples (m,) of a slice of planar motion.
 
-    Force and torque are those of the model, unless named otherwise: noise of measured ones would
-    explain itself. They are means over a second, their rates are not.
+    Force and torque are those of the model unless called measured, since noise of measured ones
+    would explain itself. They are means over a second; their rates are not averaged.
     """
 
     acc_x: Floats
@@ -73,28 +73,28 @@ class PlanarDrive:
 
     @property
     def gravity_m_s2(self) -> float:
-        """Gravity at the place of work."""
+        """Gravity by the machine file, in m/s²."""
         return self.machine.machine.gravity_m_s2
 
     @property
     def mass_kg(self) -> float:
-        """Mass by the previous fit, else by the machine file."""
+        """Mass in kg by the previous fit, else by the machine file; 0 if unknown."""
         told = self._read_term_coefficient("mass_kg")
         return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
 
     @property
     def inertia_z_kg_m2(self) -> float:
-        """Yaw inertia by the previous fit; 0 if undetermined."""
+        """Yaw inertia in kg·m² by the previous fit; 0 if undetermined."""
         return self._read_term_coefficient("inertia_z_kg_m2")
 
     @property
     def moment_x_kg_m(self) -> float:
-        """First moment in x (forward)."""
+        """First moment in x (forward), in kg·m, by the previous fit; 0 if undetermined."""
         return self._read_term_coefficient("first_moment_x_kg_m")
 
     @property
     def moment_y_kg_m(self) -> float:
-        """First moment in y (left)."""
+        """First moment in y (left), in kg·m, by the previous fit; 0 if undetermined."""
         return self._read_term_coefficient("first_moment_y_kg_m")
 
     @property
@@ -104,7 +104,7 @@ class PlanarDrive:
 
     @property
     def half_track_m(self) -> float:
-        """Lever arm of each side's force; 1 m without a track width."""
+        """Lever arm of each side's force, in m; 1 m without a track width."""
         return read_half_track_m(self.machine)
 
     @property
@@ -168,7 +168,7 @@ def make_planar_drive(
         return uniform_filter1d(np.nan_to_num(x), rows, mode="nearest")
 
     def direction(speed: Floats, acceleration: Floats, least: float) -> Floats:
-        # the mean over a change of sign of what moves steadily
+        # moving mean of the sign, for motion that passes zero at a constant rate
         passes = np.abs(acceleration) * machine.settings.smooth.samples / rate_hz / 2.0
         return np.clip(speed / np.maximum(passes, least), -1.0, 1.0)
 
@@ -231,7 +231,7 @@ def has_lateral_accelerometer(machine: Machine) -> bool:
 
 
 def estimate_robust_maximum(values: Floats, is_used: Bools) -> float:
-    """Maximum without outliers; a small positive number if there is none."""
+    """Maximum without outliers; a small positive number if there are no samples."""
     found = (
         float(np.quantile(np.abs(values[is_used]), LIMITS.reached_quantile))
         if is_used.any()

@@ -66,7 +66,7 @@ class Regressor:
     def noise_mixing(self) -> Floats:
         """(rows, p, p) factor of each column's noise (last axis) in each column, 1 on the diagonal.
 
-        It is the `noise_mixing` of `base_parameters.fit`.
+        It is the argument `noise_mixing` of `base_parameters.fit`.
         """
         size, own = self.shape[-1], self.columns.size
         found = np.tile(np.eye(size), (2, 1, 1))
@@ -76,9 +76,9 @@ class Regressor:
 
     @property
     def imu_position_m(self) -> tuple[float, float]:
-        """Lever arm, ahead and to the left, by which the yaw's noise is in the accelerometer's.
+        """Lever arm, ahead and to the left, by which yaw noise enters the accelerometer's columns.
 
-        It is (0, 0) where no accelerometer is used, or not all six columns are fitted.
+        It is (0, 0) if no accelerometer is used, or if not all six columns are fitted.
         """
         if self.columns.size < len(PARAMETERS) or not has_forward_accelerometer(self.drive.machine):
             return 0.0, 0.0
@@ -104,7 +104,7 @@ def select_terms_of_drive(drive: PlanarDrive, axes: str = "xz") -> tuple[tuple[T
     for term in TERMS:
         if term.applies(drive.machine) and set(term.axes) & set(axes):
             width = term.compute_prior_std(drive, drive.machine.settings.priors)
-            # what is known exactly, and what the machine cannot have here, is no term
+            # an exactly known effect, or one that the machine cannot have, is no term
             if width > 0.0 and np.isfinite(width):
                 found.append((term, width))
     return tuple(found)

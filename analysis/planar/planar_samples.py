@@ -1,4 +1,4 @@
-"""Samples of planar motion, and which of them may be fitted."""
+"""Samples of planar motion, with flags of those that may be fitted."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class PlanarSamples:
         usable: (n,) whether nothing is missing and the machine does not brake (unless braking
             counts as driving).
         moving: (n,) whether the machine moves.
-        turning: (n,) whether it spins, drives an arc or turns.
+        turning: (n,) whether the machine spins, drives an arc or turns.
         speed_change_sign: (n,) 1 speeding up, -1 slowing down, 0 neither.
         has_torque: whether yaw torque and yaw acceleration are measured; otherwise the second row
             is unused.
@@ -82,7 +82,7 @@ def collect_planar_samples(
         get_column_values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
         speed,
         yaw_rate,
-        # in a steady arc it is none
+        # 0 in a steady arc
         get_column_values(excitation, "yaw_acc_rad_s2") if has_torque else zero,
     )
     torque = get_column_values(excitation, "torque_z_N_m") if has_torque else zero
@@ -92,7 +92,7 @@ def collect_planar_samples(
     turning = phase.is_in(TURNS).fill_null(False).to_numpy()
     rate = get_column_values(excitation, "speed_rate_x_m_s2")
     along = compute_sign_of_speed_change(speed, rate, settings.phases.steady_acc_m_s2, settings)
-    # the yaw rate of straight driving is not steered
+    # the small yaw rate of straight driving is not a turn
     about = np.where(turning, compute_sign_of_yaw_rate_change(yaw_rate, settings), 0.0)
     slows = (along < 0) | (about < 0)
     usable = known
@@ -118,9 +118,9 @@ def collect_planar_samples(
 def mark_samples_between_braking_and_stand(
     is_slowing: Bools, is_speeding_up: Bools, is_standing: Bools
 ) -> Bools:
-    """Samples between braking and the following stand, (n,).
+    """Flags of the samples between braking and the following standstill, (n,).
 
-    Unmeasured brakes still act there, too gently to be classified as braking.
+    Unmeasured brakes may still act there, too gently to be classified as braking.
     """
     event = np.select([is_slowing, is_speeding_up, is_standing], [1, 2, 3], 0)
     rows = np.arange(event.size)
@@ -130,11 +130,11 @@ def mark_samples_between_braking_and_stand(
 
 
 def mark_turn_transitions(samples: PlanarSamples, settings: Settings) -> Bools:
-    """Samples where a turn begins, ends or changes its direction, (n,).
+    """Flags of the samples where a turn begins, ends or changes its direction, (n,).
 
-    Their means over `smooth.samples` hold friction of both directions, or of tyres that stand and
-    hold any torque: beside a turn as far as a mean reaches, in it until half a mean is past the
-    reversal.
+    Their means over `smooth.samples` contain friction of both directions, or of standing tyres,
+    which balance any torque. Outside a turn, samples within the length of a mean are flagged;
+    inside, until half a mean after the reversal.
     """
     span = settings.smooth.samples
     turning, motion = samples.turning, samples.motion
@@ -151,8 +151,8 @@ def compute_planar_column_noise(
     Args:
         samples: motion with the noise of its channels.
         is_used: (n,) samples of the fit.
-        arm_y_m: position of the IMU to the left, if the noise that the yaw acceleration brings into
-            the accelerometer's columns by this lever arm is not to be included.
+        arm_y_m: position of the IMU to the left, to exclude the noise that the yaw acceleration
+            adds to the accelerometer's columns by this lever arm; 0 excludes none.
 
     Returns:
         (2, 6) r.m.s. by row and column.
@@ -165,7 +165,7 @@ def compute_planar_column_noise(
     yaw_rate, yaw_acc = noise["yaw_rate_rad_s"], noise["yaw_acc_rad_s2"]
     if arm_y_m:
         acc = float(np.sqrt(max(acc**2 - (arm_y_m * yaw_acc) ** 2, 0.0)))
-    # of ω v, or of an accelerometer, whichever is more
+    # noise of ω v, or of an accelerometer if larger
     sideways = float(np.hypot(speed_rms * yaw_rate, yaw_rate_rms * speed))
     return planar_rows.compute_column_noise_rms(
         yaw_rate_rms, acc, max(acc, sideways), speed, yaw_rate, yaw_acc

@@ -1,9 +1,9 @@
 """The table of terms of force and yaw torque besides mass, inertia, moments and friction.
 
 As in straight motion (`analysis.weighing.nuisances`), each term has its columns, a prior whose
-width scales with the machine, and a sentence. Some are newtons (offset, Coulomb friction); what the
-accelerometer gets wrong (tilt, bias, a slope that it does not see, its place) is in proportion to
-the mass along the machine, and to its first moments about the vertical.
+width scales with the machine, and a description. Some are forces (offset, Coulomb friction). Errors
+of the accelerometer (tilt, bias, an unmeasured slope, its position) are proportional to the mass in
+the longitudinal force, and to the first moments in the yaw torque.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,9 +28,9 @@ from analysis.weighing.nuisances import (
 )
 from estimators.arrays import Floats
 
-#: Column of the force and of the yaw torque; None: nothing.
+#: Column of the force, and of the yaw torque; None means 0.
 Columns = tuple[Floats | None, Floats | None]
-#: The same as a sum of the six columns, times the numbers by their places.
+#: The same columns as a weighted sum of the regressor's six columns: weights by column index.
 ColumnCombination = tuple[Mapping[int, float], Mapping[int, float]]
 _MASS, _INERTIA, _MOMENT_X, _MOMENT_Y, _, _FRICTION_Z = range(6)
 _GAIN: Final = SCALES[0]
@@ -43,15 +43,15 @@ class Term:
     Attributes:
         name: name in frames and budgets.
         columns: computes its columns.
-        combination: computes its part proportional to the six columns, whose noise it shares.
-        compute_prior_std: prior standard deviation, with mean 0; 0 if exact.
+        combination: computes its part that is a weighted sum of the six columns and their noise.
+        compute_prior_std: computes its prior standard deviation, about the mean 0; 0 if exact.
         meaning: what it models, in a sentence.
         reduced_by: what would reduce its uncertainty.
         axes: x, z, or xz for both rows.
-        applies: whether it applies to a machine.
-        stated: setting of the machine file for it, which names its part of the budget.
-        least_u: standard uncertainty that a fit with this term keeps, whatever the log says: what
-            else looks like it.
+        applies: whether the term applies to a machine.
+        stated: setting of the machine file for the term, which names its part of the budget.
+        least_u: smallest standard uncertainty of the term in any fit, by other effects that look
+            like it.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Term:
     combination: Callable[[PlanarDrive], ColumnCombination] = lambda _: ({}, {})
 
     def list_combined_columns(self, drive: PlanarDrive, rows: slice) -> set[int]:
-        """Columns among the six that it is a share of, in these rows."""
+        """Indices of the six columns that the term is a weighted sum of, in these rows."""
         return {n for row in self.combination(drive)[rows] for n, share in row.items() if share}
 
 
@@ -122,7 +122,7 @@ def _combine_columns_by_accelerometer_gain_error(drive: PlanarDrive) -> ColumnCo
 
 def _combine_columns_by_lateral_force_arm(drive: PlanarDrive) -> ColumnCombination:
     """Factors of the six columns in the column of an unknown arm of the sideways force."""
-    # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
+    # the sideways force: m s_y + mc_x ω̇
     return {}, {_MOMENT_X: drive.mass_kg, _INERTIA: drive.moment_x_kg_m}
 
 
@@ -150,7 +150,7 @@ def _compute_imu_position_prior_std(drive: PlanarDrive, _priors: PriorSettings) 
     return IMU_POSITION.u(drive.machine) or 0.0
 
 
-#: In the order of the fit's parameters; a fit has those that apply to its machine.
+#: All terms, in the order of the fit's parameters; a fit uses those that apply to its machine.
 TERMS: Final = (
     Term(
         "const",
@@ -169,7 +169,7 @@ TERMS: Final = (
         "x",
     ),
     Term(
-        # of wheels that roll against each other rolling resistance is no force, of a drive it is
+        # if wheels roll in opposite directions, rolling resistance gives no force
         "direction_spinning",
         lambda m: (m.direction_x_spinning, None),
         _compute_planar_coulomb_prior_std,
@@ -225,7 +225,7 @@ TERMS: Final = (
         "z",
     ),
     Term(
-        # the sides' rolling resistances are a couple where they roll against each other
+        # if the sides roll in opposite directions, their rolling resistances form a couple
         "turning_rolling",
         lambda m: (None, m.rolling_z),
         _compute_planar_coulomb_prior_std,
@@ -306,7 +306,7 @@ TERMS: Final = (
     ),
     Term(
         "side_gain",
-        # of the other row's noise, which two sides of equal sensors do not share
+        # noise of the other row, which is uncorrelated if both sides have equal sensors
         lambda m: (
             m.measured_torque / m.drive.half_track_m,
             m.measured_force * m.drive.half_track_m,
@@ -375,7 +375,7 @@ TERMS: Final = (
     ),
     Term(
         f"{IMU_POSITION.name}_x",
-        # ω² times mc_y is left out of the yaw torque: so small a part must not tell the place
+        # without ω² mc_y in the yaw torque: so small a part must not determine the position
         lambda _: (None, None),
         _compute_imu_position_prior_std,
         f"{IMU_POSITION.meaning}, ahead",

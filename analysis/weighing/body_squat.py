@@ -1,15 +1,16 @@
 """Squat: the accelerometer's gain differs between loads, since the body pitches with its load.
 
-Springs let the body pitch in proportion to load and acceleration; the accelerometer sees gravity
-through that pitch. In the force equation that looks like another load; the wheels distinguish them:
+On its springs the body pitches in proportion to load and acceleration, and through that pitch the
+accelerometer measures gravity. In the force equation this looks like a different load; the wheels
+distinguish the two:
 
     v = ∫ (1 + g + h · load) a dt + slip · u F - delay · a + a constant and a slope a stretch
 
 with the load relative to a reference. The slopes are tilt, bias and grade. Their scatter about a
 common slope is estimated from the log: on even ground a few starts determine h, on hills they do
-not. A grade that recurs along the route, which loaded hauls drive the other way than empty ones
-come back, looks like a squat that grows with the load: it has terms of its own. A measured pitch
-shows directly how it follows the acceleration.
+not. A grade that recurs along the route, driven one way loaded and the other way empty, looks like
+a squat that grows with the load, so it has terms of its own. A measured pitch shows directly how
+the body pitches with the acceleration.
 """
 
 from dataclasses import dataclass
@@ -34,7 +35,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 
-#: Columns of a stretch before those of the grade: gain by load, gain, slip, delay.
+#: Number of columns before those of the grade: gain by load, gain, slip, delay.
 _OWN_COLUMNS: Final = 4
 
 
@@ -44,8 +45,8 @@ class LoadSquat:
 
     Attributes:
         gain: change of gain for a load of the reference mass: 0 or the wheels' estimate, whichever
-            is likelier.
-        std: its standard deviation, including the doubt between the two (law of total variance).
+            is more probable.
+        std: its standard deviation, including the choice between the two (law of total variance).
         relative_load: (masses,) load of each state over the reference mass.
     """
 
@@ -62,8 +63,8 @@ class LoadSquat:
         """Standard uncertainty of a sum of masses, in kg.
 
         Args:
-            coefficients: (masses,) of each mass in the sum.
-            masses_kg: (masses,).
+            coefficients: (masses,) weight of each mass in the sum.
+            masses_kg: (masses,) masses.
         """
         return abs(float(coefficients @ (masses_kg * self.relative_load))) * self.std
 
@@ -87,7 +88,7 @@ def estimate_load_squat(
         route: route between loading and dumping, along which the grade changes; None if unknown.
 
     Returns:
-        None if the change is undetermined.
+        The change; None if it is undetermined.
     """
     if wheels.pitch_shows_squat:
         gain, variance = estimate_gain_change_by_squat_and_variance(
@@ -107,9 +108,9 @@ def estimate_load_squat(
     value, variance = found.gain, found.variance
     before = LIMITS.squat_prior_probability
     if wheels.is_gain_significant and wheels.gain[0] < 0.0:
-        # a body that squats without a load does so more with one
+        # a body that squats when empty squats more with a load
         before = LIMITS.squat_by_load_prior_probability
-    # a squat that the pitch hides grows with the load by anything up to itself
+    # a squat that the pitch hides may change with the load by up to its own size
     hidden_1 = 0.0 if motion.without_gravity is None else max(-wheels.gain[0], 0.0)
     least_std = hidden_1 / np.sqrt(3.0)
     if could_grades_explain_gain_change(found, wheels):
@@ -131,13 +132,13 @@ def estimate_load_squat(
 def estimate_gain_change_by_squat_and_variance(
     load_transfer_fraction: float, pitch_change: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """Change of gain with the load, and its variance, from the squat of the loaded body.
+    """Change of gain with the load, and its variance, from the squat of the body.
 
-    Linear springs deflect in proportion to the mass that they hold.
+    Linear springs deflect in proportion to the mass on them.
 
     Args:
         load_transfer_fraction: squat at the reference mass, as a fraction of the acceleration.
-        pitch_change: change that the pitch shows, and its variance; None if unknown.
+        pitch_change: measured change of gain, and its variance; None if unknown.
     """
     mean, variance = (
         -load_transfer_fraction,
@@ -159,12 +160,13 @@ def make_centred_stretches(
     loads: RelativeMassDeviations,
     route: HaulRoute | None,
 ) -> list[_Stretch]:
-    """Centred columns (means, 4 and those of the grade), response, time and load of each stretch.
+    """Centred columns (means, columns), response, time and load of each stretch.
 
-    The grade's columns are its level and its change over each part of the route.
+    The first four columns are gain by load, gain, slip and delay; those of the grade follow: its
+    level and its change over each part of the route.
     """
     assert motion.specific_force is not None
-    # such a squat is itself a reason why wheels and accelerometer do not go together
+    # a squat that grows with the load is itself a reason for wheels and accelerometer to disagree
     known = wheels.is_consistent
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
     in_time = motion.advance_speed(delay_s)
@@ -186,7 +188,8 @@ def make_centred_stretches(
         gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         load = float(relative[begin])
         columns = np.column_stack(
-            # the speed and not what the accelerometer gained: no squat turns gravity on a slope
+            # the wheel speed, not the integrated accelerometer: a squat does not scale the gravity
+            # on a slope
             [ground[part] * load, ground[part], np.abs(ground[part]) * motion.force[part], -a]
         )
         if along:
@@ -205,14 +208,14 @@ def make_centred_stretches(
 
 
 def compute_cumulative_grade_columns(route_position_1: Floats, heading_sign: Floats) -> Floats:
-    """Sums over the samples of the grade's level and of its change over each part of the route.
+    """Cumulative sums of the grade's level and of its change over each part of the route.
 
     Args:
         route_position_1: (n,) distance from the dump over the route's length.
         heading_sign: (n,) 1 with the front away from the dump, -1 towards it.
 
     Returns:
-        (n, 1 + parts) sums up to the middle of each sample.
+        (n, 1 + parts) sums up to the middle of each sample interval.
     """
     risen = np.clip(
         route_position_1[:, None] * LIMITS.squat_grade_parts - np.arange(LIMITS.squat_grade_parts),
@@ -226,10 +229,10 @@ def compute_cumulative_grade_columns(route_position_1: Floats, heading_sign: Flo
 def estimate_gain_change_by_pitch_and_variance(
     motion: MotionSamples, loads: RelativeMassDeviations
 ) -> tuple[float, float] | None:
-    """Change of the acceleration's gain for the reference load, by the pitch, and its variance.
+    """Change of the accelerometer's gain for the reference load from the pitch, and its variance.
 
     Returns:
-        None if undetermined.
+        None if the change is undetermined.
     """
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
@@ -238,7 +241,7 @@ def estimate_gain_change_by_pitch_and_variance(
     relative = loads.look_up_relative_mass_deviations(motion.manoeuvre_of_sample)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
-    # beside the share and the rate, the share that grows with the load
+    # besides the responses to acceleration and rate, the one that grows with the load
     times = np.column_stack([relative, np.ones((relative.size, 2))])
     columns = squats.columns[:, [0, 0, 1], :][:, :, [0, 0, 1]]
     columns = times[:, :, None] * columns * times[:, None, :]
@@ -248,7 +251,7 @@ def estimate_gain_change_by_pitch_and_variance(
     if solved is None:
         return None
     theta, covariance = solved
-    # the accelerometer reads more by what the pitch adds, and the mass is less by it
+    # the pitch adds to the accelerometer's reading and so reduces the mass
     variance = (
         float(covariance[0, 0]) * compute_student_to_normal_ratio(relative.size - theta.size) ** 2
     )
@@ -262,8 +265,8 @@ class GainChangeByLoad:
     Attributes:
         gain: change for a load of the reference mass.
         variance: cluster-robust variance of the change.
-        residual_ratio: r.m.s. disagreement of wheels and accelerometer with the change over that
-            without.
+        residual_ratio: r.m.s. difference of wheels and accelerometer with the change, over that
+            without it.
     """
 
     gain: float
@@ -276,8 +279,8 @@ def could_grades_explain_gain_change(
 ) -> bool:
     """Whether grades that recur with the load explain the change of gain.
 
-    Grades bend the comparison either way and leave most of the disagreement; springs only make the
-    accelerometer read more, and explain it.
+    Grades change the gain in either direction and leave most of the residual; springs can only make
+    the accelerometer read more, and explain the residual.
     """
     if abs(gain_change.gain) < LIMITS.squat_by_load_min_std * float(np.sqrt(gain_change.variance)):
         return False
@@ -286,7 +289,7 @@ def could_grades_explain_gain_change(
 
 
 def compute_grade_prior_stds_m_s2(route: HaulRoute) -> Floats:
-    """Prior standard deviations of the grade's columns, as acceleration of gravity in m/s²."""
+    """Prior standard deviations of the grade's columns, as gravity along the slope in m/s²."""
     change = LIMITS.grade_change_m_s2 * compute_relative_random_walk_std(
         route.length_m / LIMITS.squat_grade_parts
     )
@@ -299,7 +302,7 @@ def estimate_accelerometer_gain_change_by_load(
     """Change of gain with the load from the wheels; None if undetermined.
 
     Args:
-        stretches: the stretches.
+        stretches: columns of each stretch, by `make_centred_stretches`.
         grade_prior_stds_m_s2: (columns,) prior standard deviations of the grade's columns, in m/s².
     """
     if len(stretches) < LIMITS.squat_min_stretches or len({load for *_, load in stretches}) < 2:
@@ -308,7 +311,7 @@ def estimate_accelerometer_gain_change_by_load(
         whiten_rows_with_random_slope_over_time(columns, y, time, np.inf)
         for columns, y, time, _ in stretches
     ]
-    # each stretch a slope of its own: how slopes scatter, beyond their noise
+    # with a slope for each stretch: the scatter of the slopes beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
     own = X[:, :_OWN_COLUMNS]
     degrees_of_freedom = max(y.size - _OWN_COLUMNS - 2 * len(stretches), 1)
@@ -353,7 +356,7 @@ def estimate_accelerometer_gain_change_by_load(
     scores = np.stack([own.T @ left for own, left in parts])
     degrees_of_freedom = max(count - _OWN_COLUMNS - 1, 1)
     meat = scores.T @ scores * count / degrees_of_freedom + prior_information * variance
-    # stretches that agree by chance tell no more than white noise lets them
+    # at least the variance by white noise, since stretches may agree by chance
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
     found *= compute_student_to_normal_ratio(degrees_of_freedom) ** 2
     return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)

@@ -1,4 +1,4 @@
-"""Masses with and without braking, compared: does the force see what brakes?"""
+"""Comparison of masses with and without braking: does the measured force include the brakes?"""
 
 import numpy as np
 
@@ -8,10 +8,11 @@ from estimators.arrays import Bools, Floats, Ints
 
 
 def compare_mass_with_braking_to_driving(whole: JointFit, driving: JointFit) -> tuple[float, bool]:
-    """Change of the mass by braking, in kg, and whether it contradicts driving.
+    """Change of the mass in kg if braking is fitted too, and whether it contradicts driving.
 
-    It is that of all loads together. If they do not contradict driving, but one load does, it is
-    that of the load: brakes that the force sees in part may raise one as much as they lower others.
+    The change is the mean over all loads. If that does not contradict driving, but the change of a
+    single load does, it is the change of that load: brakes that the force measures only in part may
+    raise one mass by as much as they lower others.
 
     Args:
         whole: fit of driving and braking.
@@ -29,7 +30,7 @@ def compare_mass_with_braking_to_driving(whole: JointFit, driving: JointFit) -> 
 
 
 def _is_contradicted(change_kg: Floats | float, u_kg: Floats | float, mass_kg: float) -> Bools:
-    """Whether a change is beyond chance and matters, element by element."""
+    """Whether each change is significant and large enough to matter."""
     least_kg = np.maximum(
         LIMITS.braking_left_out_u * np.asarray(u_kg), LIMITS.braking_min_fraction * abs(mass_kg)
     )
@@ -56,7 +57,7 @@ def compute_mass_and_u_of_each_load_a_minus_b_kg(
 
 
 def _pair_loads_of_same_manoeuvres(fit_a: JointFit, fit_b: JointFit) -> Ints:
-    """(2, manoeuvres) load of each manoeuvre that both fits have; none without load states."""
+    """(2, manoeuvres) load of each common manoeuvre in either fit; none without load states."""
     a, b = fit_a.states, fit_b.states
     if a is None or b is None:
         return np.empty((2, 0), np.int64)

@@ -1,4 +1,4 @@
-"""Samples of which the columns of the nuisance terms are made."""
+"""Samples from which the columns of the nuisance terms are computed."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,15 +17,15 @@ class ColumnInputs:
         speed: in m/s.
         ground_speed_ratio: ground speed over wheel speed, by the known slip.
         force: force on the ground in N, corrected for its delay.
-        force_rate: derivative of the measured force in N/s; 0 within its noise if there is an
-            accelerometer.
-        force_bend: its second derivative in N/s², likewise.
+        force_rate: derivative of the measured force in N/s; 0 where within the noise, if there is
+            an accelerometer.
+        force_bend: second derivative of the force in N/s², likewise.
         force_rises_1: 1 where the force rises, -1 where it falls; 0 if the fit has no hysteresis.
         direction: driving direction of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
         under_way_s: time since the stretch began.
         relative_load: mass with load over the reference mass, less 1.
-        load_contrast: the same over its root mean square: about -1 empty, 1 loaded.
+        load_contrast: `relative_load` over its root mean square: about -1 empty, 1 loaded.
         path_position_1: position on the path, from -1/2 to 1/2.
         travelled_m: distance from the start of the stretch.
         route_1: position on the route, from 0 at the dump to 1 at its end.
@@ -36,8 +36,8 @@ class ColumnInputs:
         rises_by_force_1_N: derivative of `force_rises_1` by the force.
         weight_shares: expected fractions of the constant force and of Coulomb friction that are
             proportional to the weight.
-        force_rate_parabola: index of the parabola that gave `force_rate`; None where that is 0
-            within its noise.
+        force_rate_parabola: index of the parabola that gave each `force_rate`; None if values
+            within the noise are set to 0.
     """
 
     acceleration: Floats
@@ -66,14 +66,14 @@ class ColumnInputs:
 
     @property
     def ground_speed_m_s(self) -> Floats:
-        """(n,) speed over ground in m/s: the wheel speed less the known slip."""
+        """(n,) ground speed in m/s: the wheel speed less the known slip."""
         return self.ground_speed_ratio * self.speed
 
     def select_rows(self, row_indices: Ints) -> Self:
-        """Select some of the samples."""
+        """Copy with the given samples only."""
         return replace(self, **select_rows_of_array_fields(self, row_indices))
 
     @cached_property
     def direction_times_relative_weight(self) -> Floats:
-        """Driving direction in proportion to the weight with its load, (n,)."""
+        """Driving direction times the relative weight with the load, (n,)."""
         return self.direction * (1.0 + self.relative_load)

@@ -1,11 +1,11 @@
 """The empty mass as a datum: a weighbridge mass calibrates the scale of the log's masses.
 
-A gain of the force, the share of the measured wheels and their radius multiply every mass alike.
-Where the log has weighed the empty machine as m0, and a weighbridge as M0, the payload p of the log
-becomes p + K (M0 - m0). K is the gain of a Kalman update with the fit's own covariances: p/m0 where
-no one knows the scale, so that the payload is M0 p/m0; less where the machine file knows it, as
-p + K (M0 - m0) is then the estimate of the smallest variance. All that is uncertain of m0 is in the
-payload K times, together with what the same cause does to p.
+The gain of the force, the share of the measured wheels and their radius scale every mass alike.
+If the log weighs the empty machine as m0, and a weighbridge as M0, the payload p of the log becomes
+p + K (M0 - m0). K is the gain of a Kalman update with the fit's own covariances. If the scale is
+unknown, K is p/m0, so that the payload is M0 p/m0; if the machine file states it, K is smaller, and
+p + K (M0 - m0) is the estimate of the smallest variance. An error of m0 enters the payload K times,
+together with the error that the same cause has in p.
 """
 
 from collections.abc import Sequence
@@ -29,9 +29,9 @@ from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.weighing_limits import LIMITS
 
-#: Factors that an empty machine does not tell: they change with the load.
+#: Factors that an empty machine does not determine, since they change with the load.
 _BY_LOAD: Final = frozenset(scale.name for scale in SCALES if scale.by_load)
-#: A log that begins earlier counts from 0, and has no day.
+#: The times of a log that begins earlier count from 0, so that its date is unknown.
 _CLOCKS_FROM: Final = date(1980, 1, 1)
 _TICKET: Final = UncertaintySource(
     "empty_mass",
@@ -50,10 +50,10 @@ _CARRIED: Final = UncertaintySource(
 
 
 def list_notes_on_outdated_tickets(body: Body, start_ns: int) -> list[str]:
-    """Notes on a weighbridge ticket of another day than the log.
+    """Notes on a weighbridge ticket whose date differs from the log's.
 
     Args:
-        body: body of the machine file, with the day of the ticket if known.
+        body: body of the machine file, with the date of the ticket if known.
         start_ns: start of the log in Unix ns.
     """
     weighed = body.empty_mass_day
@@ -83,8 +83,8 @@ class EmptyMachine:
         weighing: the joint fit.
         machine: machine file.
         weights: (masses,) weights of the empty states, with sum 1.
-        carried_kg: mean mass left in the bucket of the empty states, and its standard uncertainty.
-        fuel_kg: mean fuel mass beyond that on the ticket, and its standard uncertainty.
+        carried_kg: mean mass left in the bucket in the empty states, and its standard uncertainty.
+        fuel_kg: mean mass of fuel in excess of the ticket's, and its standard uncertainty.
     """
 
     weighing: Weighing
@@ -104,7 +104,7 @@ class EmptyMachine:
 
     @cached_property
     def uncertainty_sources(self) -> list[UncertaintySource]:
-        """Sources of the empty mass' uncertainty."""
+        """Sources of the uncertainty of the weighed empty mass."""
         found = make_mass_budget(self.weighing, self.machine, self.weights)
         return [*found, replace(_CARRIED, u=self.carried_kg[1])]
 
@@ -124,7 +124,7 @@ class EmptyMachine:
 
     @property
     def empty_mass_contradiction_text(self) -> str:
-        """Why the weighed and the stated empty mass cannot be of one machine; "" if they can."""
+        """Why the weighed and the stated empty mass contradict each other; "" if they do not."""
         stated_kg = self._stated_empty_mass_kg
         if stated_kg is None:
             return ""
@@ -147,7 +147,7 @@ class EmptyMachine:
 
     @property
     def weighed_to_stated_ratio_and_u(self) -> tuple[float, float] | None:
-        """Weighed over stated empty mass, and its standard uncertainty; None without one."""
+        """Weighed over stated empty mass, and its standard uncertainty; None if none is stated."""
         stated_kg, stated_u_kg = self._stated_empty_mass_kg, self._stated_empty_mass_u_kg
         if stated_kg is None or stated_u_kg is None:
             return None
@@ -157,7 +157,7 @@ class EmptyMachine:
         return self.mass_with_rotating_parts_kg / stated_kg, u_1
 
     def make_payload_datum(self, mass_coefficients_of_payload: Floats) -> "EmptyDatum | None":
-        """Relate payloads to the empty mass; None if that does not reduce their uncertainty.
+        """Calibrate payloads by the empty mass; None if that does not reduce their uncertainty.
 
         Args:
             mass_coefficients_of_payload: (masses,) weights of the sum of payloads whose variance is
@@ -184,7 +184,7 @@ class EmptyMachine:
 
         if list_factors_without_uncertainty(self.uncertainty_sources):
             found = make_datum(in_ratio)
-            # of masses so far apart that rounding leaves no ratio
+            # rounding may leave no ratio of very different masses
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance_of_weighted_sum(mass_coefficients_of_payload)
         empty_kg2 = combine_u(self.uncertainty_sources) ** 2
@@ -217,8 +217,8 @@ class EmptyDatum:
 
     Attributes:
         empty: the empty machine.
-        gain_per_kg: Kalman gain K of a payload over the payload, in 1/kg.
-        scale_1: factor of all payloads.
+        gain_per_kg: Kalman gain K of a payload divided by the payload, in 1/kg.
+        scale_1: factor that all payloads are multiplied by.
         stated_mass_u_1: standard uncertainty of the factor due to the stated mass.
     """
 
@@ -228,7 +228,7 @@ class EmptyDatum:
     stated_mass_u_1: float
 
     def compute_payload_sensitivities(self, payload: Floats) -> Floats:
-        """(masses,) sensitivities of a payload to errors of the masses, over its factor.
+        """(masses,) sensitivities of a payload to errors of the masses, divided by `scale_1`.
 
         Args:
             payload: (masses,) weights of the uncalibrated payload.

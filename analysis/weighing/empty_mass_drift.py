@@ -1,4 +1,4 @@
-"""Drift of the empty machine's mass over a log: of the force's gain, since machines lose little."""
+"""Drift of the empty mass over a log: a drift of the force's gain, since machines lose little."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,9 @@ class EmptyMassDrift:
     """Change of the empty machine's mass from the first to the last manoeuvre without a load.
 
     Attributes:
-        change_1: change over the mean mass.
-        u_1: standard uncertainty of that, from the scatter of the masses.
-        fuel_1: loss that fuel explains.
+        change_1: change, as a fraction of the mean mass.
+        u_1: standard uncertainty of the change, from the scatter of the masses.
+        fuel_1: loss that burnt fuel explains.
         empty_states: load states of the empty machine, in order of time.
         nearby_1: (2, states) mass of the empty machine before and after each state over its mean,
             less 1.
@@ -30,9 +30,9 @@ class EmptyMassDrift:
 
     @property
     def significance_threshold_1(self) -> float:
-        """Largest change that fuel and the scatter of the masses explain, or that does not matter.
+        """Threshold of the change, as a fraction of the mean mass.
 
-        A fraction of the mean mass.
+        Smaller changes are explained by fuel and the scatter of the masses, or do not matter.
         """
         return self.fuel_1 + max(LIMITS.empty_drift_min_std * self.u_1, LIMITS.empty_drift_min_1)
 
@@ -49,9 +49,9 @@ class EmptyMassDrift:
     def mass_changes_by_gain_kg(self, masses_kg: Floats) -> Floats:
         """(3, masses) response of each mass to a gain with this drift, in kg.
 
-        The first row is a gain that is stated for either end of the log. The second is its course,
-        as the empty machine nearby shows it, and the third what differs before and after a load:
-        neither cancels in the ratio to the mean empty mass.
+        The first row is for a gain that holds at either end of the log. The second is the course of
+        the gain by the empty masses nearby, the third half their change from before a load to after
+        it: the last two do not cancel in the ratio to the mean empty mass.
         """
         before_1, after_1 = self.nearby_1
         course_1 = (before_1 + after_1) / 2.0, (before_1 - after_1) / 2.0
@@ -61,14 +61,14 @@ class EmptyMassDrift:
 def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     """Estimate the drift; None unless enough manoeuvres without a load have masses above 0.
 
-    A gain that drifts changes all masses alike. Loads that return are weighed by the difference to
-    their neighbours, which takes the drift out of the tare, but not out of the payload.
+    A gain that drifts changes all masses alike. Payloads are differences to the empty masses
+    nearby, which removes the drift from the tare, but not from the payload.
     """
     states, loads = fit.states, fit.previous_estimates.relative_loads
     if states is None or loads is None or not states.load_returns:
         return None
     light = ~loads.mark_loaded_manoeuvres_by_number(states.manoeuvre_ids)
-    # a small load is light as well, and what is beside it is lighter
+    # a small load is light as well, but the empty machine before and after it is lighter
     light = np.flatnonzero(light & mark_local_mass_minima(fit.masses_kg[states.state_of_manoeuvre]))
     first = light[np.unique(states.state_of_manoeuvre[light], return_index=True)[1]]
     if first.size < LIMITS.empty_drift_min_states:
@@ -76,9 +76,9 @@ def estimate_empty_mass_drift(fit: JointFit) -> EmptyMassDrift | None:
     masses_kg, third = fit.masses_kg[states.state_of_manoeuvre[np.sort(first)]], first.size // 3
     begin, end = masses_kg[:third], masses_kg[-third:]
     mean_kg = float(np.mean(masses_kg))
-    if not mean_kg > 0.0:  # of a fit that fails, which no drift explains
+    if not mean_kg > 0.0:  # a failed fit, which no drift explains
         return None
-    # neighbours differ by noise and by what is carried back, and hardly by the drift
+    # successive masses differ by noise and carry-back, and hardly by the drift
     scatter_kg = float(np.std(np.diff(masses_kg))) / np.sqrt(2.0)
     change_1 = float(np.mean(end) - np.mean(begin)) / mean_kg
     u_1 = scatter_kg * np.sqrt(2.0 / third) / mean_kg
@@ -102,8 +102,8 @@ def find_empty_masses_before_and_after_states_kg(
     """(2, states) mass of the empty machine before and after each state, in kg.
 
     Args:
-        masses_kg: (states,).
-        state_of_manoeuvre: (manoeuvres,) load state of each.
+        masses_kg: (states,) mass of each state.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre.
         empty_manoeuvres: manoeuvres without a load, ascending.
     """
     number = np.arange(state_of_manoeuvre.size)
@@ -121,10 +121,10 @@ def find_empty_masses_before_and_after_states_kg(
 
 
 def mark_local_mass_minima(mass_kg: Floats) -> Bools:
-    """Whether a load is no heavier than those before and after, (n,).
+    """Whether each mass is no larger than the different ones before and after it, (n,).
 
     Args:
-        mass_kg: (n,) mass of each manoeuvre's load, in the order of time.
+        mass_kg: (n,) mass of each manoeuvre's load state, in order of time.
     """
     begins = np.flatnonzero(np.append(True, np.diff(mass_kg) != 0.0))
     loads_kg = mass_kg[begins]

@@ -29,7 +29,7 @@ class EmptyMassStep:
 
     @property
     def text(self) -> str:
-        """What happens, and what it means for the payloads of cycles."""
+        """Sentence on the step, and on its effect on the payloads of cycles."""
         return (
             f"the empty machine {'gains' if self.change_kg > 0.0 else 'loses'} "
             f"{abs(self.change_kg):,.0f} ± {self.u_kg:,.0f} kg from {self.at_s:,.1f} s on: an "
@@ -49,17 +49,17 @@ def find_empty_mass_step_of_manoeuvres(manoeuvres: pl.DataFrame) -> EmptyMassSte
 def find_empty_mass_step(
     mass_kg: Floats, std_kg: Floats, state: Ints, start_ns: Ints, end_ns: Ints
 ) -> EmptyMassStep | None:
-    """Find the step; None unless lightest states before and after it differ far beyond scatter.
+    """Find the step; None unless the lightest states before and after differ far beyond scatter.
 
-    It lies where the machine pauses longest between the two, of the places at which no load is
-    lighter than the machine.
+    It is put at the longest pause between the two, among those pauses before which no manoeuvre is
+    lighter than the machine before the step, and after which none is lighter than that after it.
 
     Args:
-        mass_kg: (manoeuvres,) mass of each, in the order of time.
-        std_kg: (manoeuvres,) its standard deviation.
-        state: (manoeuvres,) load state of each.
-        start_ns: (manoeuvres,) start of each.
-        end_ns: (manoeuvres,) end of each.
+        mass_kg: (manoeuvres,) mass of each manoeuvre, in order of time.
+        std_kg: (manoeuvres,) standard deviation of each mass.
+        state: (manoeuvres,) load state of each manoeuvre.
+        start_ns: (manoeuvres,) start of each manoeuvre.
+        end_ns: (manoeuvres,) end of each manoeuvre.
     """
     begins = np.flatnonzero(np.append(True, np.diff(state) != 0))
     visit = np.cumsum(np.append(0, np.diff(state) != 0))
@@ -82,7 +82,7 @@ def find_empty_mass_step(
     )
     is_after = np.abs(empty_kg - after_kg) < np.abs(empty_kg - before_kg)
     if (
-        min(before_kg, after_kg) <= 0.0  # of a fit that fails
+        min(before_kg, after_kg) <= 0.0  # a failed fit
         or abs(change_kg) < LIMITS.empty_step_min_std * scatter_kg
         or abs(change_kg) < LIMITS.empty_step_min_1 * before_kg
         or is_after[:place].any()
@@ -109,13 +109,13 @@ def _subtract_medians(empty_kg: Floats, place: int) -> Floats:
 def _choose_longest_pause(
     may_be_before: Bools, may_be_after: Bools, pause_ns: Ints, sure: tuple[int, int]
 ) -> int:
-    """First manoeuvre after the step: the one after the longest pause of those that may be.
+    """First manoeuvre after the step: the one that follows the longest possible pause.
 
     Args:
-        may_be_before: (manoeuvres,) not lighter than the machine before the step.
-        may_be_after: (manoeuvres,) not lighter than that after it.
-        pause_ns: (manoeuvres,) time since the one before.
-        sure: the last manoeuvre before the step, and the first after it, that are empty.
+        may_be_before: (manoeuvres,) whether it is no lighter than the machine before the step.
+        may_be_after: (manoeuvres,) whether it is no lighter than the machine after the step.
+        pause_ns: (manoeuvres,) time since the previous manoeuvre.
+        sure: last empty manoeuvre that is before the step, and first one that is after it.
     """
     last, first = sure
     places = [

@@ -1,4 +1,4 @@
-"""Load states in which the machine is empty, to which payloads are differences."""
+"""Load states in which the machine is empty; payloads are differences to their masses."""
 
 import numpy as np
 
@@ -18,11 +18,12 @@ def find_empty_states(
 ) -> list[int]:
     """Indices of the load states in which the machine is empty; none if the log cannot tell.
 
-    If `settings.loads` names empty times, these are the states that lie mostly in them, or the one
-    with most of them. Otherwise they are the lightest of several states and those equally light, if
-    the lightest equals the stated empty mass within its uncertainty and the heaviest clearly does
-    not. The lightest of many alone would be the one with the largest error. Where it does not equal
-    the stated mass, they are those to which the machine returns after each load, if it does.
+    If `settings.loads` names a time when the machine is empty, these are the states mostly within
+    it, or else the one that overlaps it most. Otherwise they are the lightest of several states and
+    those equally light, if the lightest equals the stated empty mass within its uncertainty and the
+    heaviest clearly does not; the lightest alone would be the one with the largest error. If the
+    lightest does not equal the stated mass, they are the states to which the machine returns after
+    each load, if there are any.
     """
     fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
     if fit.mass_count < 2:
@@ -59,12 +60,13 @@ def find_empty_states(
 def find_returns(masses_kg: Floats, state_of_manoeuvre: Ints) -> list[int]:
     """States to which a machine returns after each load, whatever its mass is; none if it does not.
 
-    They are lighter than those before and after, several, and differ by less than half of what the
-    lightest of the others weighs more. A log that begins loaded and stays so has no such states.
+    There are several of them, each lighter than the states before and after it, and their range is
+    less than half their distance to the lightest other state. A log that is loaded throughout has
+    no such states.
 
     Args:
-        masses_kg: (states,).
-        state_of_manoeuvre: (manoeuvres,) load state of each, in the order of time.
+        masses_kg: (states,) mass of each state.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre, in order of time.
     """
     begins = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
     visited = state_of_manoeuvre[begins]
@@ -79,7 +81,7 @@ def find_returns(masses_kg: Floats, state_of_manoeuvre: Ints) -> list[int]:
 
 
 def _find_returns_of_any_direction(fit: JointFit) -> list[int]:
-    """Such states of a fit; none where masses may go by the direction of driving instead."""
+    """States of a fit by `find_returns`; none if the masses may follow the driving direction."""
     if fit.states is None:
         return []
     state_of_manoeuvre, motion = fit.states.state_of_manoeuvre, fit.motion
@@ -105,7 +107,7 @@ def _find_equally_light_states(
         random_kg = combine_u(make_mass_budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
-        # where masses scatter much, each is as light as those before it
+        # with much scatter every state would count as equally light
         if _is_heavier_than_stated_empty_mass(weighing, machine, state, found):
             break
         found.append(state)
@@ -115,7 +117,7 @@ def _find_equally_light_states(
 def _is_heavier_than_stated_empty_mass(
     weighing: Weighing, machine: Machine, state: int, empty: list[int]
 ) -> bool:
-    """Whether a state is heavier than the stated mass, beyond what it has in common with others."""
+    """Whether a state exceeds the stated mass by more than the empty states' common error."""
     fit, body = weighing.fit, machine.machine
     stated_kg = body.empty_inertia_kg
     assert stated_kg is not None
@@ -139,14 +141,14 @@ def compute_largest_excess_of_empty_state_kg(
 ) -> float:
     """Largest mass of an empty state beyond the stated one, in kg.
 
-    The error that all states have in common is estimated from those that are empty (normal prior
-    and measurement), so that a scale that is off parts no two of them.
+    The error common to all states is estimated from the empty ones (normal prior and measurement),
+    so that a wrong scale does not separate states of equal mass.
 
     Args:
-        excess_of_others_kg: mean mass of the empty states beyond the stated one.
+        excess_of_others_kg: mean mass of the known empty states minus the stated mass.
         random_of_others_kg: random standard uncertainty of that mean.
-        random_kg: random standard uncertainty of the state.
-        common_kg: standard uncertainty of what all have in common.
+        random_kg: random standard uncertainty of the state in question.
+        common_kg: standard uncertainty of the error common to all states.
     """
     square_kg2 = common_kg**2 + random_of_others_kg**2
     share = common_kg**2 / square_kg2 if square_kg2 else 1.0
@@ -159,7 +161,7 @@ def estimate_std_of_empty_masses_kg(
 ) -> float:
     """Standard deviation of the empty states' masses beyond chance (DerSimonian & Kacker 2007).
 
-    It is 0 with one of them, and where the empty mass drifts, which payloads follow.
+    It is 0 with a single empty state, and if the empty mass drifts, since payloads follow a drift.
     """
     if len(empty) < 2 or weighing.significant_empty_mass_drift is not None:
         return 0.0
@@ -176,7 +178,7 @@ def estimate_std_of_empty_masses_kg(
 def make_mass_coefficients_of_payload(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass minus the mean of the empty states.
 
-    Where the empty mass drifts, the mean is of those before and after the state.
+    If the empty mass drifts, the mean is over the empty states just before and after the state.
     """
     weights = weighing.fit.make_mass_coefficients_of_state(state)
     if weighing.significant_empty_mass_drift is not None:
@@ -194,7 +196,7 @@ def _find_nearest_empty_states(state: int, empty: list[int]) -> list[int]:
 
 
 def compute_weights_of_mean_mass_over_states(fit: JointFit, states: list[int]) -> Floats:
-    """(masses,) weights of the mean mass of states, by number of manoeuvres."""
+    """(masses,) weights of the mean mass of `states`, in proportion to their manoeuvres."""
     assert fit.states is not None
     count = np.bincount(fit.states.state_of_manoeuvre).astype(np.float64)
     weights = np.zeros(fit.mass_count)

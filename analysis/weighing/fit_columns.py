@@ -37,7 +37,7 @@ from estimators.threads import map_in_threads
 
 
 def mark_plausible_masses(mass_kg: Floats) -> Bools:
-    """Mark plausible masses, (n,): positive, and not far above the median of all."""
+    """Mark plausible masses, (n,): positive, and not far above the median."""
     return (mass_kg > 0.0) & (mass_kg < LOAD_LIMITS.max_mass_over_median * np.median(mass_kg))
 
 
@@ -60,10 +60,10 @@ class RelativeMassDeviations:
     def from_masses(
         cls, manoeuvre_numbers: Ints, mass_kg: Floats, weight_shares: tuple[float, float]
     ) -> Self | None:
-        """Relate (manoeuvres,) masses to their mean; None if they are not plausible masses.
+        """Relate (manoeuvres,) masses to their mean; None if the mean is not positive.
 
-        An implausible mass is replaced by a typical one, or it would dominate the contrast of all
-        loads.
+        An implausible mass is replaced by a typical one, since it would dominate the contrast of
+        all loads.
         """
         mass_kg = np.where(mark_plausible_masses(mass_kg), mass_kg, np.median(mass_kg))
         reference_kg = float(np.mean(mass_kg))
@@ -78,13 +78,13 @@ class RelativeMassDeviations:
         return max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
     def mark_loaded_manoeuvres_by_number(self, manoeuvre_numbers: Ints) -> Bools:
-        """Whether these manoeuvres carry more than midway between light and heavy loads, (n,)."""
+        """Whether each manoeuvre is heavier than midway between light and heavy ones, (n,)."""
         return self.look_up_relative_mass_deviations(manoeuvre_numbers) > float(
             np.quantile(self.value, LIMITS.load_contrast_quantiles).mean()
         )
 
     def look_up_relative_mass_deviations(self, manoeuvre_numbers: Ints) -> Floats:
-        """Deviation of these manoeuvres, (n,); an unknown one takes that of the one before."""
+        """Deviation of each manoeuvre, (n,); for an unknown one that of the manoeuvre before it."""
         # samples come in runs of one manoeuvre
         first = np.flatnonzero(np.diff(manoeuvre_numbers, prepend=manoeuvre_numbers[:1] - 1))
         place = np.searchsorted(self.manoeuvre_ids, manoeuvre_numbers[first], "right") - 1
@@ -108,7 +108,7 @@ class PreviousEstimates:
         swing: effect of a swinging body on the accelerometer.
         relative_loads: relative loads of the load states; None with one state.
         route: route between loading and dumping; None if nothing is dumped.
-        play: of the hysteresis of the force; None without.
+        play: play of the force's hysteresis; None without hysteresis.
         ground_variance_ratio_1_s: variance of the ground force between stretches over that of the
             noise of one second.
     """
@@ -127,7 +127,7 @@ class PreviousEstimates:
     ground_variance_ratio_1_s: float = 0.0
 
     def estimate_ground_force_newtons(self, motion: MotionSamples) -> Floats:
-        """Force on the ground, (n,) in N, of a motion whose force delay is corrected."""
+        """Force on the ground, (n,) in N; the force of `motion` must be corrected for its delay."""
         gain = 1.0 + self.load_transfer_s2_m * motion.acceleration
         return (motion.force - self.offset_N) / np.maximum(gain, LIMITS.load_transfer_min_gain)
 
@@ -143,7 +143,7 @@ class FitRows:
         direction: (rows,) driving direction of the stretch.
         noise: expected contribution of noise to the normal equations.
         shortest: minimum number of rows of a stretch with a term of its own.
-        terms: nuisances of the columns.
+        terms: nuisances, one per column after the first two.
     """
 
     A: Floats
@@ -159,7 +159,7 @@ class FitRows:
         if terms == self.terms:
             return self
         at = np.array([0, 1, *(2 + self.terms.index(term) for term in terms)])
-        # contiguous, as where the columns are made at once: sums depend on it to their last bits
+        # contiguous, as if made from these terms alone: the last bits of sums depend on the layout
         gram = np.ascontiguousarray(self.noise.gram[:, at[:, None], at])
         noise = NoiseMoments(gram, np.take(self.noise.cross, at, axis=1))
         return replace(self, A=np.take(self.A, at, axis=1), noise=noise, terms=terms)
@@ -172,7 +172,7 @@ class FitColumns:
     Attributes:
         pieces: columns of each piece of the log.
         terms: the nuisances.
-        found: estimates of earlier rounds.
+        found: estimates of earlier rounds, which the columns depend on.
         rate_hz: rate of the grid.
     """
 
@@ -201,7 +201,7 @@ class FitColumns:
     def average_and_weight_columns(
         self, noise: ColumnNoiseModel, max_samples_per_mean: int
     ) -> FitRows:
-        """Average the columns over up to `max_samples_per_mean` samples and weight the means."""
+        """Average the columns over at most `max_samples_per_mean` samples, and weight the means."""
         return average_and_weight_columns_of_pieces(
             self.pieces.__getitem__,
             [piece.group for piece in self.pieces],
@@ -256,8 +256,9 @@ def average_and_weight_columns_of_pieces(
     """Average and weight the columns of all pieces.
 
     Args:
-        make_columns: makes the columns of a piece of the log; those of a whole shift are many.
-        groups: stretch of each fitted sample of each piece.
+        make_columns: function that makes the columns of the piece with this index; called piece by
+            piece, since the columns of a whole shift are large.
+        groups: for each piece, stretch of each fitted sample.
         noise: noise of acceleration, speed and force.
         terms: the nuisances.
         max_samples_per_mean: number of samples in the longest mean.
@@ -282,7 +283,7 @@ def average_and_weight_columns_of_pieces(
         return piece.group[own], piece.raw.select_rows(own)
 
     pieces = map_in_threads(average_piece, range(len(places)))
-    # lengths are few and short: counting them is quicker than sorting all rows
+    # there are few lengths: counting them is quicker than sorting all rows
     occurs = np.bincount(counts) > 0
     lengths, which = np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[counts]
     covariances = np.stack([noise.compute_covariance_of_means(int(length)) for length in lengths])
@@ -337,7 +338,7 @@ def whiten_random_intercepts_in_place(
 
 @dataclass(frozen=True, slots=True)
 class _PieceColumns:
-    """Columns (2 + terms, n) and force of the fitted samples of a piece, and their stretches."""
+    """Columns (2 + terms, n), force and stretch of a piece's fitted samples, and their inputs."""
 
     A: Floats
     f: Floats
@@ -352,10 +353,10 @@ def make_columns_of_piece(
     terms: tuple[Nuisance, ...],
     previous_estimates: PreviousEstimates,
 ) -> _PieceColumns:
-    """Make the columns of the fitted samples of a piece; delays and means use those around them."""
+    """Make the columns of a piece's fitted samples; delays and means also use other samples."""
     in_time = motion.advance_force(previous_estimates.lag_s)
     if previous_estimates.speed_delay_s:
-        # what a late speed does to friction goes with the motion, which a specific force is not
+        # the effect of a late speed on friction depends on the motion, not on the specific force
         in_time = in_time.advance_speed(previous_estimates.speed_delay_s)
     force, speed = in_time.force, in_time.speed
     acting = previous_estimates.estimate_ground_force_newtons(in_time)
@@ -416,7 +417,7 @@ def make_columns_of_piece(
 
 
 def compute_samples_between_fitted_means(max_samples_per_mean: int) -> int:
-    """Stride in samples between the means that are fitted."""
+    """Number of samples from one fitted mean to the next."""
     return max(1, max_samples_per_mean // LIMITS.rows_per_mean)
 
 
@@ -434,7 +435,7 @@ def find_route_positions_and_length_m(
 
 
 def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
-    """Samples in stretches, but for the first ones of each, whose force is from before it."""
+    """Indices of the fitted samples, without the first of each stretch, whose force is earlier."""
     fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
     if lag:
         fitted = fitted & (
@@ -444,7 +445,7 @@ def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
 
 
 def select_every_nth_sample(stretch_of_sample: Ints, stride: int) -> Bools:
-    """Select every `stride`-th sample of each stretch, at least its last one, (n,)."""
+    """Flags of every `stride`-th sample of each stretch, or of the last of a shorter one, (n,)."""
     since = compute_index_in_stretch(stretch_of_sample)
     short = mark_stretch_ends(stretch_of_sample) & (since < stride - 1)
     return (stretch_of_sample >= 0) & ((since % stride == stride - 1) | short)
@@ -453,11 +454,11 @@ def select_every_nth_sample(stretch_of_sample: Ints, stride: int) -> Bools:
 def compute_square_roots_of_row_weights(
     A: Floats, force: Floats, covariances: Floats, covariance_index_of_row: Ints
 ) -> Floats:
-    """Square root of each row's weight, (rows,); a start's first means hold few samples."""
+    """Square root of each row's weight, (rows,): the first means of a start have few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
     variances = np.array([gradient @ covariance @ gradient for covariance in covariances])
-    if not variances[-1] > 0.0:  # noise that adds up to none is that of every row
+    if not variances[-1] > 0.0:  # without noise all rows weigh the same
         return np.ones(covariance_index_of_row.size)
     return np.sqrt(variances[-1] / np.maximum(variances[covariance_index_of_row], variances[-1]))
 
@@ -471,19 +472,20 @@ def sum_noise_moments_by_stretch(
     covariance_index_of_row: Ints,
     weight_roots: Floats,
 ) -> tuple[Floats, Floats]:
-    """Noise terms of AᵀA and Aᵀf by acceleration, speed, force and its derivative, by stretch.
+    """Sum, by stretch, the noise in AᵀA and Aᵀf due to acceleration, speed, force and force rate.
 
-    A mean of the force and one of its derivative, which changes sign with time, share no noise.
+    The noise of a mean of the force and that of its derivative are uncorrelated, since the latter's
+    weights change sign with time.
 
     Args:
         terms: the nuisances.
         stretch_of_row: (rows,) stretch of each row.
         column_inputs: means that the columns are made of.
-        covariances: (kinds, 3, 3) noise covariance of means of each length.
-        force_rate_variances: (kinds, parabolas) noise variance of those of the force's derivative;
-            None if it has none.
-        covariance_index_of_row: (rows,) which of the kinds each row has.
-        weight_roots: (rows,) factor of each row.
+        covariances: (lengths, 3, 3) noise covariance of the means of each length.
+        force_rate_variances: (lengths, parabolas) noise variance of means of the force's
+            derivative; None if it is without noise.
+        covariance_index_of_row: (rows,) index of each row's length.
+        weight_roots: (rows,) square root of each row's weight.
     """
     ids, index = np.unique(stretch_of_row, return_inverse=True)
     if force_rate_variances is not None:

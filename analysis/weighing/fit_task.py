@@ -41,7 +41,7 @@ from estimators.joint.prior_fit import Grouping, Solution
 
 @dataclass(frozen=True, slots=True)
 class _MassFrictionAndSlip:
-    """Cost of wheel slip, from an earlier round.
+    """Mass, friction and wheel slip of an earlier round, which give the cost of slip.
 
     Attributes:
         mass_kg: accelerated mass, mean of the loads.
@@ -128,7 +128,7 @@ class FitTask:
             known_s = known.lag_s
             mean[lag] -= known_s
             if number or fit_rows is None:
-                # of a shift each holds hundreds of megabytes
+                # for a shift, each of them holds hundreds of megabytes
                 fit_rows = solution = None
                 fit_rows = average_and_weight_fit_columns(
                     self.motion, self.noise, self.terms, mean_samples, known
@@ -154,7 +154,7 @@ class FitTask:
                 break
         assert solution is not None
         theta = solution.theta.copy()
-        # behind the masses and friction
+        # the terms follow masses and friction
         first = theta.size - len(self.terms)
         if advance_force:
             theta[first + lag] = known.lag_s
@@ -195,7 +195,7 @@ class FitTask:
         )
 
     def _find_route(self, loads: RelativeMassDeviations | None) -> HaulRoute | None:
-        """Find the route between the places where these loads are loaded and dumped."""
+        """Find the route between the places of loading and dumping, by the relative loads."""
         if loads is None:
             return None
         return HaulRoute.from_motion(
@@ -207,7 +207,7 @@ class FitTask:
     def _update_estimates_and_get_lag_change_s(
         self, previous_estimates: PreviousEstimates, theta: Floats, *, advance_force: bool
     ) -> tuple[PreviousEstimates, float]:
-        """Update the estimates by a round, and return the change of the lag in s."""
+        """Update the estimates after a round; also return the absolute change of the lag in s."""
         masses = theta.size - 1 - len(self.terms)
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
@@ -241,7 +241,7 @@ class FitTask:
         )
         if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
             std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
-        # loads that alternate and ground that does are told apart by the fit of both, not here
+        # alternating loads and alternating ground are distinguished by the fit of both, not here
         ground = [place for place, term in enumerate(self.terms) if term.source == BY_GROUND]
         mean[ground] = fit.theta[fit.mass_count + 1 :][ground]
         std[ground] *= LIMITS.left_out_prior_ratio
@@ -264,7 +264,7 @@ class FitTask:
         return wheels.delay_s[0] if wheels is not None and told else 0.0
 
     def _estimate_squat_gain_correction(self) -> float:
-        """Relative correction of the acceleration for a squat that the pitch shows."""
+        """Relative correction of the acceleration for a squat that the pitch measures."""
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
@@ -316,7 +316,7 @@ class FitTask:
     def _exclude_gain_drift_in_place_if_loads_recur(self, prior_std: Floats) -> None:
         """Set the prior of a gain drift to 0 if loads return.
 
-        Payloads are then differences of neighbours, where a drift cancels; free masses follow it.
+        A drift then cancels in payloads, as differences of successive masses; the masses follow it.
         """
         if self.states is not None and self.states.load_returns:
             prior_std[find_term_index("gain_drift", self.terms)] *= LIMITS.left_out_prior_ratio
@@ -366,13 +366,13 @@ class FitTask:
     def _set_prior_of_slip_by_load_in_place(
         self, mass_friction_slip: _MassFrictionAndSlip, prior_mean: Floats, prior_std: Floats
     ) -> None:
-        """Set the prior of the slip that a load takes away to a share of the slip, if known."""
+        """Set the prior of the reduction of slip by load to a share of the slip, if it is known."""
         slip = self._estimate_slip_and_std_by_wheels() or mass_friction_slip.slip_1_N
         if slip is None or SLIP_BY_LOAD not in self.terms:
             return
         at = self.terms.index(SLIP_BY_LOAD)
         share_kg = LIMITS.slip_stiffness_by_load_1 * mass_friction_slip.mass_kg
-        # wheels that turn less than the ground moves do not slip the less for it
+        # a negative slip is not reduced by the load
         prior_mean[at] = share_kg * max(slip[0], 0.0)
         prior_std[at] = max(
             share_kg * float(np.hypot(*slip)), LIMITS.min_slip_std_fraction * prior_std[at]

@@ -1,7 +1,7 @@
 """Terms of a position-dependent force, on a short path that is driven back and forth.
 
-A spring, a cable, a cam, or the weight of an arm: such a force goes with the acceleration, which is
-largest at the ends of the path. The part that is due to the weight grows with the load.
+The force of a spring, a cable, a cam or the weight of an arm is correlated with the acceleration,
+which is largest at the ends of the path. The part that is due to weight grows with the load.
 """
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ from analysis.weighing.nuisances import (
 )
 from analysis.weighing.weighing_limits import LIMITS
 
-#: What all of it is in the budget.
+#: Budget entry that combines these terms.
 BY_PLACE: Final = "place"
 
 
@@ -26,12 +26,12 @@ def make_position_proportional_force_column(relative_position: Floats) -> Floats
 
 
 def evaluate_half_wave_cosine(relative_position: Floats, half_waves: int) -> Floats:
-    """Cosine (n,) over the path with a number of half waves."""
+    """Cosine (n,) with `half_waves` half waves over the path."""
     return np.cos(np.pi * half_waves * (relative_position + 0.5))
 
 
 def _make_position_wave_term(half_waves: int) -> Nuisance:
-    """Term of a force that varies with the place as a half wave."""
+    """Term of a force that varies over the path as a cosine of `half_waves` half waves."""
     return Nuisance(
         f"place_{half_waves}",
         "N",
@@ -45,7 +45,7 @@ def _make_position_wave_term(half_waves: int) -> Nuisance:
 
 
 def _make_load_proportional_term(term: Nuisance) -> Nuisance:
-    """Part of a nuisance term that is proportional to the load."""
+    """Term of the part of `term` that is proportional to the load."""
 
     def column_of_load(m: ColumnInputs) -> Floats:
         return term.column(m) * m.relative_load
@@ -72,12 +72,12 @@ _OF_EVERY_LOAD: Final = (
     ),
     *map(_make_position_wave_term, range(1, LIMITS.path_half_waves + 1)),
 )
-#: Behind the nuisances that every log may have.
+#: Added after the nuisances that every log may have.
 PLACE: Final = (*_OF_EVERY_LOAD, *map(_make_load_proportional_term, _OF_EVERY_LOAD))
 
 
 def make_position_force_columns(relative_position: Floats) -> Floats:
-    """(n, terms) columns of a spring and of half waves at positions on the path."""
+    """(n, terms) columns of a spring and of the half waves, at positions on the path."""
     waves = (
         evaluate_half_wave_cosine(relative_position, half_waves)
         for half_waves in range(1, LIMITS.path_half_waves + 1)
@@ -86,7 +86,7 @@ def make_position_force_columns(relative_position: Floats) -> Floats:
 
 
 def make_position_force_slopes(relative_position: Floats) -> Floats:
-    """(n, terms) derivatives of these columns by the position."""
+    """(n, terms) derivatives of `make_position_force_columns` by the position."""
     numbers = np.pi * np.arange(1, LIMITS.path_half_waves + 1)
     waves = -numbers * np.sin(numbers * (relative_position[:, None] + 0.5))
     return np.column_stack(

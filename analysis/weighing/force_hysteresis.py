@@ -2,9 +2,9 @@
 
 Pressures, motor currents, strain gauges and gears under load lag behind the force by a fixed amount
 in either direction, whatever its rate: play (Visintin, Differential Models of Hysteresis, 1994). No
-delay and no filter describes that. A start rises to its force and a coast falls from it, so that
-masses are too small: play of ± 1 % of the largest force made them 0.5 to 2 % too small, by up to
-five of their uncertainties. The residual jumps wherever the force turns, so a log shows it plainly.
+delay and no filter models this. The force rises at a start and falls at a coast, so that masses
+come out too small: play of ± 1 % of the largest force made them 0.5 to 2 % too small, by up to five
+of their uncertainties. The residual jumps where the force reverses, so that a log shows hysteresis.
 """
 
 from typing import Final, NamedTuple
@@ -22,7 +22,7 @@ from estimators.numerics.play import apply_play_hysteresis
 def compute_hysteresis_half_loop_prior_std_newtons(
     motion: MotionSamples, priors: PriorSettings
 ) -> float:
-    """Prior standard deviation of half the loop, in N."""
+    """Prior standard deviation of half the width of the hysteresis loop, in N."""
     return (
         priors.hysteresis_share or LIMITS.hysteresis_prior_share
     ) * motion.force_95_percentile_newtons
@@ -37,17 +37,17 @@ HYSTERESIS: Final = Nuisance(
     "a force that reads less while it rises and more while it falls: friction in its sensor or "
     "behind it",
     "a force without hysteresis: a torque at the wheels instead of a pressure or a current",
-    # noise that makes the force rise is in the force as well
+    # noise that makes the force appear to rise is also in the force itself
     by_force=lambda m: np.full(m.force.size, -m.rises_by_force_1_N),
 )
 
 
 class PlayHysteresis(NamedTuple):
-    """Width and mean length by which a turning force is distinguished from its noise.
+    """Play and length of the mean by which a reversal of the force is distinguished from noise.
 
     Attributes:
-        half_N: half of the change after which the force has turned, in N.
-        mean: samples of the mean that keeps the noise below it.
+        half_N: half of the change by which the force must go back for a reversal, in N.
+        mean: number of samples of the mean whose noise is well below `half_N`.
         by_force_1_N: derivative of the direction by a fitted mean of the force.
     """
 
@@ -59,7 +59,7 @@ class PlayHysteresis(NamedTuple):
 def choose_hysteresis_width_and_mean_length(
     motion: MotionSamples, noise: ColumnNoiseModel, mean_samples: int
 ) -> PlayHysteresis:
-    """Choose a share of the largest force, and the shortest mean whose noise is well below it.
+    """Choose a play in proportion to the largest force, and the shortest mean with little noise.
 
     Args:
         motion: the samples.
@@ -80,7 +80,7 @@ def choose_hysteresis_width_and_mean_length(
 
 
 def compute_sign_of_force_change(force: Floats, play: PlayHysteresis) -> Floats:
-    """Whether the force (n,) rises (1), falls (-1) or has just turned (between), (n,)."""
+    """Sign of the change of the force, (n,): 1 rising, -1 falling, in between after a reversal."""
     before = play.mean // 2
     padded = np.pad(force, (before, play.mean - 1 - before), mode="edge")
     smooth = np.convolve(padded, np.full(play.mean, 1.0 / play.mean), "valid")

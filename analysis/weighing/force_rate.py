@@ -28,10 +28,10 @@ def differentiate_force_by_widest_parabolas(
 ) -> tuple[Floats, Ints]:
     """Derivative of the force by the widest parabola that agrees with all narrower ones.
 
-    Slip needs small values as well: without them masses were 0.3 % off where wheels slip by 2 %,
-    and slip of 4 to 10 % looked like a load that grows at every start. And it needs a cut of the
-    throttle as steep as it is, which one width for all samples blurs or leaves in the noise
-    (Lepskii, Theory of Probability and Its Applications 35, 1990, 454).
+    The slip term needs small rates as well: without them masses were 0.3 % off at a slip of 2 %,
+    and a slip of 4 to 10 % looked like a load that grows at every start. It also needs the full
+    rate when the throttle is cut; one width for all samples would either blur that or leave small
+    rates in the noise (Lepskii, Theory of Probability and Its Applications 35, 1990, 454).
 
     Args:
         force: (n,) in N.
@@ -39,7 +39,7 @@ def differentiate_force_by_widest_parabolas(
         noise: noise of the columns.
 
     Returns:
-        The derivative, (n,) in N/s, and the index of each sample's parabola, (n,), which is that of
+        The derivative, (n,) in N/s, and the index of each sample's parabola, (n,), as in
         `compute_force_rate_variances`.
     """
     rates = [_convolve_force(force, slope) for slope in _list_parabola_slope_weights(rate_hz)]
@@ -56,9 +56,9 @@ def differentiate_force_by_widest_parabolas(
 def compute_force_rate_variances(
     noise: ColumnNoiseModel, rate_hz: float, mean_samples: Sequence[int]
 ) -> Floats:
-    """Noise variance of the force rate by each parabola, after trailing means of each length.
+    """Noise variance of the force rate by length of trailing mean and by parabola, in N²/s².
 
-    (lengths, parabolas), in N²/s².
+    (lengths, parabolas); the lengths are `mean_samples`.
     """
     slopes = _list_parabola_slope_weights(rate_hz)
     autocovariance = _list_force_autocovariances_newtons2(
@@ -77,10 +77,10 @@ def compute_force_rate_variances(
 
 
 def _list_force_autocovariances_newtons2(noise: ColumnNoiseModel, lag_count: int) -> Floats:
-    """Autocovariance of the force's noise, (lags,).
+    """Autocovariance of the force's noise, (lags,) in N².
 
-    The variance of a sum of n has n - |k| pairs at lag k, so its second difference is twice the
-    autocovariance at lag n.
+    The variance of a sum of n samples contains n - |k| pairs at lag k, so its second difference is
+    twice the autocovariance at lag n.
     """
     of_sums = [
         0.0,
@@ -90,13 +90,13 @@ def _list_force_autocovariances_newtons2(noise: ColumnNoiseModel, lag_count: int
 
 
 def _list_parabola_slope_weights(rate_hz: float) -> list[Floats]:
-    """Weights of the slopes of the parabolas, from one row to either side on."""
+    """Weights of the slope of each parabola, the narrowest (one row on either side) first."""
     wide = {count_rows_in_duration(s, rate_hz) for s in LIMITS.force_rate_half_widths_s}
     return [make_parabola_slope_weights(half_rows, rate_hz) for half_rows in sorted({1, *wide})]
 
 
 def make_parabola_slope_weights(half_rows: int, rate_hz: float) -> Floats:
-    """Weights of the slope of a parabola through so many rows to either side, (rows,) in 1/s."""
+    """Weights of the slope of a parabola over `half_rows` rows on either side, (rows,) in 1/s."""
     row = np.arange(half_rows, -half_rows - 1, -1)
     return np.asarray(row * rate_hz / (2.0 * (np.arange(1, half_rows + 1) ** 2).sum()), np.float64)
 
@@ -104,7 +104,7 @@ def make_parabola_slope_weights(half_rows: int, rate_hz: float) -> Floats:
 def _convolve_force(force: Floats, weights: Floats) -> Floats:
     """Convolve the force, (n,), with an odd number of weights.
 
-    Beyond its ends it is as there: a force of 0 would begin and end with a jump.
+    The force is extended by its first and last value; by zeros it would begin and end with a jump.
     """
     padded = np.pad(force, weights.size // 2, mode="edge")
     return np.asarray(np.convolve(padded, weights, "valid"), np.float64)

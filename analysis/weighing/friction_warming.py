@@ -1,4 +1,4 @@
-"""How viscous friction changes over a log whose oil warms."""
+"""Change of viscous friction over a log as the oil warms."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ class WarmingShape:
     """Change of viscous friction over a log, as an orthogonal polynomial of time.
 
     Attributes:
-        degree: degree of the polynomial; it needs more manoeuvres than that.
-        share: computes its value (n,) from the progress (n,), from -1/2 to 1/2.
+        degree: degree of the polynomial; the log needs more manoeuvres than that.
+        share: computes the polynomial (n,) from the progress (n,) over the log, -1/2 to 1/2.
         meaning: description in words.
     """
 
@@ -23,7 +23,7 @@ class WarmingShape:
     meaning: str
 
 
-#: By the name of the term. Oil warms like 1 - exp(-t): without the cubic, payloads of five starts
+#: Shapes by name of the term. Oil warms as 1 - exp(-t): without the cubic, payloads of five starts
 #: were 5 to 12 % off where friction fell by a quarter.
 WARMING: Final[Mapping[str, WarmingShape]] = {
     "viscous_drift": WarmingShape(

@@ -1,7 +1,7 @@
-"""Fuel on board: how much heavier the empty machine is in the log than on the weighbridge.
+"""Fuel on board: difference of the empty machine's mass between the log and the weighbridge.
 
-A tank of 200 L is 170 kg. What was in it at the weighing and at the start of the log, and what has
-been burnt since, is stated or measured; the difference belongs to the mass on the ticket.
+200 L of fuel weigh 170 kg. The fuel in the tank at the weighing and at the start of the log, and
+the fuel burnt since, are stated or measured; the difference is added to the mass on the ticket.
 """
 
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ from analysis.weighing.weighing_limits import LIMITS
 
 @dataclass(frozen=True)
 class FuelOnBoard:
-    """Fuel over the log.
+    """Fuel in the tank over the log.
 
     Attributes:
-        tank: litres that the machine file states.
-        rate_u_1: relative standard uncertainty of what is burnt.
+        tank: fuel in the tank at the weighing and at the start, as the machine file states it.
+        rate_u_1: relative standard uncertainty of the fuel burnt.
         t_ns: (n,) times since the first aligned sample, ascending.
         burnt_L: (n,) litres burnt until then.
     """
@@ -35,9 +35,9 @@ class FuelOnBoard:
 
     @classmethod
     def integrate_fuel_rate(cls, body: Body, aligned: pl.DataFrame) -> Self | None:
-        """Integrate the channel, or the stated rate; None if the machine file states no tank.
+        """Integrate the measured or stated fuel rate; None if the machine file states no tank.
 
-        Where the channel has a gap, its mean rate is burnt.
+        In gaps of the channel its mean rate is used.
         """
         if body.fuel is None or aligned.is_empty():
             return None
@@ -55,7 +55,7 @@ class FuelOnBoard:
     def estimate_fuel_mass_beyond_ticket_and_u_kg(
         self, at_ns: Floats, weights: Floats
     ) -> tuple[float, float]:
-        """Fuel mass beyond that of the empty-mass ticket (signed), and its standard u, in kg.
+        """Fuel mass minus that at the weighing, and its standard uncertainty, in kg.
 
         Args:
             at_ns: (k,) times at which the log weighed the empty machine.

@@ -1,11 +1,11 @@
-"""A gain of the force by direction: in reverse, one load weighs as another.
+"""A gain of the force by direction: the same load has a different mass in reverse.
 
-Gears, motor controllers and bridges of strain gauges may read the same force otherwise in reverse:
-f (1 - κ s) = m a + b v, where s is 1 forwards and -1 in reverse. Every drive in reverse then has
-another mass, as of a machine that is loaded there. Loads tell themselves apart from it by what
-happens at their changes (a boom, a bucket that was filled), by an empty machine of a known mass, by
-drives of one direction with different loads, and by payloads that scatter while an empty machine
-does not. A log that shows none of these cannot distinguish the two.
+Gears, motor controllers and strain gauge bridges may give another reading of the same force in
+reverse: f (1 - κ s) = m a + b v, where s is 1 forwards and -1 in reverse. Every drive in reverse
+then has another mass, as if the machine were loaded there. Real loads are distinguished by evidence
+at their changes (a boom movement, a filled bucket), by an empty machine of known mass, by different
+loads in one direction, and by payloads that scatter more than the empty machine. A log without any
+of these cannot distinguish the two.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, Mo
 from analysis.weighing.nuisances import Nuisance
 from estimators.joint.group_effects import HINTED
 
-#: All but free.
+#: Term with a prior so wide that it is almost free.
 GAIN_BY_DIRECTION: Final = Nuisance(
     "gain_by_direction",
     "1",
@@ -48,10 +48,10 @@ GAIN_BY_DIRECTION: Final = Nuisance(
 
 @dataclass(frozen=True, slots=True)
 class DirectionGain:
-    """Gain of the force in reverse with which one load explains a log.
+    """Gain of the force in reverse with which a single load explains the log.
 
     Attributes:
-        gain_1: force read in reverse over that read forwards, of the same force.
+        gain_1: reading in reverse over the reading forwards, for the same force.
         std_1: its standard deviation.
         loads: number of loads of the answer.
     """
@@ -62,16 +62,16 @@ class DirectionGain:
 
     @property
     def significance_1(self) -> float:
-        """Difference of the gain from 1 over the smallest one that shows and matters."""
+        """Difference of the gain from 1, over the smallest that is significant and matters."""
         least_1 = max(LIMITS.direction_gain_min_std * self.std_1, LIMITS.direction_gain_min_1)
         return abs(self.gain_1 - 1.0) / least_1
 
     @property
     def is_significant(self) -> bool:
-        """Whether the gain differs from 1, and by no more than a sensor's may.
+        """Whether the gain differs from 1, but by no more than that of a sensor may.
 
-        Where masses differ by direction, it need not be significant itself: friction and slip of
-        the wheels leave it uncertain.
+        If the masses differ by direction, the gain itself need not be significant: friction and
+        wheel slip leave it uncertain.
         """
         apart_1 = abs(self.gain_1 - 1.0)
         shows = self.significance_1 > 1.0 or (
@@ -81,28 +81,28 @@ class DirectionGain:
 
     @property
     def could_explain_several_loads(self) -> bool:
-        """Whether the answer has several loads, which may be this gain instead."""
+        """Whether the answer has several loads, which this gain could explain instead."""
         return self.loads > 1
 
     @property
     def relative_mass_u(self) -> float:
-        """Relative standard uncertainty of one load's mass: either direction may be right."""
+        """Relative standard uncertainty of a single load's mass: either direction may be right."""
         return abs(self.gain_1 - 1.0) / float(np.sqrt(3.0))
 
 
 def estimate_force_gain_by_driving_direction(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, body: Body
 ) -> DirectionGain | None:
-    """Find a gain by direction that explains the log with one load.
+    """Estimate a gain by direction that explains the log with a single load.
 
     Args:
         fit: joint fit of the answer.
         noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
-        body: the machine, with what is known of its empty mass and of that gain.
+        priors: priors of the nuisances.
+        body: body of the machine file, with the empty mass and that gain if they are known.
 
     Returns:
-        None if the log has no such gain, or if it tells its loads from one.
+        The gain; None if there is none, or if the log distinguishes its loads from such a gain.
     """
     motion = fit.motion
     if body.force_gain_in_reverse is not None or not motion.drives_both_ways:
@@ -144,9 +144,10 @@ def estimate_force_gain_by_driving_direction(
 def compute_reverse_to_forward_gain(
     fit_with_one_load: JointFit, fit_with_load_states: JointFit
 ) -> DirectionGain:
-    """Gain in reverse over that forwards, from the last term of a fit with one load.
+    """Gain in reverse over the gain forwards, from the last term of a fit with one load.
 
-    Its standard deviation is at least that by which the manoeuvres of each direction scatter.
+    If the answer has one load, the standard deviation is at least that by the scatter of the masses
+    in each direction.
     """
     share, std = (
         float(fit_with_one_load.theta[-1]),
@@ -163,7 +164,7 @@ def compute_reverse_to_forward_gain(
 
 
 def compute_mass_difference_std_by_direction_kg(fit: JointFit) -> float:
-    """Standard deviation of the difference between the directions' mean masses, in kg."""
+    """Standard deviation of the difference between the mean masses of both directions, in kg."""
     states = fit.states
     assert states is not None
     forwards = mark_forward_manoeuvres(fit.motion)
@@ -176,7 +177,7 @@ def compute_mass_difference_std_by_direction_kg(fit: JointFit) -> float:
 
 
 def do_loads_only_follow_driving_direction(fit: JointFit) -> bool:
-    """Whether loads alternate with the direction, and only the masses indicate their changes."""
+    """Whether loads follow the driving direction, with no other evidence of their changes."""
     states, motion = fit.states, fit.motion
     assert states is not None
     if motion.empty is not None:
@@ -210,14 +211,14 @@ def compute_mean_mass_in_reverse_and_forwards_kg(
 
 
 def mark_manoeuvres_of_heavier_direction(states: LoadStates, is_forward: Bools) -> Bools:
-    """Whether each manoeuvre is nearer to the heavier direction's mass, (manoeuvres,)."""
+    """Whether each manoeuvre's mass is nearer to that of the heavier direction, (manoeuvres,)."""
     return states.manoeuvre_mass_kg > float(
         np.mean(compute_mean_mass_in_reverse_and_forwards_kg(states, is_forward))
     )
 
 
 def does_empty_mass_confirm_two_loads(fit: JointFit, body: Body) -> bool:
-    """Whether the lighter direction has the stated empty mass, and the heavier one has not."""
+    """Whether the lighter direction has the stated empty mass, and the heavier one does not."""
     empty_kg = body.empty_inertia_kg
     if empty_kg is None:
         return False
@@ -236,8 +237,8 @@ def do_heavy_masses_scatter_more_than_light(states: LoadStates, is_heavy: Bools)
     """Whether the heavier manoeuvres scatter more than the lighter ones, as payloads do.
 
     Args:
-        states: manoeuvres of one load, weighed with the gain of each direction.
-        is_heavy: (manoeuvres,) whether each manoeuvre was heavy before.
+        states: manoeuvres as one load, weighed with the gain by direction.
+        is_heavy: (manoeuvres,) whether each manoeuvre was heavy without that gain.
     """
     spread = [
         _variance_to_noise_ratio(states.manoeuvre_mass_kg[each], states.std_kg[each])
@@ -251,7 +252,7 @@ def do_heavy_masses_scatter_more_than_light(states: LoadStates, is_heavy: Bools)
 
 
 def _variance_to_noise_ratio(mass_kg: Floats, std_kg: Floats) -> float:
-    """Variance about the weighted mean over that of the noise."""
+    """Variance of masses about their weighted mean, over that of the noise."""
     if mass_kg.size < 2:
         return 0.0
     weight = std_kg**-2.0

@@ -1,14 +1,13 @@
 """Loads that change in motion: of single manoeuvres, and of all manoeuvres alike.
 
-`find_manoeuvres_with_growing_load` compares the residual of a manoeuvre with a mass that grows
-evenly over it, and with the other manoeuvres. A change that all share is hidden in their common
-terms; `refit_with_load_growing_at_starts` gives it a term of its own. Beside that term, friction
-that drives or a resistance that falls with the square of the speed is what a growing load leaves in
-the others.
+`find_manoeuvres_with_growing_load` compares the residual of a manoeuvre with that of a mass that
+grows evenly over it, and with the other manoeuvres. A change common to all manoeuvres is hidden in
+their shared terms, so `refit_with_load_growing_at_starts` adds a term for it. With that term, the
+resistances must not be negative: otherwise they absorb a part of the growth.
 
-A load that changes while a manoeuvre creeps for a second or two shows in no residual:
-`find_creeping_load_changes` finds such manoeuvres by their speed and by the different loads that
-are moved before and after.
+A load that changes during a manoeuvre that creeps for a second or two leaves no residual:
+`find_creeping_load_changes` finds such manoeuvres by their speed and by the different loads before
+and after them.
 """
 
 from dataclasses import dataclass
@@ -39,10 +38,9 @@ from analysis.weighing.nuisances import FILLING
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 from estimators.numerics.fit_loss import list_group_numbers, list_rows_by_group
 
-#: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
-#: share of it and in the constant by such a share of the largest force (one standard deviation).
+#: Number of parameters that may differ between starts: mass, friction and constant.
 _OWN: Final = 3
-#: Terms that brake and never drive.
+#: Terms that can only resist the motion.
 _RESISTANCES: Final = ("direction", "quadratic")
 
 
@@ -53,10 +51,11 @@ class LoadChangeInMotion:
     Attributes:
         manoeuvre_id: number of the manoeuvre in the samples.
         first: its first fitted sample.
-        load_change_kg: change of the load beyond the usual, from the first to the last fitted
-            sample.
+        load_change_kg: change of the load from the first to the last fitted sample, in excess of
+            that common to all manoeuvres.
         std_kg: standard deviation of the change.
-        is_possible: whether the machine carried so much: else the manoeuvre misses the model.
+        is_possible: whether the machine could carry so much; otherwise the manoeuvre does not
+            follow the model.
     """
 
     manoeuvre_id: int
@@ -77,9 +76,9 @@ class LoadGrowthAtEveryStart:
         largest_mass_change_over_u: largest change of a mass or of the mean payload, in its standard
             uncertainties.
         effect_kg: (masses,) change of each mass.
-        is_possible: whether the machine may fill itself while it drives. If not, the log shows
-            something else that changes evenly over every start: a force that is late, or an
-            efficiency that changes with the torque; the masses are wider by the effect.
+        is_possible: whether the machine may be filled while it drives. If not, something else
+            changes evenly over every start, such as a delayed force or an efficiency that depends
+            on the torque, and the effect is added to the uncertainty of the masses.
     """
 
     kg_s: float
@@ -90,10 +89,10 @@ class LoadGrowthAtEveryStart:
 
     @property
     def load_growth_over_std(self) -> float:
-        """The deviations; 0 if the growth changes no mass and no payload by its uncertainty.
+        """`deviations`; 0 if the growth changes no mass or payload by more than its uncertainty.
 
-        Long logs make a misfit significant even if it changes no mass. 0 also if nothing fills the
-        machine.
+        In a long log a misfit is significant even if it changes no mass. Also 0 if the machine
+        cannot be filled while it drives.
         """
         if not self.is_possible:
             return 0.0
@@ -103,7 +102,7 @@ class LoadGrowthAtEveryStart:
 
     @property
     def significant_mass_changes_kg(self) -> Floats | float:
-        """Change of each mass, (masses,), by which it is wider; 0 if it is not significant."""
+        """Uncertainty added to each mass, (masses,) in kg; 0 if the growth is not significant."""
         shown = not self.is_possible and self.deviations > LIMITS.impossible_filling_std
         return self.effect_kg if shown else 0.0
 
@@ -111,15 +110,15 @@ class LoadGrowthAtEveryStart:
 def refit_with_load_growing_at_starts(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, fit_rows: FitRows | None = None
 ) -> LoadGrowthAtEveryStart:
-    """Refit with a load that grows equally at every start, and with positive resistances.
+    """Refit with a load that grows equally at every start, and with nonnegative resistances.
 
-    The z-score is from the likelihood ratio of zero growth and of growth of at least zero, each
-    with the nonnegative resistances that explain the log best.
+    The z-score is from the likelihood ratio of no growth and a growth of at least 0, each with the
+    nonnegative resistances that explain the log best.
 
     Args:
         fit: the fit without growth.
         noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
+        priors: priors of the nuisances.
         fit_rows: rows of the fit and of `FILLING`, if already computed.
     """
     grown = refit_with_extra_terms(fit, noise, priors, (FILLING,), fit_rows=fit_rows)
@@ -138,7 +137,7 @@ def refit_with_load_growing_at_starts(
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
     better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.posterior_fit.misfit_ratio, 1.0)
-    # what the masses are beside that growth and those resistances
+    # masses given that growth and those resistances
     follows = np.linalg.lstsq(covariance, grown.posterior_fit.covariance[at, : fit.mass_count])[0]
     moved = (
         grown.theta[: fit.mass_count] + (best * std - found) @ follows - fit.theta[: fit.mass_count]
@@ -156,7 +155,7 @@ def refit_with_load_growing_at_starts(
 
 
 def list_coefficients_of_mean_payloads(fit: JointFit) -> list[Floats]:
-    """(masses,) weights of the mean payload: heavy manoeuvres less light ones; none of one load."""
+    """(masses,) weights of the mean payload, heavy minus light manoeuvres; empty with one load."""
     loads, states = fit.previous_estimates.relative_loads, fit.states
     if loads is None or states is None:
         return []
@@ -202,7 +201,7 @@ def find_manoeuvres_with_growing_load(
     left = compute_residual_force_of_rows_newtons(fit, rows, manoeuvre_of_row)
     usual = np.median(np.abs(left[manoeuvre_of_row >= 0]))
     for part in parts:
-        # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
+        # the jerk of a stop is no load, nor is a change that lasts for half of a manoeuvre
         most = (
             LIMITS.row_clip_std
             * STD_OF_MAD
@@ -219,7 +218,7 @@ def find_manoeuvres_with_growing_load(
     )
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     if not (np.isfinite(tied).all() and np.isfinite(left[manoeuvre_of_row >= 0]).all()):
-        return ()  # of a fit that determines nothing
+        return ()  # the fit determines nothing
     slopes = np.array(
         [
             fit_mass_growth_and_information_to_residual(rows.A[part], left[part], tied)
@@ -238,7 +237,7 @@ def find_manoeuvres_with_growing_load(
     limit = -float(
         ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)
     ) * compute_student_to_normal_ratio(kg.size - 1)
-    # what no machine carries is no load, however surely the manoeuvre misses the model
+    # more than a machine can carry is no load, however significant the misfit is
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
     carried &= kg > -compute_max_plausible_load_loss_kg(fit)
     used, of_sample = np.flatnonzero(motion.is_fittable), find_manoeuvre_of_fitted_samples(motion)
@@ -266,15 +265,15 @@ def look_up_load_states(states: LoadStates, manoeuvre_numbers: Ints) -> Ints:
 
 
 def estimate_load_growth_common_to_mass_kg(mass_kg: Floats, growth_kg: Floats) -> Floats:
-    """Growth that manoeuvres of such a mass have in common, (n,) in kg: what the model misses.
+    """Apparent growth common to manoeuvres of the same mass, (n,) in kg, by errors of the model.
 
-    What it misses (a dead band, rolling resistance) grows with the load, so that starts with the
-    largest would seem to lose a part of it. A line by least absolute deviations, or the median
-    where few manoeuvres are heavy or few are light.
+    Forces that the model lacks (a dead band, rolling resistance) grow with the load, so that the
+    heaviest starts would seem to lose a part of it. The growth is a line over the mass by least
+    absolute deviations, or the median if few manoeuvres are heavy or few are light.
 
     Args:
         mass_kg: (n,) masses of the manoeuvres.
-        growth_kg: (n,) their growth.
+        growth_kg: (n,) growth of each manoeuvre's load.
     """
     common_kg = np.full(growth_kg.size, float(np.median(growth_kg)))
     heavy = mass_kg > (mass_kg.min() + mass_kg.max()) / 2.0
@@ -296,10 +295,11 @@ def compute_max_plausible_load_loss_kg(fit: JointFit) -> float:
 
 
 def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) -> float:
-    """Most that a manoeuvre can lose in kg: its load above the lightest, and the load's u.
+    """Largest load that a manoeuvre can lose, in kg: its payload and that payload's uncertainty.
 
-    An excluded manoeuvre has the heavier load of those beside it. Infinite with one load, of which
-    the log does not tell how much is the machine.
+    The payload is relative to the lightest state. An excluded manoeuvre has the heavier load of the
+    manoeuvres before and after it. Infinite with one load, since the log does not separate it from
+    the machine.
 
     Args:
         fit: the joint fit, with its load states.
@@ -324,13 +324,13 @@ def compute_max_load_loss_of_manoeuvre_kg(fit: JointFit, manoeuvre_number: int) 
 
 
 def find_creeping_load_changes(fit: JointFit) -> Ints:
-    """Find slow manoeuvres between two different loads, in a log whose loads return.
+    """Find slow manoeuvres between two different loads, in a log whose loads recur.
 
     Args:
         fit: the joint fit of the log, with its load states.
 
     Returns:
-        (k,) numbers of the manoeuvres, as in `fit.states.manoeuvre_ids`; empty if no load returns.
+        (k,) numbers of the manoeuvres, as in `fit.states.manoeuvre_ids`; empty if no load recurs.
     """
     states, none = fit.states, np.empty(0, np.int64)
     if states is None or not states.load_returns:
@@ -361,11 +361,11 @@ def compute_residual_force_of_rows_newtons(
 def fit_mass_growth_and_information_to_residual(
     A: Floats, residual: Floats, std_ratios: Floats
 ) -> tuple[float, float]:
-    """Regress a residual on a linearly growing mass; returns the slope and its information.
+    """Regress a residual on a mass that grows linearly; return the slope and its information.
 
-    The manoeuvre's own mass, friction and constant are projected out as far as they may differ:
-    `std_ratios` is (3,) a row's standard deviation over theirs. Both results are 0 if the manoeuvre
-    hardly accelerates.
+    The manoeuvre's deviations in mass, friction and constant are projected out as far as their
+    priors allow: `std_ratios` (3,) is a row's standard deviation over that of each. Both results
+    are 0 if the manoeuvre hardly accelerates.
     """
     own = np.vstack([A[:, :_OWN], np.diag(std_ratios)])
     whole = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)
@@ -378,7 +378,7 @@ def fit_mass_growth_and_information_to_residual(
 
 
 def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> float:
-    """Variance of a row by sensor noise, summed over overlapping rows, in N²."""
+    """Variance of a row due to sensor noise, in N², including that of overlapping rows."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
     overlap = samples / compute_samples_between_fitted_means(samples)

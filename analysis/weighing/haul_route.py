@@ -1,10 +1,11 @@
-"""Routes of hauls: where loads are put on and dumped, and the loads that driving suggests.
+"""Haul routes: places of loading and dumping, and the loads that the driving pattern suggests.
 
-A haul and the way back lead over the same ground, at other speeds: counted from the dump, what the
-ground does at a place is the same with the load and without.
+A haul and the way back lead over the same ground at different speeds: at the same distance from the
+dump, the ground has the same effect with the load and without.
 
-Between two turns a machine that hauls drives the same way again and again, and stands at the same
-places. A load is put on at one of them and taken off at another, or either at every visit of one.
+Between two changes of direction a hauling machine drives the same path again and again, and stops
+at the same places. A load is picked up at one of them and dumped at another, or alternately picked
+up and dumped at one.
 """
 
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ class HaulRoute:
 
     Attributes:
         dumps_m: (dumps,) driven distance at each dump, ascending.
-        length_m: length from the dump to beyond the loading place.
+        length_m: length of the route, from the dump to beyond the loading place.
     """
 
     dumps_m: Floats
@@ -39,7 +40,7 @@ class HaulRoute:
     def from_motion(
         cls, motion: MotionSamples, manoeuvre_numbers: Ints, loaded: Bools
     ) -> Self | None:
-        """Find the dumps; None if there is none between two manoeuvres.
+        """Find the dumps and the length of the route; None if the log has no haul.
 
         Args:
             motion: the samples.
@@ -68,23 +69,23 @@ class HaulRoute:
         return cls(add_missed_dump_visits(dumps_m, begins_m), length_m)
 
     def compute_relative_distances_to_dump(self, motion: MotionSamples) -> Floats:
-        """Distance of samples from the nearest dump over the route's length, (n,), at most 1."""
+        """Distance of each sample from the nearest dump over the route's length, (n,), up to 1."""
         ahead, behind = self._compute_distances_to_next_and_last_dump_m(motion)
         return np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
 
     def compute_headings_from_dump(self, motion: MotionSamples) -> Floats:
-        """Heading of samples, (n,): 1 with the front away from the nearest dump, -1 towards it."""
+        """Heading of each sample, (n,): 1 with the front away from the nearest dump, else -1."""
         ahead, behind = self._compute_distances_to_next_and_last_dump_m(motion)
         return np.where(behind < ahead, motion.direction, -motion.direction)
 
     def _compute_distances_to_next_and_last_dump_m(
         self, motion: MotionSamples
     ) -> tuple[Floats, Floats]:
-        """Distances to the next dump and from the one before, (n,) each; infinite without one."""
+        """Distances to the next and from the last dump, (n,) each in m; infinite without one."""
         here = motion.driven_m
 
         def repeat_between_dumps(each_m: Floats, side: Literal["left", "right"]) -> Floats:
-            # both ascend, and the dumps are few
+            # both are ascending, and there are few dumps
             bounds = np.searchsorted(here, self.dumps_m, side)
             return np.repeat(each_m, np.diff(bounds, prepend=0, append=here.size))
 
@@ -94,11 +95,13 @@ class HaulRoute:
 
 
 def find_dump_positions_m(arrival_positions_m: Floats, departure_positions_m: Floats) -> Floats:
-    """Positions at which the machine leaves empty, or arrives if its next start is not fitted.
+    """Positions of the dumps: where the machine departs empty, (dumps,) in m.
+
+    If the next fitted start is far from the arrival, the usual distance after the arrival.
 
     Args:
         arrival_positions_m: (dumps,) end of the last manoeuvre with the load.
-        departure_positions_m: (dumps,) start of the first manoeuvre without it.
+        departure_positions_m: (dumps,) start of the first manoeuvre without the load.
     """
     stops_m = departure_positions_m - arrival_positions_m
     usual_m = float(np.median(stops_m))
@@ -110,20 +113,21 @@ def find_dump_positions_m(arrival_positions_m: Floats, departure_positions_m: Fl
 
 
 def add_missed_dump_visits(visit_positions_m: Floats, manoeuvre_starts_m: Floats) -> Floats:
-    """Add a visit where the regular cycles imply one, at the nearest manoeuvre.
+    """Add the visits to a place that regular cycles imply, at the start of the nearest manoeuvre.
 
-    A load that is not recognised has no dump, and its starts would lie anywhere on the route.
+    A load that was not recognised has no dump, and the positions of its starts on the route would
+    be wrong.
 
     Args:
-        visit_positions_m: (visits,) known visits to one place, as driven distance, ascending.
-        manoeuvre_starts_m: (manoeuvres,) driven distance at the start of the manoeuvres.
+        visit_positions_m: (visits,) driven distance at the known visits to one place, ascending.
+        manoeuvre_starts_m: (manoeuvres,) driven distance at the start of each manoeuvre.
     """
     cycles_m = np.diff(visit_positions_m)
     if not cycles_m.size:
         return visit_positions_m
     cycle_m = float(np.median(cycles_m))
     number = np.round(cycles_m / cycle_m).astype(np.int64)
-    # cycles that are each a little longer or shorter add up like chance
+    # random differences between the cycles add up as a square root
     regular = abs(cycles_m / cycle_m - number) < LIMITS.visit_tolerance_cycles * np.sqrt(number)
     regular &= number > 1
     expected_m = [
@@ -141,8 +145,8 @@ def add_missed_dump_visits(visit_positions_m: Floats, manoeuvre_starts_m: Floats
 def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
     """Partitions into load states that the driving pattern suggests, (manoeuvres,) each.
 
-    States that only follow the driving direction count only if something else shows that loads
-    change; a machine with another response in reverse would have loads otherwise.
+    A partition that only follows the driving direction is proposed only with other evidence of load
+    changes; otherwise a machine with another force reading in reverse would get two loads.
     """
     kind = classify_load_change_evidence(motion)
     first = np.flatnonzero(motion.is_fittable)[
@@ -171,13 +175,13 @@ def propose_hauling_partitions(motion: MotionSamples) -> list[Ints]:
 def mark_standstills_at_recurrent_stops(
     start_positions_m: Floats, is_forward: Bools
 ) -> list[Bools]:
-    """Visits to each recurrent stop, as flags (units - 1,) of the standstills.
+    """For each recurrent stop, flags (manoeuvres - 1,) of the standstills at it.
 
-    Stands are of one place if they are as far after the last turn and before the next one, between
-    the same directions.
+    Standstills are at the same place if the distances to the last and the next change of direction
+    are equal, and the driving directions before and after are the same.
 
     Args:
-        start_positions_m: (manoeuvres,) distance driven before each manoeuvre.
+        start_positions_m: (manoeuvres,) driven distance at the start of each manoeuvre.
         is_forward: (manoeuvres,) whether each manoeuvre goes forwards.
     """
     turns = np.flatnonzero(np.diff(is_forward)) + 1
@@ -191,7 +195,7 @@ def mark_standstills_at_recurrent_stops(
     near = between[:, None] == between
     tolerance_m = LIMITS.same_place_1 * compute_medians_by_label(since_m + until_m, between)
     for way_m in (since_m, until_m):
-        # before the first turn and behind the last one the other way tells alone
+        # before the first and after the last turn only the other distance is known
         near &= ~(np.abs(way_m[:, None] - way_m) > tolerance_m)
     known = np.isfinite(since_m + until_m)
     left, found = np.ones(here_m.size, np.bool_), list[Bools]()
@@ -207,7 +211,7 @@ def mark_standstills_at_recurrent_stops(
 
 
 def compute_medians_by_label(values: Floats, labels: Ints) -> Floats:
-    """Median of the known values of the same kind, for each value, (n,); NaN if none is known."""
+    """For each value, median of the finite values with the same label, (n,); NaN if none is."""
     medians = np.full(values.size, np.nan)
     for each in np.unique(labels):
         known = values[(labels == each) & np.isfinite(values)]
@@ -217,18 +221,18 @@ def compute_medians_by_label(values: Floats, labels: Ints) -> Floats:
 
 
 def mark_loaded_manoeuvres(is_loading_stand: Bools, is_unloading_stand: Bools) -> Bools:
-    """Manoeuvres between a loading stand and the next unloading stand, (manoeuvres,)."""
+    """Flags of the manoeuvres between a loading and the next unloading stop, (manoeuvres,)."""
     stand = np.arange(1, is_loading_stand.size + 1)
     last_on = np.maximum.accumulate(np.where(is_loading_stand, stand, 0))
     last_off = np.maximum.accumulate(np.where(is_unloading_stand, stand, 0))
-    # before the first of either the load is what that one ends
+    # before the first stop of either kind the machine is loaded if that stop unloads it
     begins = bool(is_unloading_stand[np.argmax(is_loading_stand | is_unloading_stand)])
     none_yet = np.maximum(last_on, last_off) == 0
     return np.append(begins, np.where(none_yet, begins, last_on > last_off))
 
 
 def _have_load_changes_strong_evidence(change_kinds: Ints) -> bool:
-    """Whether each load has at least one change that is not only a change of direction."""
+    """Whether boom, bucket or digging indicate enough of the load changes."""
     return float((change_kinds >= HINTED).mean()) >= LIMITS.hinted_change_fraction
 
 

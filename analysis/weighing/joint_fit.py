@@ -41,8 +41,9 @@ class JointFitInputs:
     Attributes:
         motion: the samples.
         noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
-        wheels: comparison of wheels and accelerometer, with the force as measured; None without.
+        priors: priors of the nuisances.
+        wheels: comparison of wheels and accelerometer, with the force as measured; None if there is
+            none.
         ground_variance_ratio_1_s: see `PreviousEstimates`.
     """
 
@@ -60,9 +61,9 @@ class JointFitInputs:
         priors: PriorSettings,
         earlier_fit: JointFit | None = None,
     ) -> Self:
-        """Compare wheels and accelerometer.
+        """Inputs of a fit, with a new comparison of wheels and accelerometer.
 
-        An earlier fit gives the unevenness of the ground and the springs of the body.
+        An earlier fit gives the variance of the ground force and the springs of the body.
         """
         noise = CachedNoise(noise)
         ground_variance_ratio_1_s = (
@@ -74,7 +75,7 @@ class JointFitInputs:
 
 
 def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> JointFit:
-    """Fit with the shortest mean whose uncertainty is nearly the smallest."""
+    """Fit over the shortest mean whose uncertainty is nearly the smallest."""
     motion = inputs.motion
     several = states is not None and states.state_count > 1
     terms = select_terms_of_motion(motion, has_several_loads=several)
@@ -105,7 +106,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
         )
         for samples in lengths
     ]
-    # a lag that is far from made up for may leave no mass at all
+    # while the lag is mostly uncorrected, the fit may give no mass at all
     first = [
         found
         for found in first
@@ -115,7 +116,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
         found for found in first if found.solution.noise_share <= LIMITS.max_noise_fraction
     ] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
-    # the shortest that is nearly as good: a long mean hides what the model misses
+    # the shortest that is nearly as good: a long mean hides errors of the model
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
@@ -128,7 +129,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     misfit = chosen.solution.misfit_ratio
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
-        # what all starts have in common and no term describes averages out over a longer mean
+        # a common misfit of all starts that no term models averages out over a longer mean
         longer = fit_delayed_or_low_passed_force(whole, transient)
         if longer.solution.misfit_ratio < misfit:
             share, chosen = _relative_mass_change_by_mean_length([chosen, longer], 1), longer
@@ -149,11 +150,11 @@ def select_terms_of_motion(
 def copy_task_with_updated_wheel_comparison(
     inputs: JointFitInputs, task: FitTask, pilot_fit: JointFit
 ) -> FitTask:
-    """Compare the wheels again, using lag and load transfer of a first fit if it has any."""
+    """Task with the wheels compared again, for the lag and load transfer of a first fit, if any."""
     known = pilot_fit.previous_estimates
     if not (abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s or known.load_transfer_s2_m):
         return task
-    # slip is of the force on the ground at that moment
+    # slip depends on the force on the ground at the same instant
     in_time = inputs.motion.advance_force(pilot_fit.force_lag_s)
     acting = replace(in_time, force=known.estimate_ground_force_newtons(in_time))
     wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
@@ -161,7 +162,7 @@ def copy_task_with_updated_wheel_comparison(
 
 
 def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFit:
-    """Fit all stretches, with the force either advanced by its lag or taken as low-passed."""
+    """Fit all stretches, with the force treated either as delayed or as low-passed."""
     moved = task.fit_over_sample_means(mean_samples, LIMITS.lag_rounds)
     if abs(moved.force_lag_s) < LIMITS.short_lag_s:
         return moved
@@ -181,7 +182,7 @@ def estimate_wheel_kinematics(
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, or take the comparison from a calibration.
 
-    The body swings on the springs of an earlier comparison, if there is one: it is the same body.
+    The springs of the body are those of an earlier comparison, if there is one.
     """
     springs = None if earlier_kinematics is None else earlier_kinematics.springs
     found = compare_wheels_with_accelerometer(motion, noise, priors, springs=springs)
@@ -191,7 +192,7 @@ def estimate_wheel_kinematics(
 def _relative_mass_change_by_mean_length(
     fits_by_length: list[JointFit], length_index: int
 ) -> float:
-    """Relative effect of the mean's length on the mass; 0 if it may be noise."""
+    """Relative effect of the length of the mean on the mass; 0 if it is within the noise."""
     best, longer = fits_by_length[length_index], fits_by_length[length_index + 1 :]
     if best.mass_kg == 0.0:
         return 0.0
@@ -200,7 +201,7 @@ def _relative_mass_change_by_mean_length(
         do_fit_masses_differ_significantly(best, other, are_means_single_rows=rows)
         for other in longer
     ):
-        # anywhere between the two is as likely
+        # uniform distribution between the two
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
     if (
         not longer
@@ -209,7 +210,7 @@ def _relative_mass_change_by_mean_length(
             best, fits_by_length[length_index - 1], are_means_single_rows=rows
         )
     ):
-        # the longest has no other but the shorter, and may still be as far from the truth
+        # the longest can only be compared with a shorter one, and may be as wrong as that
         return 1.0 - fits_by_length[length_index - 1].mass_kg / best.mass_kg
     return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
@@ -219,7 +220,7 @@ def do_fit_masses_differ_significantly(
 ) -> bool:
     """Whether means of two lengths give significantly different masses.
 
-    For single rows every relevant difference counts, even if noise explains it.
+    For means of a single row every relevant difference counts, even if noise explains it.
     """
     difference_kg = abs(fit_a.mass_kg - fit_b.mass_kg)
     if are_means_single_rows:
@@ -241,12 +242,12 @@ def refit_with_extra_terms(
 ) -> JointFit:
     """Fit the same samples with other priors or additional terms.
 
-    Effects that the log is unlikely to have stay left out.
+    Effects that the log is unlikely to have stay excluded.
 
     Args:
         earlier_fit: the earlier fit.
         noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
+        priors: priors of the nuisances.
         extra_terms: terms to add after the others.
         rounds: maximum number of rounds.
         fit_rows: `make_refit_rows` of the earlier fit, with at least these terms, if already
@@ -267,7 +268,7 @@ def refit_with_extra_terms(
         fit_rows=fit_rows,
     )
     if fitted.mass_count != earlier_fit.mass_count:
-        # of other loads
+        # the result holds for other loads
         return fitted
     return replace(
         fitted,
@@ -313,11 +314,11 @@ def refit_with_hysteresis_if_significant(
     Args:
         fit: the fit without hysteresis.
         noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
+        priors: priors of the nuisances.
         terms_of_checks: terms that later refits add.
 
     Returns:
-        The fit, and its `make_refit_rows` with the terms of the checks.
+        The fit, and its rows by `make_refit_rows` with the terms of the checks.
     """
     fit.solution.compute_uncertainty_and_release_samples()
     play = choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.mean_samples)
@@ -358,7 +359,7 @@ def refit_with_gain_change_by_load(fit: JointFit, priors: PriorSettings) -> Join
             fit.motion, wheels, loads, loads.value[first], priors.gain_by_load, route
         )
         fit = replace(fit, squat=squat)
-        # a squat that is not taken off makes loads of another size
+        # an uncorrected squat changes the relative loads
         shares = loads.weight_shares
         loads = (
             RelativeMassDeviations.from_masses(

@@ -28,8 +28,8 @@ class PriorMeans:
 
     Attributes:
         mean: (terms,) prior means; that of the lag is for the whole lag.
-        mean_u: (terms,) standard uncertainties of learnt means, whose error all logs of a
-            calibration share; else 0.
+        mean_u: (terms,) standard uncertainties of learnt means, whose errors are common to all logs
+            of a calibration; else 0.
     """
 
     mean: Floats
@@ -40,13 +40,13 @@ class PriorMeans:
 class MotionResponses:
     """Responses of the masses to errors of the motion, (masses,) each.
 
-    On level ground all masses change by the same fraction, and so does their difference. On a slope
-    that is driven up empty and down loaded, gravity's part of the specific force has no such error,
-    and the difference takes all of it.
+    On level ground all masses change by the same fraction, and so does their difference. If a slope
+    is driven up empty and down loaded, the part of the specific force that is gravity has no such
+    error, and the full error is in the difference.
 
     Attributes:
         delay_kg_s: response to a delay of the speed, per second.
-        gain_kg: response to a relative error of 1 of the acceleration, without gravity's part.
+        gain_kg: response to a relative error of 1 of the acceleration, excluding gravity.
         swing_kg: response to one standard uncertainty of the body's swing.
     """
 
@@ -62,7 +62,7 @@ class JointFit:
     Attributes:
         terms: nuisances, in the order of the parameters after masses and friction.
         prior_std: (terms,) prior standard deviations.
-        theta: estimates: masses, friction, terms. The lag is the whole lag.
+        theta: estimates of masses, friction and terms; that of the lag is for the whole lag.
         solution: solution of the last round, from which the uncertainty is computed.
         states: load state of each manoeuvre; None before the search.
         kinematics: comparison of wheels and accelerometer, if there is one.
@@ -75,7 +75,7 @@ class JointFit:
         averaging_share: relative effect of a longer mean on the mass.
         prior_means: prior means with their uncertainty.
         by_motion: responses to errors of the motion; None if level ground is assumed.
-        effects: effects of the log, and the changes by others; None if it can have none.
+        effects: most probable effects, and changes by other choices; None if there are none.
         squat: gain of the accelerometer by load; None if unknown or not needed.
         hysteresis_kg: (masses,) change of the masses by hysteresis; None if the log shows none.
     """
@@ -135,7 +135,7 @@ class JointFit:
 
     @property
     def friction_and_term_estimates(self) -> Floats:
-        """(1 + terms,) friction and terms, for columns whose force is advanced by its lag."""
+        """(1 + terms,) friction and terms, for columns with the force advanced by its lag."""
         shared = self.theta[self.mass_count :].copy()
         if self.is_force_advanced_by_lag:
             shared[1 + find_term_index("lag", self.terms)] = 0.0
@@ -202,9 +202,9 @@ class JointFit:
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     def find_term_farthest_from_prior(self, prior_std: Floats) -> tuple[str, float]:
-        """The term that is farthest from its prior mean, and how many of these deviations (terms,).
+        """The term farthest from its prior mean, and its distance in units of `prior_std` (terms,).
 
-        The lag is excluded, and so are terms of single places of the ground.
+        The lag and the terms of single places on the ground are excluded.
         """
         apart = np.abs(self._estimates_of_terms - self.prior_means.mean) / prior_std
         counted = [term.name != "lag" and not term.source for term in self.terms]
@@ -218,7 +218,7 @@ class JointFit:
         return 0 if states is None else int(np.bincount(states.state_of_manoeuvre).argmax())
 
     def make_mass_coefficients_of_state(self, state: int) -> Floats:
-        """(masses,) weights that select one mass."""
+        """(masses,) weights that select the mass of one state."""
         out = np.zeros(self.mass_count)
         out[state] = 1.0
         return out
@@ -268,7 +268,7 @@ class JointFit:
             parts["learnt"] = float(np.linalg.norm(learnt_kg))
         wheels = self.kinematics
         if wheels is not None and wheels.is_gain_significant:
-            # a wrong wheel radius is in the force, and in a speed's derivative once more
+            # an error of the wheel radius is in the force, and again in the derivative of the speed
             times = 1.0 if self.motion.by_accelerometer else 2.0
             moved_kg = 0.0 if by_motion is None else float(coefficients @ by_motion.gain_kg)
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
@@ -280,7 +280,7 @@ class JointFit:
         return 0.0 if squat is None else squat.compute_mass_sum_u_kg(coefficients, self.masses_kg)
 
     def _mass_sum_u_by_squat_in_pitch_kg(self, coefficients: Floats) -> float:
-        """Uncertainty of a sum of masses due to the squat that the pitch shows, in kg."""
+        """Uncertainty of a sum of masses due to the squat that the pitch measures, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
         # springs deflect in proportion to the mass
@@ -307,7 +307,7 @@ class JointFit:
     ) -> dict[str, float]:
         """Uncertainty of a sum of masses due to slip, gain and delay, in kg.
 
-        The three are correlated; each part is what remains once those before are known.
+        The three are correlated; each part is the one that remains if the parts before are known.
         """
         wheels, friction = self.kinematics, self.resistance_speed_slope
         if wheels is None or not wheels.is_consistent:
@@ -326,7 +326,7 @@ class JointFit:
         """(3,) response of a sum of masses to one unit of slip, gain and delay of the wheels."""
         friction = self.resistance_speed_slope
         slip = self.mass_count + 1 + find_term_index("slip", self.terms)
-        # one standard deviation of the prior moves the masses by so much
+        # change of the masses by one standard deviation of the prior
         response = float(self.posterior_fit.responses[slip] @ coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
         of_masses = coefficients[: self.mass_count]
@@ -355,7 +355,7 @@ class JointFit:
 
     @property
     def mass_kg(self) -> float:
-        """Mass of the load state with most manoeuvres."""
+        """Mass of the load state with the most manoeuvres, in kg."""
         return float(self.masses_kg[self.most_frequent_state])
 
     @property
@@ -368,7 +368,7 @@ class JointFit:
 
     @property
     def u_kg(self) -> float:
-        """Standard uncertainty of that mass from this log alone, without the scale."""
+        """Standard uncertainty of `mass_kg` from this log alone, without the scale, in kg."""
         state = self.most_frequent_state
         return self.compute_mass_sum_u_kg(self.make_mass_coefficients_of_state(state))
 
@@ -389,12 +389,12 @@ def compute_resistance_slope_at_mean_speed(
     """
     viscous, *found = theta[-1 - len(terms) :].tolist()
     quadratic = dict(zip((term.name for term in terms), found, strict=True)).get("quadratic", 0.0)
-    # air does not push
+    # drag cannot drive the machine
     return (
         viscous if quadratic <= 0.0 else viscous + 2.0 * quadratic * motion.mean_absolute_speed_m_s
     )
 
 
 def find_term_index(term_name: str, terms: tuple[Nuisance, ...]) -> int:
-    """Index of a term among the terms."""
+    """Index of the term with this name."""
     return [term.name for term in terms].index(term_name)

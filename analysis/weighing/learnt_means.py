@@ -1,8 +1,8 @@
 """Effect of errors of learnt means on a log's masses, and the log's estimate of them.
 
-The means of learnt priors are wrong by one error in all logs, ε in their standard uncertainties. A
-calibration's line has what ε did to its own logs. What it does to another log differs where that
-is driven otherwise; there the log itself says what ε is.
+The error of a learnt mean is the same in all logs; in units of its standard uncertainty it is ε. A
+calibration line contains the effect of ε on its own logs. In a log that is driven differently the
+effect differs, and that log itself gives an estimate of ε.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,8 @@ class LearntErrors:
         terms: terms with learnt means.
         mean: (terms,) estimate from log and calibration together; 0 if the log adds nothing.
         covariance: (terms, terms) covariance of the estimate; identity if the log adds nothing.
-        by_fit_kg: (own terms, masses) response of the masses, from the covariance of the fit.
+        by_fit_kg: (terms of the fit, masses) response of the masses in kg, from the covariance of
+            the fit; terms of the wheels have none.
     """
 
     terms: tuple[str, ...]
@@ -39,10 +40,11 @@ class LearntErrors:
 
     @classmethod
     def estimate_from_weighing(cls, weighing: Weighing) -> "LearntErrors":
-        """Estimate them from a fit with learnt priors as wide as their means are uncertain.
+        """Estimate the errors from the fit whose learnt priors are as wide as their means' u.
 
-        The deviation of a term is divided between the error of its mean and the variation between
-        logs by their variances. For wheels against accelerometer only the calibration counts.
+        The deviation of a term is split between the error of its mean and the variation between
+        logs, in proportion to their variances. For the terms of the wheels, which are compared with
+        the accelerometer, only the calibration counts.
         """
         fit, learnt = weighing.fit_with_wide_learnt_priors, weighing.learnt
         assert fit is not None
@@ -52,7 +54,7 @@ class LearntErrors:
             if term in TERMS
         ]
         known = [(k, term.name) for k, term in enumerate(fit.terms) if term.name in learnt]
-        # slip of which the wheels tell more has no learnt prior in the fit
+        # slip that the wheels determine better has no learnt prior in the fit
         own = [(k, n) for k, n in known if fit.prior_means.mean[k] == learnt[n].mean or n == "lag"]
         mean_u = np.array([learnt[name].mean_u for _, name in own])
         std = np.array([learnt[name].std for _, name in own])
@@ -74,7 +76,7 @@ class LearntErrors:
         )
 
     def compute_mass_shifts_kg(self, weighing: Weighing) -> Floats:
-        """(terms, masses) shift of the masses by the errors of the learnt means, in kg."""
+        """(terms, masses) shift of the masses per unit error of each learnt mean, in kg."""
         names, moved_kg = weighing.fit.learnt_terms_and_mass_changes_per_mean_u
         own = dict(zip(names, moved_kg, strict=True))
         by_fit = (
@@ -89,13 +91,13 @@ class LearntErrors:
 def make_learnt_mean_frames(
     weighing: Weighing | None, machine: Machine, loads: pl.DataFrame, payloads: Mapping[int, Floats]
 ) -> dict[str, pl.DataFrame]:
-    """Make the frames `responses` and `learnt_errors`; none without learnt priors.
+    """Make the frames `responses` and `learnt_errors`, by name; empty without learnt priors.
 
     Args:
         weighing: the joint fit.
         machine: machine file, for the scale that a calibration line includes.
-        loads: the frame `loads`, for the empty ones.
-        payloads: (masses,) weights of each payload, by the number of its cycle.
+        loads: the frame `loads`, which says which states are empty.
+        payloads: (masses,) weights of each cycle's payload, by the number of the cycle.
     """
     if weighing is None or weighing.fit_with_wide_learnt_priors is None:
         return {}
@@ -148,7 +150,7 @@ def _make_mass_response_rows(
     fit = weighing.fit
     total = np.sum(list(coefficients_by_sum.values()), axis=0)
     total_kg = abs(float(total @ fit.masses_kg))
-    # the same share of all
+    # the same fraction of every mass
     scale_1 = (
         combine_u(make_mass_budget(weighing, machine, total), "scale") / total_kg
         if total_kg

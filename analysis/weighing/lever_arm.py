@@ -1,20 +1,20 @@
 """Swing: an accelerometer above the body's pitch axis also measures how the body swings.
 
-A body on springs pitches by s for each m/s², as a mass on a spring and a damper does:
+A body on springs pitches by s for each m/s², like a mass on a spring and a damper:
 
     y'' + 2 ζ ω y' + ω² y = ω² a        the pitch is s · y
 
-An accelerometer at the height h above its axis reads h s · y'' beside the acceleration and the
-gravity g s · y: the body swings with every start and brake, by several percent of them, and the
-more the heavier its load is. With y = a - 2 ζ/ω y' - y''/ω² that is a squat g s · a, a delay, and
-a swing κ · y'' with κ = h s - g s/ω², which the wheels tell:
+An accelerometer at the height h above the axis reads h s · y'' besides the acceleration and the
+gravity g s · y: the body swings at every start and stop, by several percent of the acceleration,
+and more with a heavier load. With y = a - 2 ζ/ω y' - y''/ω² the sum is a squat g s · a, a delay,
+and a swing κ · y'' with κ = h s - g s/ω², which the wheels determine:
 
     v = ∫ (1 + gain) a dt + slip · |u| F - delay · a - κ · y'
 
-in differences over a quarter of a second, in which grades, tilt and noise that adds up are small.
-The rate y' has noise of the accelerometer, which the integral has too; the force, whose noise is
-another, stands for it (instrumental variables; Wooldridge, Econometric Analysis of Cross Section
-and Panel Data, ch. 5). Frequency and damping are those that leave the least.
+in differences over a quarter of a second, in which grades, tilt and integrated noise are small.
+The rate y' and the integral share the accelerometer's noise; the force, with independent noise, is
+the instrument for y' (instrumental variables; Wooldridge, Econometric Analysis of Cross Section
+and Panel Data, ch. 5). Frequency and damping are those with the smallest residual.
 """
 
 from dataclasses import dataclass, replace
@@ -50,7 +50,10 @@ class BodySwing:
     damping_1: float = 1.0
 
     def copy_with_swing_of_squat(self, squat_1: float) -> "BodySwing":
-        """Copy with the swing of a squat of `squat_1` whose gravity the pitch removed."""
+        """Swing of a reading with gravity, from this one of a reading without it.
+
+        `squat_1` is the squat whose gravity was removed by the pitch.
+        """
         return replace(self, lever_s2=self.lever_s2 - squat_1 / self.omega_1_s**2)
 
     @property
@@ -60,13 +63,13 @@ class BodySwing:
 
     @property
     def is_stable(self) -> bool:
-        """Whether a reading with this swing still determines the acceleration."""
+        """Whether the acceleration can be computed from a reading with this swing."""
         return self.lever_s2 * self.omega_1_s**2 > -LIMITS.lever_max_below_1
 
     def compute_swing_acceleration_m_s2(
         self, measured_acceleration: Floats, rate_hz: float
     ) -> Floats:
-        """κ · y'' computed from a reading on the body, (n,) in m/s²."""
+        """κ · y'' computed from an accelerometer on the body, (n,) in m/s²."""
         return self._filter_by_body_dynamics(
             measured_acceleration, rate_hz, (self.lever_s2, 0.0, 0.0)
         )
@@ -74,7 +77,7 @@ class BodySwing:
     def compute_rate_of_body_filtered_acceleration_m_s3(
         self, measured_acceleration: Floats, rate_hz: float
     ) -> Floats:
-        """Rate y' of the pitch variable from a reading on the body, (n,) in m/s³."""
+        """Rate y' of the pitch variable from an accelerometer on the body, (n,) in m/s³."""
         return self._filter_by_body_dynamics(measured_acceleration, rate_hz, (0.0, 1.0, 0.0))
 
     def _filter_by_body_dynamics(
@@ -83,7 +86,7 @@ class BodySwing:
         from scipy.signal import bilinear, lfilter, lfilter_zi
 
         omega_1_s = self.omega_1_s
-        # what is measured has the swing in it
+        # the measured acceleration contains the swing
         swings = 1.0 + self.lever_s2 * omega_1_s**2
         below = (swings, 2.0 * self.damping_1 * omega_1_s, omega_1_s**2)
         b, a = bilinear(omega_1_s**2 * np.array(numerator), below, rate_hz)
@@ -98,7 +101,7 @@ def estimate_body_swing(
     Args:
         measured_acceleration: (n,) accelerometer in m/s², with or without gravity by the pitch.
         motion: samples, with the speed as measured.
-        springs: springs of the body, and the swing that is in its reading at first.
+        springs: springs of the body, and the swing assumed in the reading at first.
     """
     compared = _WheelComparison.from_motion(measured_acceleration, motion)
     solved = None if compared is None else compared.estimate_swing_with_springs(springs)
@@ -112,15 +115,15 @@ def estimate_body_swing(
 
 
 def fit_body_spring_rates(measured_acceleration: Floats, motion: MotionSamples) -> BodySwing | None:
-    """Springs that leave the smallest residual between wheels and accelerometer.
+    """Find the springs with the smallest residual between wheels and accelerometer.
 
     Args:
         measured_acceleration: (n,) accelerometer in m/s², with or without gravity by the pitch.
         motion: samples, with the speed as measured.
 
     Returns:
-        A body with these springs, and the swing that is in its reading at first; None if the grid
-        is too slow or the stretches are too few.
+        A body with these springs and a first estimate of its swing; None if the grid is too slow or
+        there are too few stretches.
     """
     from scipy.optimize import Bounds, minimize
 
@@ -167,8 +170,9 @@ class _WheelComparison:
     Attributes:
         motion: the samples.
         spans: (stretches, 2) first and end sample of each stretch that is long enough.
-        lag: number of means between the two that are subtracted.
-        shared: (means, 4) accelerometer integral, slip, delay and response, by stretch.
+        lag: number of means from one term of a difference to the other.
+        shared: (means, 4) differences of accelerometer integral, slip, delay and response, for each
+            stretch.
     """
 
     motion: MotionSamples
@@ -198,7 +202,7 @@ class _WheelComparison:
         )
 
     def estimate_swing_with_springs(self, springs: BodySwing) -> tuple[BodySwing, float] | None:
-        """Lever arm with these springs, and the mean square residual."""
+        """Body with these springs and the swing fitted for them, and the mean square residual."""
         motion = self.motion
         assert motion.specific_force is not None
         swings = springs.compute_rate_of_body_filtered_acceleration_m_s3(
@@ -234,7 +238,7 @@ class _WheelComparison:
 def compute_lagged_differences_of_stretch_means(
     columns: tuple[Floats, ...], spans: Ints, lag_in_means: int
 ) -> list[Floats]:
-    """Centred differences over `lag_in_means` means of each column, (means - lag, columns) each."""
+    """Centred differences of each column's means, (means - lag, columns) for each stretch."""
     ends = np.cumsum((spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_in_means)[:-1]
     rows = np.column_stack(
         [_compute_lagged_differences_of_column(x, spans, lag_in_means) for x in columns]
@@ -244,7 +248,7 @@ def compute_lagged_differences_of_stretch_means(
 
 @compiled_unless_short_log
 def _compute_lagged_differences_of_column(column: Floats, spans: Ints, lag_in_means: int) -> Floats:
-    """Centred differences of a column, the stretches one after another."""
+    """Centred differences of a column's means, the stretches concatenated."""
     counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1 - lag_in_means
     out, row = np.empty(counts.sum()), 0
     for number in range(len(spans)):
@@ -256,7 +260,7 @@ def _compute_lagged_differences_of_column(column: Floats, spans: Ints, lag_in_me
 
 
 def subtract_swing_from_accelerometer(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
-    """The motion without the swing in its accelerometer."""
+    """The motion with the swing removed from its accelerometer."""
     assert motion.specific_force is not None
     swing_m_s2 = swing.compute_swing_acceleration_m_s2(motion.specific_force, motion.rate_hz)
     level = motion.without_gravity
@@ -267,5 +271,5 @@ def subtract_swing_from_accelerometer(motion: MotionSamples, swing: BodySwing) -
     )
 
 
-#: Of a body that does not swing, or of which nothing is known.
+#: Swing of a body that does not swing, or whose swing is unknown.
 NO_SWING: Final = BodySwing()

@@ -1,4 +1,4 @@
-"""Manoeuvres, and what tells that a load changes between them."""
+"""Manoeuvres, and the evidence for a change of load between them."""
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TUR
 def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     """Manoeuvre of each stretch, (stretches,).
 
-    A stretch too short or too steady to determine a mass joins the manoeuvre before it, or the one
-    after it if only that border has no sign of a load change.
+    A manoeuvre too short or too steady to determine a mass is merged with the one before it, or
+    with the one after it if only the boundary before it has evidence of a load change.
     """
     manoeuvre_of_stretch = motion.manoeuvre_of_sample[mark_stretch_starts(motion.stretch_of_sample)]
     number, of = np.unique(manoeuvre_of_stretch, return_inverse=True)
@@ -25,7 +25,7 @@ def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
         ),
         samples.max(),
     )
-    # where a record begins or ends while the machine cruises, a mass would be any
+    # a manoeuvre cut by the start or end of a record while cruising does not determine a mass
     gained_m_s = find_speed_ranges_m_s(motion, of, number.size)
     tells &= gained_m_s >= LIMITS.informative_speed_share * float(np.median(gained_m_s[tells]))
     place = np.arange(number.size)
@@ -49,7 +49,7 @@ def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, cou
 
     Args:
         motion: the samples.
-        manoeuvre_of_stretch: (stretches,) manoeuvre of each, from 0.
+        manoeuvre_of_stretch: (stretches,) manoeuvre of each stretch, from 0.
         count: number of manoeuvres.
     """
     used = np.flatnonzero(motion.is_fittable)
@@ -61,18 +61,18 @@ def find_speed_ranges_m_s(motion: MotionSamples, manoeuvre_of_stretch: Ints, cou
 
 
 def find_manoeuvre_of_fitted_samples(motion: MotionSamples) -> Ints:
-    """Manoeuvre of each fitted sample, (used samples,)."""
+    """Manoeuvre of each fitted sample, (fitted samples,)."""
     return find_manoeuvre_of_stretches(motion)[motion.stretch_of_sample[motion.is_fittable]]
 
 
 def classify_load_change_evidence(motion: MotionSamples) -> Ints:
-    """Kind of evidence for a load change between successive manoeuvres, (units - 1,).
+    """Kind of evidence for a load change between successive manoeuvres, (manoeuvres - 1,).
 
     Returns:
-        0 if the machine drove on, is named empty or is known to carry one load, 1 if only the
-        masses can tell, `TURNED` at a change of direction, `RESTARTED` after a gap as between
-        files, `HINTED` if boom or bucket moved, `FILLED` if the machine dug, `NAMED` at a border of
-        the times named empty.
+        0 if the load cannot change, since the machine drove on, is stated to be empty or is known
+        to carry one load; 1 if only the masses can show a change; `TURNED` at a change of
+        direction; `RESTARTED` after a gap as between files; `HINTED` if boom or bucket moved;
+        `FILLED` if the machine dug; `NAMED` at the start or end of the stated empty time.
     """
     used = np.flatnonzero(motion.is_fittable)
     first = np.flatnonzero(np.append(True, np.diff(find_manoeuvre_of_fitted_samples(motion)) > 0))
@@ -81,7 +81,7 @@ def classify_load_change_evidence(motion: MotionSamples) -> Ints:
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
     kind = np.array([classify_load_change(motion, *span) for span in spans], np.int64)
-    # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
+    # the bucket is in front: the machine arrives, fills or empties it, and backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
     seen = np.isin(kind, (HINTED, FILLED)).any()
@@ -98,8 +98,8 @@ def classify_load_change(
         motion: samples, with arm angles and digging.
         end_row: last sample of the first manoeuvre.
         begin_row: first sample of the second one.
-        boom_begin_row: first sample of the boom to examine.
-        boom_end_row: end sample of the boom to examine.
+        boom_begin_row: first sample at which boom and bucket are examined.
+        boom_end_row: end of these samples.
     """
     if motion.is_digging is not None and motion.is_digging[end_row : begin_row + 1].any():
         return FILLED
@@ -126,6 +126,6 @@ def classify_load_change(
 
 
 def _range_without_nan(values: Floats) -> float:
-    """Maximum minus minimum of the known values; 0 if none is known."""
+    """Maximum minus minimum of the finite values; 0 if there are none."""
     known = values[np.isfinite(values)]
     return float(np.ptp(known)) if known.size else 0.0

@@ -50,9 +50,9 @@ def make_load_frame(
     Args:
         weighing: the joint fit; None if nothing could be fitted.
         excitation: frame with the times of the rows.
-        manoeuvres: the frame, as from `make_manoeuvre_frame`.
+        manoeuvres: the frame `manoeuvres`, by `make_manoeuvre_frame`.
         machine: machine file with empty mass, budget and limits.
-        verdict: the verdict, which withholds quantities.
+        verdict: the verdict, which may withhold quantities.
         fuel: fuel over the log, if known.
     """
     if weighing is None:
@@ -90,7 +90,7 @@ def make_load_frame(
 
 
 def _find_time_spans_of_states_ns(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
-    """Begin and end of each load state."""
+    """First and last fitted sample of each load state, in ns."""
     states = fit.states
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
@@ -101,12 +101,12 @@ def _find_time_spans_of_states_ns(fit: JointFit, excitation: pl.DataFrame) -> li
 
 
 def index_manoeuvres_of_samples(fit: JointFit, states: LoadStates) -> Ints:
-    """Index of each fitted sample's manoeuvre, (n,), among those with a load state."""
+    """Index of each fitted sample's manoeuvre, (n,), in `states.manoeuvre_ids`."""
     return np.searchsorted(states.manoeuvre_ids, find_manoeuvre_of_fitted_samples(fit.motion))
 
 
 def find_load_change_rows(weighing: Weighing | None) -> list[int]:
-    """Grid rows at which a different load begins to move."""
+    """Grid rows of the first fitted sample after each change of load."""
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
@@ -121,7 +121,7 @@ def average_fuel_since_ticket_and_u_kg(
     state_spans_ns: list[tuple[int, int]],
     fuel: FuelOnBoard | None,
 ) -> tuple[float, float]:
-    """Mean fuel mass of the empty states beyond that on the ticket, with its uncertainty."""
+    """Mean fuel mass in the empty states minus that of the ticket, and its uncertainty, in kg."""
     states = weighing.fit.states
     if fuel is None or states is None or not empty:
         return 0.0, 0.0
@@ -167,7 +167,7 @@ def _make_load_row(
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combine_u(sources)
     withheld = [check.check for check in verdict.list_withholding_checks("mass")]
-    # as the check of that name judges the load that most manoeuvres are of
+    # the check of that name judges the load with the most manoeuvres
     known = (
         compute_relative_load_mass_u(weighing, machine, state)
         <= machine.settings.verdict.relative_std_max
@@ -216,10 +216,10 @@ def make_payload_columns_and_sources_without_u(
     machine: Machine,
     datum: EmptyDatum | None,
 ) -> tuple[dict[str, float | None], list[str]]:
-    """Payload of a state with its uncertainty, and its factors of unknown uncertainty.
+    """Payload columns of a state, and the names of its factors without a known uncertainty.
 
-    The payload is relative to the empty states, calibrated by the stated empty mass if known and
-    uncalibrated beside it; or relative to the stated empty mass.
+    The payload is relative to the empty states, once calibrated by the stated empty mass if there
+    is one and once uncalibrated; without empty states it is relative to the stated empty mass.
     """
     fit, body = weighing.fit, machine.machine
     names = ("kg", "u_kg", "u_random_kg")
@@ -249,7 +249,7 @@ def make_payload_columns_and_sources_without_u(
 
 
 def _describe_load_states(fit: JointFit, machine: Machine) -> str:
-    """Note about the load states for the reader."""
+    """Note on the load states for readers of the answer."""
     states = fit.states
     assert states is not None
     said: list[str] = []
@@ -282,7 +282,7 @@ def _describe_load_states(fit: JointFit, machine: Machine) -> str:
 
 
 def _describe_empty_mass_drift(weighing: Weighing, empty: list[int]) -> str:
-    """Note that payloads are differences to the empty states nearby; "" without a drift."""
+    """Note on the drift of the empty mass, which payloads follow; "" without a drift."""
     drift = weighing.significant_empty_mass_drift
     if drift is None or not empty:
         return ""
@@ -299,7 +299,7 @@ def _describe_empty_mass_step(manoeuvres: pl.DataFrame) -> str:
 
 
 def _describe_manoeuvres_with_changing_load(weighing: Weighing, excitation: pl.DataFrame) -> str:
-    """Note that names the manoeuvres whose load changes; "" if none does."""
+    """Note on the manoeuvres whose load changes in motion; "" if there are none."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [
         (
@@ -324,7 +324,7 @@ def make_manoeuvre_frame(
 ) -> pl.DataFrame:
     """Make `manoeuvres`: a row per fitted manoeuvre, with its own mass estimate.
 
-    Masses exclude rotating mass, like those of loads.
+    Masses exclude the rotating mass, like those of the frame `loads`.
     """
     if weighing is None or weighing.fit.states is None:
         return make_frame_without_rows("manoeuvres")
@@ -334,7 +334,7 @@ def make_manoeuvre_frame(
     place = index_manoeuvres_of_samples(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
-    # the nuisances that the answer took off have its bias as well
+    # the corrections of the answer apply to the masses of single manoeuvres as well
     shift_kg = fit.masses_kg - states.means_kg - machine.machine.rotating_mass_kg
     return build_frame(
         "manoeuvres",
@@ -349,7 +349,7 @@ def make_manoeuvre_frame(
 
 
 def _make_unknown_load() -> pl.DataFrame:
-    """A frame `loads` with one row of unknown mass."""
+    """Frame `loads` with one row, whose mass is unknown."""
     said = {
         "load_id": 0,
         "manoeuvres": 0,

@@ -1,4 +1,4 @@
-"""Search for load states: find states and fit a mass each in turn until nothing changes."""
+"""Search for load states: find the states and fit their masses in turn until both are stable."""
 
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -38,13 +38,13 @@ from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 def fit_with_searched_load_states(
     first_fit: JointFit, inputs: JointFitInputs, repeatability_kg: float | None
 ) -> JointFit:
-    """Find load states and fit a mass for each, iterating until nothing changes.
+    """Find load states and fit a mass for each, iterating until the states are stable.
 
-    A border between two grounds is a term for several loads only, and scatters the masses of a
-    one-load fit more than loads do; loads that follow the direction are as likely as a haul and its
-    return. So a poor fit is searched again, starting from loads that change where something hints
-    at it and from those that the driving pattern suggests. The best explanation of the force is
-    returned.
+    A change of ground along the route is modelled for several loads only, and scatters the masses
+    of a one-load fit more than loads do; and loads that follow the driving direction are as
+    probable as a haul and its return. Therefore a poor fit is searched again, starting from loads
+    that change where there is evidence of it and from those that the driving pattern suggests. The
+    fit with the smallest Akaike criterion is returned.
     """
     kind = classify_load_change_evidence(first_fit.motion)
     settled = search_states_and_refit_until_stable(first_fit, inputs, repeatability_kg, kind)
@@ -53,7 +53,7 @@ def fit_with_searched_load_states(
     if first_fit.motion.has_single_load or not misfits or few:
         return settled
     inputs = add_ground_force_variance(first_fit, inputs)
-    # over short means the residual is noise and transients, which no loads explain
+    # with short means the residual is noise and transients, which loads do not explain
     transient = count_rows_in_duration(LIMITS.transient_mean_s, first_fit.motion.rate_hz)
     samples = max(first_fit.mean_samples, settled.mean_samples, transient)
     alike = _PartitionComparison.from_fit(first_fit, inputs, samples)
@@ -88,20 +88,20 @@ def fit_with_searched_load_states(
 def is_single_load_excluded(
     fit: JointFit, max_probability: float = LOAD_LIMITS.hidden_loads_max_single_probability
 ) -> bool:
-    """Whether the log excludes a single load, whose probability is below the given one."""
+    """Whether a single load has a probability below the given one in this log."""
     return fit.mass_count > 1 and _require_load_states(fit).single_probability < max_probability
 
 
 @dataclass(frozen=True)
 class _PartitionComparison:
-    """Compare load assignments of one log by fits over means of the same length.
+    """Comparison of partitions of one log into loads, by fits over means of the same length.
 
     Attributes:
         task: the fit without load states.
         units: mass estimate of each manoeuvre by itself.
         number: (manoeuvres,) numbers of the manoeuvres.
         samples: length of the means.
-        known: criterion of each membership that was compared, by its bytes.
+        known: criterion of each partition already fitted, by the bytes of its array.
     """
 
     task: FitTask
@@ -112,7 +112,7 @@ class _PartitionComparison:
 
     @classmethod
     def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, mean_samples: int) -> Self:
-        """Prepare the comparison with an earlier fit's manoeuvres, over means of `mean_samples`."""
+        """Comparison of an earlier fit's manoeuvres, over means of `mean_samples`."""
         motion, terms = (
             earlier_fit.motion,
             select_terms_of_motion(earlier_fit.motion, has_several_loads=True),
@@ -158,7 +158,7 @@ class _PartitionComparison:
 
 
 def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) -> JointFit:
-    """Refit with fixed states a few times, so that the ground terms by load settle."""
+    """Refit with fixed states a few times, so that the ground terms by load converge."""
     found = fit_jointly(inputs, states)
     for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
@@ -211,17 +211,18 @@ def search_states_and_refit_until_stable(
     change_kinds: Ints,
     fit_with_final_columns: JointFit | None = None,
 ) -> JointFit:
-    """Alternate between state search and fit, from a first fit on.
+    """Alternate between searching the load states and fitting their masses.
 
-    If the search does not converge, the states with the least scatter for their number are kept.
+    If the search does not converge, the states with the smallest Bayesian information criterion are
+    kept.
 
     Args:
         first_fit: the fit to start from.
         inputs: samples of the log.
-        repeatability_kg: how masses of one load scatter; None finds it.
-        change_kinds: kind of change between manoeuvres.
-        fit_with_final_columns: result of another search, returned as soon as this one comes to its
-            states.
+        repeatability_kg: scatter of the masses of one load; None estimates it.
+        change_kinds: (manoeuvres - 1,) evidence for a load change between manoeuvres.
+        fit_with_final_columns: result of another search, returned as soon as this one finds the
+            same states.
     """
     number = np.unique(find_manoeuvre_of_stretches(first_fit.motion))
     if not np.isfinite(first_fit.theta).all():
@@ -252,12 +253,12 @@ def search_states_and_refit_until_stable(
                 replace(first_fit, states=states), inputs.noise, inputs.priors, fit_rows=rows
             )
         if _is_partition_of_fit(first_fit, states.state_of_manoeuvre):
-            # the same loads, whose scatter is known better now
+            # the same loads, with a better estimate of their scatter
             first_fit = replace(first_fit, states=states)
             first_fit = refit_with_extra_terms(
                 first_fit, inputs.noise, inputs.priors, fit_rows=rows
             )
-            # a round at a time: of a shift the rows before it are hundreds of megabytes
+            # release the rows before the next round: for a shift they are hundreds of megabytes
             del rows, best
             known = np.isfinite(first_fit.theta).all()
             return (
@@ -266,7 +267,7 @@ def search_states_and_refit_until_stable(
                 else first_fit
             )
         inputs = add_ground_force_variance(first_fit, inputs)
-        del rows  # of a shift they are hundreds of megabytes
+        del rows  # for a shift they are hundreds of megabytes
         first_fit = fit_jointly(inputs, states)
         if not np.isfinite(first_fit.theta).all():
             return _set_masses_to_unknown(first)
@@ -311,12 +312,12 @@ def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFit
         or fit.motion.manoeuvre_count < LOAD_LIMITS.ground_min_manoeuvres
     ):
         return inputs
-    # by the fit's own groups: rows of a refit are as many as the lag that the fit ended with allows
+    # with the fit's own rows: the number of rows of a refit depends on the final lag
     fitted = fit.solution
     correlation, white = estimate_pooled_autocorrelation(fitted.residual, fitted.group, None)
     a_second = fit.motion.rate_hz / compute_samples_between_fitted_means(fit.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
-    if not noise > 0.0:  # a fit that leaves nothing has no unevenness to tell
+    if not noise > 0.0:  # without residuals there is no ground force to estimate
         return inputs
     std_N = inputs.priors.ground_uneven_share * fit.motion.empty_weight_N
     return replace(inputs, ground_variance_ratio_1_s=std_N**2 * a_second / noise)

@@ -1,7 +1,7 @@
 """Load states: which manoeuvres carry the same load, and how their masses scatter.
 
-A manoeuvre's mass is what it says once the nuisances that all manoeuvres share are taken off.
-A load changes between manoeuvres, where the machine stood.
+A manoeuvre's mass is its own estimate, corrected for the nuisances that all manoeuvres share.
+A load changes between manoeuvres, where the machine stood still.
 """
 
 from dataclasses import dataclass, replace
@@ -20,13 +20,13 @@ from estimators.joint.random_intercepts import RandomIntercepts
 
 @dataclass(frozen=True)
 class AlternativePartition:
-    """The next likely partition into loads, if the log does not exclude it.
+    """The second most probable partition into loads, if the log does not exclude it.
 
     Attributes:
         state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre.
-        mass_difference_kg: (manoeuvres,) difference of each manoeuvre's mass.
+        mass_difference_kg: (manoeuvres,) mass of each manoeuvre's load minus that of the answer.
         scatter_kg: standard deviation of manoeuvres about their state.
-        probability: probability that the chosen states are wrong.
+        probability: probability that this partition is true instead of the chosen one.
     """
 
     state_of_manoeuvre: Ints
@@ -46,14 +46,14 @@ class LoadStates:
         std_kg: (manoeuvres,) its standard deviation from the manoeuvre alone.
         scatter_kg: standard deviation of manoeuvres about their state.
         degrees_of_freedom: degrees of freedom of the scatter; infinite if it is stated or assumed.
-        birge_ratio: deviation between manoeuvres over that within each; NaN if there is nothing to
-            compare.
+        birge_ratio: scatter between the manoeuvres of a state over that expected from their own
+            standard deviations; NaN without two manoeuvres in one state.
         single_probability: probability of a single state.
-        alternative_partition: the alternative partition, if the log cannot decide; else None.
+        alternative_partition: another partition that the log does not exclude; else None.
         load_returns: whether a load recurs after another one, such as the empty machine.
         log_odds: log odds of these states against a single one.
-        assumes_scatter: whether the usual scatter is assumed, since the masses alone show too small
-            load changes to estimate it.
+        assumes_scatter: whether the usual scatter is assumed, since the load changes are small and
+            only the masses show them.
     """
 
     manoeuvre_ids: Ints
@@ -101,14 +101,14 @@ class LoadStates:
 
     @property
     def is_scatter_estimated(self) -> bool:
-        """Whether the scatter is estimated rather than assumed."""
+        """Whether the scatter is an estimate with enough degrees of freedom, not an assumption."""
         return (
             self.degrees_of_freedom >= LIMITS.scatter_min_degrees_of_freedom
             and not self.assumes_scatter
         )
 
     def reassign_to_manoeuvres_of_motion(self, motion: MotionSamples) -> "LoadStates":
-        """These states for a motion with other manoeuvres, numbered again."""
+        """Assign these states to the manoeuvres of another motion, and renumber them."""
         new_ids = np.unique(find_manoeuvre_of_stretches(motion))
         place = np.searchsorted(self.manoeuvre_ids, new_ids, "right") - 1
         place = place.clip(0, self.manoeuvre_ids.size - 1)
@@ -129,7 +129,8 @@ class LoadStates:
     def mass_sum_std_by_alternative_partition_kg(self, coefficients: Floats) -> float:
         """Standard deviation of a sum of masses due to the alternative partition, in kg.
 
-        A manoeuvre drawn from each state has the variance between the two partitions.
+        The variance is that of the difference between the partitions, for one manoeuvre drawn from
+        each state.
 
         Args:
             coefficients: (states,) weight of each mass.
@@ -214,7 +215,8 @@ def make_states_of_partition(
         masses: mass estimate of each manoeuvre.
         manoeuvre_ids: (manoeuvres,) number of each manoeuvre in the log.
         state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre, numbered by time.
-        usual_scatter: whether to assume the usual scatter, if `masses` are of other loads.
+        usual_scatter: whether to assume the usual scatter, since `masses` were fitted for other
+            loads; otherwise the scatter is estimated.
     """
     typical_kg = compute_median_manoeuvre_mass_kg(masses)
     posterior = PartitionPosterior(masses, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
@@ -247,12 +249,12 @@ def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition
 
 
 def compute_median_manoeuvre_mass_kg(masses: GroupEffects) -> float:
-    """Typical mass in kg; the noise level if no manoeuvre has a mass."""
+    """Median mass of the manoeuvres in kg, but at least the median of their noise."""
     return float(max(np.median(np.abs(masses.y)), np.median(np.sqrt(masses.variance))))
 
 
 def _count_load_reversals(states: Partition) -> int:
-    """Number of increases followed by a decrease of the load, or vice versa."""
+    """Number of times that an increase of the load is followed by a decrease, or vice versa."""
     rises = np.sign(np.diff(states.levels))
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
 
@@ -260,7 +262,7 @@ def _count_load_reversals(states: Partition) -> int:
 def find_alternative_partition(
     masses: GroupEffects, best: Partition, other: Partition | None, other_probability: float
 ) -> AlternativePartition | None:
-    """The alternative partition that the manoeuvres allow; None if the log determines one."""
+    """The other partition, if it is probable enough to be considered; else None."""
     doubted = LIMITS.single_load_min_probability
     if best.stretch_count == 1:
         doubted = LIMITS.several_loads_min_probability
@@ -275,7 +277,7 @@ def find_alternative_partition(
 
 
 def make_single_unknown_state(manoeuvre_ids: Ints) -> LoadStates:
-    """One state of these manoeuvres, with unknown mass."""
+    """One load state with all of these manoeuvres, whose mass is unknown."""
     one, nothing = np.zeros(manoeuvre_ids.size, np.int64), np.full(manoeuvre_ids.size, np.nan)
     return LoadStates(manoeuvre_ids, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
@@ -318,14 +320,14 @@ def estimate_or_assume_mass_scatter_about_states(
 ) -> ScatterAboutStates:
     """Scatter about the states, estimated or assumed.
 
-    Where only the masses show small changes to new loads, the states are those that leave the
-    least scatter: each such change takes a degree of freedom, and with too few the usual scatter is
+    Small changes to new loads that only the masses show were chosen to minimise the scatter.
+    Therefore each of them takes a degree of freedom, and if too few are left, the usual scatter is
     assumed if it is larger.
     """
     begins = np.flatnonzero(np.diff(partition.state)) + 1
     usual_kg = LIMITS.repeatability_fraction * float(np.median(np.abs(mass_kg)))
     is_small = np.abs(np.diff(partition.levels)) < LIMITS.small_change_repeatabilities * usual_kg
-    # a load that comes back was found before, and digs or arms tell of the changes between them
+    # a load that recurs is not new, and digging, boom or bucket are other evidence of a change
     is_new = np.isin(np.arange(begins.size + 1), np.unique(partition.level, return_index=True)[1])
     by_masses = ~np.isin(change_kinds, (HINTED, FILLED)).any() & (change_kinds[begins - 1] == 1)
     small_changes = int(np.count_nonzero(is_small & is_new[1:] & by_masses))

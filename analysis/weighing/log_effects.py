@@ -1,9 +1,10 @@
 """Bayesian choice of effects: drifts, position-dependent force, gears and uneven ground.
 
-A gain that drifts and friction that warms look alike while the machine drives at a steady speed,
-and free to cancel each other they hide a change of load. That a log has neither is likelier than
-that it has two which cancel: the evidence of each choice says by how much (Bayesian model
-averaging, Hoeting et al. 1999), and what the likeliest leaves out stays in the uncertainty.
+A drifting gain and friction that changes as the oil warms look alike at a steady speed, and if both
+are free to cancel each other, they hide a change of load. That a log has neither is more probable
+than that it has two which cancel: the evidence of each choice says by how much (Bayesian model
+averaging, Hoeting et al. 1999). The effects that the most probable choice excludes remain in the
+uncertainty.
 """
 
 from collections.abc import Mapping
@@ -23,7 +24,7 @@ from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.posterior_fit import PosteriorFit
 
-#: The settings that are the widths of an effect's priors.
+#: Settings with the prior standard deviations of each effect's terms.
 _WIDTHS: Final = {
     "friction": ("viscous_drift_share",),
     "gain": ("gain_drift",),
@@ -31,7 +32,7 @@ _WIDTHS: Final = {
     BY_GEAR: ("low_gear_share",),
     "ground": ("ground_share", "ground_change_share", "ground_route_share"),
 }
-#: The effect that each term is of.
+#: Effect that each term belongs to.
 EFFECTS: Final = {
     **dict.fromkeys(WARMING, "friction"),
     "gain_drift": "gain",
@@ -46,15 +47,15 @@ _LOG_ODDS: Final = float(
 
 @dataclass(frozen=True)
 class MostProbableEffects:
-    """The most probable choice of effects, and the changes by the others.
+    """The most probable choice of effects, and the changes by the other choices.
 
     Attributes:
-        left_out: effects that the choice excludes.
+        left_out: effects that the most probable choice excludes.
         probability: (choices,) probabilities of the other choices.
         mass_change_by_choice_kg: (choices, masses) change of the masses by each other choice.
         response_kg: (masses, terms) response of the masses to one unit of each term.
-        added_covariance_by_choice: (choices, terms, terms) additional covariance of each other
-            choice.
+        added_covariance_by_choice: (choices, terms, terms) covariance of the terms by each other
+            choice minus that by the most probable one.
         mass_change_without_effect_kg: (masses,) change of the masses without each included effect,
             by effect.
     """
@@ -121,7 +122,7 @@ class MostProbableEffects:
         )
 
     def copy_priors_excluding_unlikely_effects(self, priors: PriorSettings) -> PriorSettings:
-        """Priors that exclude the effects that are left out."""
+        """Priors whose standard deviations are almost 0 for the excluded effects."""
         keys = [key for name in self.left_out for key in _WIDTHS[name]]
         return priors.model_copy(
             update={key: LIMITS.left_out_prior_ratio * getattr(priors, key) for key in keys}
@@ -167,7 +168,7 @@ def score_effect_choice(
     """Log evidence of a choice of effects, the choice, and mean and covariance of its terms.
 
     Args:
-        chosen_effects: (terms,) terms that it includes.
+        chosen_effects: (terms,) whether the choice includes each term.
         log_prior_odds: log prior odds of the choice, up to a constant.
         information: (terms, terms) information of the log.
         scores: (terms,) information times the estimates.
@@ -184,7 +185,7 @@ def score_effect_choice(
     inner = _invert_precision(information[inside] + np.diag(1.0 / variance[own]))
     mean[own], covariance[inside] = inner @ scores[own], inner
     sized = np.linalg.slogdet(np.eye(own.size) + variance[own][:, None] * information[inside])[1]
-    # at least 0, but for rounding, of which only what is singular shows anything
+    # at least 0 except for rounding, which matters only if the matrix is singular
     sized = max(sized, 0.0)
     return (
         float(log_prior_odds - sized / 2.0 + scores[own] @ mean[own] / 2.0),

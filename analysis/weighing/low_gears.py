@@ -1,10 +1,10 @@
 """Terms of a gearbox: in low gears more rotating mass is accelerated.
 
-An engine that turns i times as fast as the wheels adds to the mass with i². Where the ratio is
-measured this is one term, and the mass is without it in every gear. Else: a driver shifts up with
-the speed, so that i is about the inverse of the speed, and what a gear has beyond the top one falls
-faster than with its square. What turns in the top gear no log tells from the mass then
-(`machine.rotating_mass_kg`).
+An engine that turns i times as fast as the wheels adds inertia in proportion to i². If the ratio is
+measured, this is one term, and the mass excludes it in every gear. Otherwise a driver is assumed to
+shift up with the speed, so that i is roughly inverse to the speed, and the inertia of a gear in
+excess of the top gear falls faster than with the square of the speed. The inertia in the top gear
+cannot then be separated from the mass (`machine.rotating_mass_kg`).
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from analysis.weighing.nuisances import (
 )
 from analysis.weighing.weighing_limits import LIMITS
 
-#: What all of it is in the budget.
+#: Budget entry that combines these terms.
 BY_GEAR: Final = "gears"
 
 
@@ -35,7 +35,7 @@ def compute_fraction_of_first_gear_rotating_mass(
 def differentiate_rotating_mass_fraction_by_speed_s_m(
     speed: Floats, speed_of_quarter_fraction_m_s: float
 ) -> Floats:
-    """Derivative of the remaining gear inertia by the speed, (n,) in s/m."""
+    """Derivative of `compute_fraction_of_first_gear_rotating_mass` by the speed, (n,) in s/m."""
     return (
         -4.0
         * speed
@@ -45,7 +45,7 @@ def differentiate_rotating_mass_fraction_by_speed_s_m(
 
 
 def do_speeds_span_several_gears(motion: MotionSamples) -> bool:
-    """Whether speeds reach from that of a first gear to that of a road, and no ratio is known."""
+    """Whether speeds range from first gear to road speed, and no gear ratio is measured."""
     if has_several_gear_ratios(motion) or motion.speed_95_percentile_m_s <= LIMITS.road_speed_m_s:
         return False
     slow = np.abs(motion.speed[motion.is_fittable]) < LIMITS.first_gear_m_s
@@ -53,7 +53,7 @@ def do_speeds_span_several_gears(motion: MotionSamples) -> bool:
 
 
 def has_several_gear_ratios(motion: MotionSamples) -> bool:
-    """Whether the measured gear ratio differs by enough to determine what it adds to the mass."""
+    """Whether the measured gear ratio varies enough to determine the rotating mass."""
     ratio = motion.relative_gear_ratio
     if ratio is None or not motion.is_fittable.any():
         return False
@@ -101,19 +101,19 @@ BY_GEAR_RATIO: Final = Nuisance(
     applies=has_several_gear_ratios,
     source=BY_GEAR,
 )
-#: Behind the nuisances that every log may have.
+#: Added after the nuisances that every log may have.
 LOW_GEARS: Final = (*map(_make_low_gear_term, LIMITS.gear_quarter_speeds_m_s), BY_GEAR_RATIO)
 
 
 def subtract_gear_inertia(
     motion: MotionSamples, terms: Sequence[Nuisance], estimates: Floats
 ) -> MotionSamples:
-    """The motion without the force that accelerates what goes with the gear ratio.
+    """The motion with the force that accelerates the rotating mass of the gears removed.
 
     Args:
         motion: samples of a fit.
         terms: nuisances of the fit.
-        estimates: (terms,) their estimates.
+        estimates: (terms,) estimates of the nuisances.
     """
     ratio = motion.relative_gear_ratio
     if ratio is None or BY_GEAR_RATIO not in terms:

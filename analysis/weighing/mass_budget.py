@@ -29,7 +29,7 @@ class _FitPart:
     reduced_by: str
 
 
-#: Of the fit, besides the priors.
+#: Parts of the uncertainty from the fit, besides the priors.
 _PARTS: Final = {
     "noise": _FitPart("random", "noise of this log, through its residuals", "more starts"),
     "scatter": _FitPart(
@@ -195,7 +195,7 @@ def make_mass_budget(
             sources.append(
                 scale.make_uncertainty_source(None if relative is None else relative * of_kg)
             )
-    # of a difference it cancels
+    # in a difference it cancels
     rotating_u_kg = body.rotating_mass_u_kg * abs(float(coefficients.sum()))
     if rotating_u_kg:
         sources.append(
@@ -213,8 +213,8 @@ def make_mass_budget(
 def compute_relative_load_mass_u(weighing: Weighing, machine: Machine, state: int) -> float:
     """Relative standard uncertainty of a load's mass, without the scale.
 
-    It decides whether the load has a mass: NaN if the fit has no number, infinite if the mass is
-    not positive.
+    It decides whether the mass is stated: NaN if the fit has none, infinite if the mass is not
+    positive.
     """
     sources = make_mass_budget(
         weighing, machine, weighing.fit.make_mass_coefficients_of_state(state)
@@ -240,16 +240,16 @@ def compute_relative_loads_of_states(fit: JointFit, machine: Machine) -> Floats:
     empty_kg = machine.machine.empty_inertia_kg
     if empty_kg is None:
         empty_kg = float(np.min(fit.masses_kg))
-    # to a machine without a mass no load is relative
+    # without an empty mass there is no relative load
     return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.mass_count)
 
 
 def list_uncertainty_by_failed_checks_kg(
     weighing: Weighing, coefficients: Floats, parts_kg: dict[str, float]
 ) -> dict[str, float]:
-    """Additional uncertainty of a sum of masses where a check fails, in kg by cause."""
+    """Additional uncertainty of a sum of masses in kg, by cause, for each check that fails."""
     fit = weighing.fit
-    # what is wrong with the equation is as wrong with every mass
+    # an error of the equation has the same relative effect on every mass
     share = abs(float(coefficients @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0
     found: dict[str, float] = {}
     if fit.effects is not None and BY_GROUND in fit.effects.mass_change_without_effect_kg:
@@ -267,7 +267,7 @@ def list_uncertainty_by_failed_checks_kg(
     curved_kg = (
         abs(weighing.curvature.mass_change_kg) * share if weighing.curvature.is_significant else 0.0
     )
-    # which of them is the true one is not known, and one fault shows in several
+    # only the largest counts: one fault makes several of these terms significant
     missing_kg = [
         (
             each.term.source or "missing_term",

@@ -1,11 +1,11 @@
-"""Terms that the model of the force does not have, each added to the fit by itself.
+"""Terms that the model of the force lacks, each added to the fit on its own.
 
-A sensor may saturate softly, a gear or a converter may lose another share of its force at low
-speed, a wheel's radius may grow with the speed, a filter may follow a rising force faster than a
-falling one, a belt may flex between the mass and the encoder that tells its motion. The fit
-takes such a force for mass, friction and drag, which are then wrong by more than their uncertainty,
-with residuals that look like noise. A term that is significant and would move the mass widens it by
-as much: which of the terms is the true one, the log does not tell.
+A sensor may saturate softly, the efficiency of a gear or a converter may differ at low speed, a
+wheel's radius may grow with the speed, a filter may follow a rising force faster than a falling
+one, a belt may flex between the mass and the encoder of its motion. The fit attributes such a force
+to mass, friction and drag, which are then wrong by more than their uncertainty, with residuals that
+look like noise. A significant term that would change the mass is added to its uncertainty: the log
+does not show which of the terms is the true one.
 """
 
 from collections.abc import Callable
@@ -34,8 +34,8 @@ _AT_ALL_SPEEDS: Final = (
 )
 
 
-#: A mass m on a spring of stiffness c lags what pulls it by F / c: F = m a - (m / c) d²F/dt² of the
-#: acceleration a that is measured (Den Hartog, Mechanical Vibrations, chapter 2).
+#: A mass m pulled by a spring of stiffness c lags by F / c: F = m a - (m / c) d²F/dt², with the
+#: measured acceleration a (Den Hartog, Mechanical Vibrations, chapter 2).
 ELASTICITY: Final = Nuisance(
     "elasticity",
     "s²",
@@ -71,7 +71,7 @@ class ForceCurvature:
 
 @dataclass(frozen=True)
 class MissingTerm:
-    """A term that the model does not have, added to a fit.
+    """A term that the model lacks, with its estimate and effect.
 
     Attributes:
         term: the term.
@@ -99,13 +99,13 @@ class MissingTerm:
 def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
     """Terms that the model lacks, scaled by the 95th percentiles of the log's force and speed.
 
-    The elasticity only without an accelerometer. In a fit with force by place (strokes over one
-    short path) no other, since a spring looks like such a gain there.
+    The elasticity is included only without an accelerometer. In a fit with a position-dependent
+    force (strokes over one short path) it is the only one, since a spring looks like a gain there.
     """
-    # an accelerometer sits on the mass, and a filter of its own has the same column
+    # an accelerometer sits on the mass itself, and its filter would have the same column
     elastic = () if fit.motion.by_accelerometer else (ELASTICITY,)
     if any(term.source == BY_PLACE for term in fit.terms):
-        # strokes over one path have the same speed at each place: a spring looks like such a gain
+        # strokes over one path have the same speed at each place, so a spring looks like a gain
         return elastic
     force_N, speed_m_s = fit.motion.force_95_percentile_newtons, fit.motion.speed_95_percentile_m_s
     return (
@@ -160,7 +160,7 @@ def _make_gain_term(
     gain_slope: Callable[[Floats], Floats],
     meaning: str,
 ) -> Nuisance:
-    """Make a term of a gain of the force that depends on the speed, with its derivative."""
+    """Make the term of a force gain that depends on the speed; `gain_slope` is its derivative."""
 
     def by_speed(m: ColumnInputs) -> Floats:
         return m.force * gain_slope(m.speed)
@@ -192,12 +192,12 @@ def _make_low_speed_indicator_function(limit_m_s: float) -> Callable[[Floats], F
 def estimate_force_curvature(
     fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, fit_rows: FitRows | None = None
 ) -> ForceCurvature:
-    """Refit with a term in a·|a|; 0 where the log does not determine it.
+    """Refit with a term in a·|a|; `t` and the mass change are 0 if the log does not determine it.
 
     Args:
         fit: the fit without the term.
         noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
+        priors: priors of the nuisances.
         fit_rows: rows of the fit and of `CURVATURE`, if already computed.
     """
     curved = refit_with_extra_terms(
@@ -205,7 +205,7 @@ def estimate_force_curvature(
     ).posterior_fit
     moved = float(curved.theta[fit.most_frequent_state] - fit.theta[fit.most_frequent_state])
     if abs(moved) > LIMITS.curvature_max_fraction * abs(fit.mass_kg):
-        # with accelerations of one size the term is collinear with the mass
+        # if all accelerations have the same size, the term is collinear with the mass
         return ForceCurvature(0.0, 0.0, fit.mass_kg)
     return ForceCurvature(float(curved.theta[-1] / curved.parameter_stds[-1]), moved, fit.mass_kg)
 
@@ -217,28 +217,28 @@ def find_missing_terms(
     priors: PriorSettings,
     fit_rows: FitRows,
 ) -> tuple[MissingTerm, ...]:
-    """Find significant terms that the model does not have, the one with the largest effect first.
+    """Find the significant terms that the model lacks, the one with the largest effect first.
 
     Args:
-        fit: the fit without them.
-        terms: `list_scaled_terms_absent_from_model`.
+        fit: the fit without these terms.
+        terms: terms to test, by `list_scaled_terms_absent_from_model`.
         noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
-        fit_rows: `make_refit_rows` of the fit and of these terms.
+        priors: priors of the nuisances.
+        fit_rows: rows of the fit and these terms, by `make_refit_rows`.
     """
     found: list[MissingTerm] = []
     other = None
     for term in terms:
-        del other  # of a shift its rows are hundreds of megabytes
+        del other  # for a shift its rows are hundreds of megabytes
         other = refit_with_extra_terms(fit, noise, priors, (term,), fit_rows=fit_rows)
         effect_kg = other.theta[: fit.mass_count] - fit.theta[: fit.mass_count]
-        # the standard deviation takes longer than the estimate
+        # checked first, since computing the standard deviation takes longer
         if (
             not _largest_mass_change_over_uncertainty(effect_kg, fit)
             > LIMITS.missing_term_min_relative_effect
         ):
             continue
-        # a term that is mostly noise is collinear with the others once its noise is taken off
+        # a term that is mostly noise is collinear with the others after correction for noise
         if other.solution.noise_share > LIMITS.max_noise_fraction:
             continue
         value = float(other.theta[-1])
@@ -253,7 +253,7 @@ def find_missing_terms(
 
 
 def _largest_mass_change_over_uncertainty(mass_changes_kg: Floats, fit: JointFit) -> float:
-    """Largest change of a mass over its uncertainty."""
+    """Largest ratio of the change of a mass to the standard deviation of that mass."""
     return float(
         np.max(np.abs(mass_changes_kg) / fit.posterior_fit.parameter_stds[: fit.mass_count])
     )

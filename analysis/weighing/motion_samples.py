@@ -1,8 +1,8 @@
 """Samples of straight motion on the grid before the moving mean, and where they may be fitted.
 
-A trailing mean reaches from the first moving samples back into the standstill, where friction holds
-whatever force there is: a start then says that there is no Coulomb friction. So the fit takes the
-samples as they are, from the break-away on, and averages inside a manoeuvre only.
+The trailing mean of the first moving samples includes standstill, where friction balances any
+force: a start would then seem to have no Coulomb friction. So the fit uses the samples before the
+mean, from the break-away on, and averages within a manoeuvre only.
 """
 
 import math
@@ -41,10 +41,10 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 
-#: Wheels of which less rolls say nothing of the ground's speed.
+#: Smallest ratio of ground to wheel speed: wheels that slip more do not show the ground speed.
 _LEAST_GROUND: Final = 0.5
 _ARMS: Final = ("boom_rad", "bucket_rad")
-#: Samples that are worked on together, so that they stay in the processor's cache,
+#: Samples of a piece that is processed at once, so that it stays in the processor's cache.
 _PIECE: Final = 32_768
 
 
@@ -58,7 +58,7 @@ class ColumnNoiseModel(Protocol):
     """Noise model of acceleration, speed and force."""
 
     def compute_covariance_of_means(self, mean_samples: int) -> Floats:
-        """(3, 3) noise covariance of a trailing mean of so many samples."""
+        """(3, 3) noise covariance of a trailing mean of `mean_samples` samples."""
         ...
 
 
@@ -74,7 +74,7 @@ class CachedNoise:
     _known: dict[int, Floats] = field(default_factory=dict)
 
     def compute_covariance_of_means(self, mean_samples: int) -> Floats:
-        """(3, 3) noise covariance of a trailing mean of so many samples."""
+        """(3, 3) noise covariance of a trailing mean of `mean_samples` samples."""
         if mean_samples not in self._known:
             self._known[mean_samples] = self.columns.compute_covariance_of_means(mean_samples)
         return self._known[mean_samples]
@@ -93,7 +93,7 @@ class MotionSamples:
         manoeuvre_of_sample: manoeuvre number: motion between two stands, or a part of a long drive.
         rate_hz: rate of the grid.
         specific_force: accelerometer along x in m/s²; None without one.
-        without_gravity: the same without gravity's component by the pitch.
+        without_gravity: `specific_force` minus gravity along x by the pitch; None without a pitch.
         wheel_acceleration: derivative of the wheel speed in m/s², if it is the acceleration.
         progress: from -1/2 to 1/2 over the log.
         driven_m: distance driven since the log began, in either direction.
@@ -104,9 +104,9 @@ class MotionSamples:
         empty_weight_N: weight of the empty machine in N, estimated if it is not stated.
         boom_and_bucket_angles_rad: measured angles, as hints of a load change.
         is_digging: whether each sample lies in a digging start; None if unknown.
-        empty: whether each sample is named as empty machine; None if none is.
+        empty: whether the machine is stated to be empty at each sample; None if never stated.
         earlier_stop_count: number of earlier stops or gaps, where alone a load may change; or None.
-        long_gap_count: number of earlier gaps as long as between files.
+        long_gap_count: number of earlier gaps that are as long as between two files.
         wheel_radius_u_1: relative standard uncertainty of the wheel radius; None if not stated.
         relative_gear_ratio: gear ratio over the largest of the fitted samples; None without one.
         has_single_load: whether the machine is known to carry one load throughout.
@@ -146,9 +146,9 @@ class MotionSamples:
         return replace(self._select_samples(slice(0, end)), progress=make_centred_ramp(end))
 
     def drop_samples_far_from_fitted(self, reach_s: float) -> "MotionSamples":
-        """Drop samples farther than `reach_s` from all that may be fitted.
+        """Drop samples that are more than `reach_s` from every fittable sample.
 
-        Time shifts of force or speed up to `reach_s` are not affected.
+        Shifts of force or speed by up to `reach_s` still find the samples they need.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
         near = flag_rows_near_flagged_rows(self.is_fittable, size)
@@ -162,7 +162,7 @@ class MotionSamples:
 
     @cached_property
     def pieces_split_between_stretches(self) -> tuple["MotionSamples", ...]:
-        """Split into pieces of whole stretches, with the samples around that their means need."""
+        """Split into pieces of whole stretches, with the samples around them that means need."""
         spans = find_stretch_spans(self.stretch_of_sample)
         whole = np.flatnonzero(np.diff(spans[:, 0] // _PIECE)) + 1
         reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
@@ -176,7 +176,7 @@ class MotionSamples:
         return tuple(found)
 
     def exclude_samples(self, is_excluded: Bools) -> "MotionSamples":
-        """Exclude some of the samples and renumber the stretches."""
+        """Exclude the flagged samples from the fit and renumber the stretches."""
         group = np.where(is_excluded, -1, self.stretch_of_sample)
         left = group >= 0
         group[left] = np.unique(group[left], return_inverse=True)[1]
@@ -225,7 +225,7 @@ class MotionSamples:
 
     @cached_property
     def approximate_mass_kg(self) -> float:
-        """Typical large force over typical large acceleration, in kg."""
+        """95 % quantile of the force over that of the acceleration, in kg; 0 if undefined."""
         reached = float(np.quantile(np.abs(self.acceleration[self.is_fittable]), 0.95))
         return self.force_95_percentile_newtons / reached if reached else 0.0
 
@@ -241,7 +241,7 @@ class MotionSamples:
 
     @cached_property
     def separate_drive_count(self) -> int:
-        """Number of drives that may be fitted between which a load may change."""
+        """Number of drives with fittable samples; a load may change between any two."""
         stops = self.earlier_stop_count
         drive = self.manoeuvre_of_sample if stops is None else stops
         return int(np.unique(drive[self.is_fittable]).size)
@@ -257,7 +257,7 @@ class MotionSamples:
 
     @cached_property
     def is_short_path_bench_log(self) -> bool:
-        """Whether it moves back and forth on one short path, which no vehicle does."""
+        """Whether the log is of a bench: motion back and forth on one short path."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
         return self.drives_both_ways and 0.0 < self.path_m < min(
             LIMITS.bench_path_m, driven_m / LIMITS.bench_min_passes
@@ -265,7 +265,7 @@ class MotionSamples:
 
     @cached_property
     def drives_both_ways(self) -> bool:
-        """Whether it drives forwards and in reverse, be it for a single start."""
+        """Whether at least one manoeuvre goes forwards and at least one in reverse."""
         forwards = self.direction[self.is_fittable] > 0
         return bool(forwards.any() and not forwards.all())
 
@@ -283,13 +283,13 @@ def collect_motion_samples(
     """Collect the samples of the manoeuvres that the gate found informative.
 
     Args:
-        aligned: grid before the moving mean, with `digs` if known and `left_out` for useless rows.
+        aligned: grid before the moving mean, with `digs` if known and `left_out` for excluded rows.
         excitation: frame with the phases of motion.
         gated: frame with the accepted windows.
         machine: machine file with wheels and settings.
         noise: noise of the columns.
         stop_count_of_sample: number of earlier stops, the only places where a load changes.
-        braking: whether braking is fitted, if it counts as driving.
+        braking: whether to fit braking too, if the settings count it as driving.
     """
     settings = machine.settings
     speed = get_column_values(aligned, "speed_x_m_s")
@@ -315,7 +315,7 @@ def collect_motion_samples(
         round(LIMITS.break_away_look_back_s * settings.align.rate_hz),
         settled,
     )
-    # a lag moves the force, and its derivative looks to both sides: neither into a gap
+    # a margin to gaps: a lag shifts the force, and its derivative uses samples on both sides
     clear = count_rows_in_duration(LIMITS.gap_margin_s, settings.align.rate_hz)
     ratio = read_gear_ratio(aligned)
     silent = ~known | mark_rows_without_data(aligned)
@@ -376,7 +376,7 @@ def compute_ground_to_wheel_speed_ratio(speed: Floats, force: Floats, slip_1_N: 
 def estimate_empty_machine_gravity_force(
     machine: Machine, acceleration: Floats, force: Floats, used_samples: Bools
 ) -> float:
-    """Weight of the empty machine in N, estimated from force over acceleration if not stated."""
+    """Weight of the empty machine in N; if not stated, estimated from force and acceleration."""
     body = machine.machine
     if body.empty_mass_kg is not None or not used_samples.any():
         return (body.empty_mass_kg or 0.0) * body.gravity_m_s2
@@ -386,7 +386,7 @@ def estimate_empty_machine_gravity_force(
 
 
 def mark_samples_of_stated_empty_span(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
-    """Samples that `settings.loads` names as empty machine, (n,); None if it names none."""
+    """Flags (n,) of the time when the machine is empty by `settings.loads`; None if not set."""
     loads = machine.settings.loads
     if loads.empty_from_s is None or loads.empty_to_s is None:
         return None

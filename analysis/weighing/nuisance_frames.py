@@ -12,7 +12,7 @@ from analysis.weighing.mass_budget import make_mass_budget
 from analysis.weighing.weigh import Weighing
 from analysis.weighing.wheel_kinematics import TERMS
 
-#: Unit and meaning of what the wheels say of slip, gain and delay.
+#: Unit and meaning of slip, gain and delay as estimated from the wheels.
 _OF_WHEELS: Final = (
     ("1/N", "what share of its speed a newton makes the wheels slip, by the wheels"),
     ("1", "gain of the accelerometer less 1, by the wheels"),
@@ -81,7 +81,7 @@ def _make_wheel_rows(weighing: Weighing) -> pl.DataFrame:
         "prior_std": wheels.prior_std,
         "posterior": [value for value, _ in said],
         "posterior_std": np.hypot([std for _, std in said], wheels.mean_u),
-        # that of the slip is in the term of its own
+        # the uncertainty by slip is in the term of that name
         "u_kg": [0.0, parts_kg.get("gain", 0.0), parts_kg.get("speed_delay", 0.0)],
         "meaning": [meaning for _, meaning in _OF_WHEELS],
     }
@@ -127,5 +127,5 @@ def _make_source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.Da
 
 
 def make_frame_without_rows(frame_name: str) -> pl.DataFrame:
-    """A frame without rows."""
+    """Frame of this name with its columns and no rows."""
     return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[frame_name].columns})

@@ -1,7 +1,7 @@
-"""The table of nuisance terms: what a real machine's force contains besides m a + b v.
+"""The table of nuisance terms: the parts of a real machine's force besides m a + b v.
 
-Each has a column, a prior whose width scales with the machine, and a sentence. Prior means are 0
-where no calibration learnt another (`settings.priors.learnt`).
+Each term has a column, a prior whose width scales with the machine, and a description. Prior means
+are 0 unless a calibration learnt other ones (`settings.priors.learnt`).
 """
 
 from collections.abc import Callable
@@ -28,14 +28,15 @@ class Nuisance:
         compute_prior_std: computes the default prior standard deviation.
         meaning: what it models, in a sentence.
         reduced_by: what would reduce its uncertainty.
-        by_speed: derivative of the column by the speed, which adds the speed's noise; None: none.
-        by_force: derivative by the force, likewise.
-        by_acceleration: derivative by the acceleration, likewise.
-        by_force_rate: derivative by the force's derivative, likewise.
-        applies: whether it applies to a log.
-        by_load: whether it needs several load states.
-        source: budget entry that combines it with other terms; else empty.
-        prior_keys: keys of `settings.priors` that set it.
+        by_speed: derivative of the column by the speed, which propagates the noise of the speed;
+            None if the column does not depend on the speed.
+        by_force: derivative of the column by the force, likewise.
+        by_acceleration: derivative of the column by the acceleration, likewise.
+        by_force_rate: derivative of the column by the derivative of the force, likewise.
+        applies: whether the term applies to a log.
+        by_load: whether the term needs several load states.
+        source: budget entry that combines this term with others; "" if it has its own entry.
+        prior_keys: keys of `settings.priors` that set its prior.
     """
 
     name: str
@@ -67,7 +68,7 @@ def compute_friction_prior_std_newtons(
 ) -> float:
     """Prior standard deviation of Coulomb friction and rolling resistance in N.
 
-    It is a share of the driving force and a share of the weight.
+    Combined from a share of the driving force and a share of the weight.
     """
     by_weight_N = priors.direction_weight_share * weight_N
     return float(np.hypot(priors.direction_share * largest_force_N, by_weight_N))
@@ -96,7 +97,7 @@ def estimate_error_fraction_and_std_of_constant(
 ) -> tuple[float, float]:
     """Fraction of a constant force that is measurement error, and the std of that split in N.
 
-    Both are by the priors: the log determines only the sum of error and acting force.
+    Both follow from the priors: the log determines only the sum of error and acting force.
     """
     wrong = priors.const_share * motion.force_95_percentile_newtons
     coulomb = (
@@ -117,8 +118,8 @@ class LoadProportionalShare:
     resistance grow with the load.
 
     Attributes:
-        expected: the fraction, at the reference load.
-        std_N: standard deviation of the split.
+        expected: expected fraction at the reference load.
+        std_N: standard deviation of the part that is proportional to the weight, in N.
     """
 
     expected: float
@@ -126,7 +127,7 @@ class LoadProportionalShare:
 
     @classmethod
     def from_parts(cls, constant_std_N: float, weight_std_N: float) -> Self:
-        """Split a force whose parts have these standard deviations in N."""
+        """Split the sum of two forces with these prior standard deviations in N."""
         both = float(np.hypot(constant_std_N, weight_std_N))
         return cls((weight_std_N / both) ** 2, constant_std_N * weight_std_N / both)
 
@@ -134,7 +135,7 @@ class LoadProportionalShare:
 def estimate_load_proportional_share_of_constant(
     motion: MotionSamples, priors: PriorSettings
 ) -> LoadProportionalShare:
-    """Split the constant force; it includes Coulomb friction if all driving is one way."""
+    """Split the constant force, which includes friction if all driving is in one direction."""
     newtons = priors.const_share * motion.force_95_percentile_newtons
     of_weight = priors.const_weight_share * motion.empty_weight_N
     if motion.drives_both_ways:
@@ -148,7 +149,7 @@ def estimate_load_proportional_share_of_constant(
 def estimate_load_proportional_share_of_coulomb(
     motion: MotionSamples, priors: PriorSettings
 ) -> LoadProportionalShare:
-    """Split the friction force."""
+    """Split the friction force that opposes the direction of motion."""
     return LoadProportionalShare.from_parts(
         priors.direction_share * motion.force_95_percentile_newtons,
         priors.direction_weight_share * motion.empty_weight_N,
@@ -158,13 +159,13 @@ def estimate_load_proportional_share_of_coulomb(
 def compute_weight_proportional_force_prior_std_newtons(
     motion: MotionSamples, priors: PriorSettings
 ) -> float:
-    """Prior standard deviation of `weight_const` in N: its split, and a sagging body."""
+    """Prior standard deviation of `weight_const` in N, by its split and by a sagging body."""
     sags = priors.sag_weight_share * motion.empty_weight_N
     return float(np.hypot(estimate_load_proportional_share_of_constant(motion, priors).std_N, sags))
 
 
 def _make_warming_term(name: str) -> Nuisance:
-    """Term of viscous friction that changes as the machine warms."""
+    """Make the term of viscous friction that changes as the oil warms."""
     shape = WARMING[name]
     return Nuisance(
         name,
@@ -177,13 +178,13 @@ def _make_warming_term(name: str) -> Nuisance:
         "a machine that is warm",
         by_speed=lambda m: shape.share(m.progress),
         applies=lambda e: e.manoeuvre_count > shape.degree,
-        # one load for all starts takes too little of a cubic to be told from it
+        # with a single load, a cubic cannot be distinguished from the mass
         by_load=shape.degree > 2,
         prior_keys=("viscous_drift_share",),
     )
 
 
-#: In the order of the fit's parameters; a fit has those that apply to its log.
+#: All terms, in the order of the fit's parameters; a fit uses those that apply to its log.
 NUISANCES: Final = (
     Nuisance(
         "const",
@@ -344,7 +345,7 @@ NUISANCES: Final = (
     ),
 )
 
-#: What a check adds to see whether the force is linear in the acceleration; all but free.
+#: Almost free term by which a check tests whether the force is linear in the acceleration.
 CURVATURE: Final = Nuisance(
     "curvature",
     "N·s⁴/m²",
@@ -354,8 +355,8 @@ CURVATURE: Final = Nuisance(
     "force measured on all wheels; brakes that are seen whole",
     by_acceleration=lambda m: 2.0 * np.abs(m.acceleration),
 )
-#: What a check adds to see whether the load grows while the machine drives, at every start alike;
-#: all but free. What comes in is brought to the machine's speed.
+#: Almost free term by which a check tests whether the load grows equally at every start. The added
+#: mass is brought to the machine's speed.
 FILLING: Final = Nuisance(
     "filling",
     "kg/s",

@@ -1,7 +1,7 @@
 """The answer with the other acceleration: wheels instead of accelerometer, or vice versa.
 
-Wheels and accelerometer that disagree describe two motions of one machine. The log cannot tell
-which is wrong, but a refit with the other one shows whether it matters.
+Wheels and accelerometer that disagree describe two motions of one machine. The log does not show
+which is wrong, but a refit with the other acceleration shows whether it matters.
 """
 
 from dataclasses import dataclass, replace
@@ -20,8 +20,8 @@ class AlternativeMotion:
     """Change of the answer with the other acceleration.
 
     Attributes:
-        kg: mass with the other acceleration minus the mass.
-        u_kg: standard uncertainty of the change; it counts the shared priors twice.
+        kg: mass with the other acceleration minus the mass of the answer.
+        u_kg: standard uncertainty of the change; too large, as it counts the shared priors twice.
     """
 
     kg: float
@@ -36,7 +36,7 @@ class AlternativeMotion:
 def compute_wheel_imu_disagreement_over_speed(fit: JointFit) -> float:
     """Disagreement of wheels and accelerometer relative to the speed; NaN if unknown.
 
-    The part that the speed's noise explains does not count.
+    The part explained by the noise of the speed is excluded.
     """
     wheels = fit.kinematics
     if wheels is None or not fit.motion.speed_95_percentile_m_s:
@@ -50,9 +50,9 @@ def refit_with_acceleration_of_other_sensor(
     """Refit with the other acceleration; None if there is none.
 
     Args:
-        fit: the answer.
+        fit: joint fit of the answer.
         noise: noise of acceleration, speed and force.
-        priors: of the nuisances.
+        priors: priors of the nuisances.
     """
     motion = fit.motion
     if motion.specific_force is None:
@@ -73,7 +73,7 @@ def refit_with_acceleration_of_other_sensor(
 
 
 def _differentiate_wheel_speed(motion: MotionSamples) -> Floats:
-    """Acceleration from the wheels, plus gravity by the pitch if measured, (n,) in m/s²."""
+    """Acceleration from the wheels, with gravity by the pitch if measured, (n,) in m/s²."""
     rate_m_s2 = np.gradient(motion.speed) * motion.rate_hz
     if motion.specific_force is None or motion.without_gravity is None:
         return rate_m_s2
@@ -82,7 +82,7 @@ def _differentiate_wheel_speed(motion: MotionSamples) -> Floats:
 
 @dataclass(frozen=True)
 class _OtherMotionNoise:
-    """Noise of the other acceleration: of a speed difference, or nearly none.
+    """Noise with the other acceleration: that of a difference of speeds, or nearly none.
 
     The accelerometer's noise affects the mass less than the differences sought here.
     """
@@ -92,7 +92,7 @@ class _OtherMotionNoise:
     by_wheels: bool
 
     def compute_covariance_of_means(self, mean_samples: int) -> Floats:
-        """(3, 3) noise covariance of a trailing mean of so many samples."""
+        """(3, 3) noise covariance of a trailing mean of `mean_samples` samples."""
         found = self.columns.compute_covariance_of_means(mean_samples).copy()
         found[0, :] = found[:, 0] = 0.0
         if self.by_wheels:

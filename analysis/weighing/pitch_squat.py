@@ -1,10 +1,11 @@
 """Squat from the measured pitch: gravity that follows the acceleration.
 
-The pitch is the ground's grade, which goes with the place, and a squat, which goes with the
-acceleration and, through springs and the pitch's own filter, with its rate. Over the first metres
-of a start the grade is a cubic of the distance. What is known of the acceleration has the noise of
-the pitch that was taken off it, so that the force, whose noise is another, stands for it
-(instrumental variables; Wooldridge, Econometric Analysis of Cross Section and Panel Data, ch. 5).
+The pitch is the sum of the ground's grade, which depends on the place, and a squat, which depends
+on the acceleration and, through springs and the pitch's own filter, on its rate. Over the first
+metres of a start the grade is modelled as a cubic of the distance. The acceleration contains the
+noise of the pitch that was subtracted from it, so the force, with independent noise, is the
+instrument (instrumental variables; Wooldridge, Econometric Analysis of Cross Section and Panel
+Data, ch. 5).
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ class PitchProducts:
     """Products of force and force rate with the pitch's gravity and the motion, by stretch.
 
     Attributes:
-        first: (stretches,) first sample.
+        first: (stretches,) index of the first sample.
         response: (stretches, 2) products with the pitch's gravity.
         columns: (stretches, 2, 2) products with the acceleration and its rate.
     """
@@ -35,7 +36,7 @@ class PitchProducts:
 def sum_products_of_pitch_gravity_and_speed(
     gravity: Floats, motion: MotionSamples
 ) -> PitchProducts:
-    """Compute the products by stretch, each signal without a cubic of the distance.
+    """Compute the products by stretch, after removing a cubic of the distance from each signal.
 
     Args:
         gravity: (n,) gravity along x by the pitch, in m/s².
@@ -73,12 +74,12 @@ def sum_products_of_pitch_gravity_and_speed(
 
 
 def drop_end_means_without_rate(means: Floats) -> Floats:
-    """The means without the outer ones, which have no rate."""
+    """The means without those at either end, for which no rate can be computed."""
     return means[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 
 
 def _differentiate_means(means: Floats) -> Floats:
-    """Rate of change by differences of means that are a fixed number of means apart."""
+    """Differences of means that are a fixed number of means apart, in proportion to the rate."""
     return means[2 * LIMITS.pitch_rate_means :] - means[: -2 * LIMITS.pitch_rate_means]
 
 
@@ -112,8 +113,8 @@ def estimate_pitch_gravity_per_acceleration_and_std(
     Args:
         gravity: (n,) gravity along x by the pitch, in m/s².
         motion: the samples, with a pitch.
-        excess_by_wheels: fraction by which the accelerometer exceeds the wheels until this gravity
-            is taken off it, and its standard deviation; None if it does not.
+        excess_by_wheels: fraction by which the accelerometer exceeds the wheels before gravity by
+            the pitch is removed, and its standard deviation; None if it does not.
 
     Returns:
         The fraction, and the standard uncertainty of its effect on the accelerometer; None without
@@ -126,7 +127,7 @@ def estimate_pitch_gravity_per_acceleration_and_std(
     share, std = float(solved[0][0]), float(np.sqrt(solved[1][0, 0]))
     few = found.first.size < LIMITS.pitch_min_stretches
     if few or not _is_squat(share, std):
-        # a few starts do not part it from hills, unless the wheels show the same
+        # a few starts do not distinguish a squat from hills, unless the wheels show the same
         shows = share > LIMITS.shared_squat_min_std * std
         if excess_by_wheels is None or not (
             shows and _do_estimates_agree(excess_by_wheels, (share, std))

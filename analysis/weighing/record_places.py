@@ -1,8 +1,9 @@
 """Relative positions of a bench's records, since the start position of each is unknown.
 
-Forces that depend on the place tell: records of one path show the same force at the same place. How
-far each is from the first is found by Gauss-Newton, with a mass for each record. The weight in such
-a force is in proportion to the mass that load states are searched by.
+A force that depends on the position gives them: records of one path show the same force at the same
+position. The offset of each record from the first is found by Gauss-Newton, with a mass for each
+record. In the search of load states, the part of such a force that is weight is proportional to the
+mass.
 """
 
 from dataclasses import replace
@@ -21,7 +22,10 @@ from analysis.weighing.weighing_limits import LIMITS
 
 
 def align_paths_of_bench_records(motion: MotionSamples) -> MotionSamples:
-    """Align the paths of a bench's records by their position-dependent force."""
+    """Align the paths of a bench's records by their position-dependent force.
+
+    Other logs, and those of a single record, are returned as they are.
+    """
     used = motion.is_fittable
     if motion.long_gap_count is None or not used.any() or not motion.is_short_path_bench_log:
         return motion
@@ -92,11 +96,10 @@ def estimate_record_position_offsets(
 
 
 def make_load_search_rows(fit: JointFit, fit_rows: FitRows) -> tuple[FitRows, ...]:
-    """Rows for the search of load states, with or without weight in the force by place.
+    """Sets of rows for the load state search, with position-dependent weight added to the mass.
 
-    A one-mass fit cannot tell how much of that force is weight, so none and all of it are tried.
-    After a fit of several masses the weight is that of the mass being searched, not of the one
-    found before.
+    A fit with one mass does not show how much of the position-dependent force is weight, so none
+    and all of it are tried. After a fit with several masses, its estimate of that part is used.
     """
     motion, states = fit.motion, fit.states
     if not (motion.record_count > 1 and motion.is_short_path_bench_log and fit.mass_kg > 0.0):
@@ -126,7 +129,10 @@ def add_gravity_by_position_to_mass_column(
 def _solve_ridge_regression(
     columns: Floats, force: Floats, is_unpenalised: Floats
 ) -> tuple[Floats, Floats]:
-    """Ridge regression with all but the free columns penalised; solution and residual."""
+    """Solution and residual of a ridge regression.
+
+    `is_unpenalised` are the prior standard deviations of the coefficients of scaled columns.
+    """
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0
     scaled = columns / size

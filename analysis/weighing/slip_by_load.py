@@ -1,4 +1,4 @@
-"""Slip of wheels and tracks that a load presses on the ground.
+"""Change of the slip of wheels and tracks with the load on them.
 
 Slip κ = F / C, and the stiffness C grows with the weight that the wheels carry: of tyres on asphalt
 and of tracks on sand nearly in proportion (Pacejka, Tire and Vehicle Dynamics, chapter 4; Wong,
@@ -19,11 +19,11 @@ from analysis.weighing.weighing_limits import LIMITS
 
 
 def _compute_loaded_minus_unloaded_slip_column(inputs: ColumnInputs) -> Floats:
-    """Column of a slip of F / (C m / m₀) less that of F / C, (n,)."""
+    """Column (n,) of the slip F / (C m / m₀) minus that of the slip F / C."""
     return -inputs.relative_load / (1.0 + inputs.relative_load) * _SLIP.column(inputs)
 
 
-#: What a load takes away of the slip that the term `slip_acceleration` has for all loads alike.
+#: Reduction by the load of the slip that the term `slip_acceleration` models equally for all loads.
 SLIP_BY_LOAD: Final = Nuisance(
     "slip_by_load",
     "kg/N",

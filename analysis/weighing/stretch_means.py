@@ -1,4 +1,4 @@
-"""Means within a stretch, and their remainder after subtracting a line."""
+"""Means within a stretch, and their residuals about a line."""
 
 from functools import cache
 from typing import Final
@@ -10,9 +10,9 @@ from estimators.interpreted import compiled_unless_short_log
 from estimators.numerics.fit_loss import list_rows_by_group
 from estimators.numerics.in_order import sum_in_order
 
-#: Means of so many samples are compared; stretches shorter than ten of them are not.
+#: Samples in a mean; stretches shorter than ten means are not compared.
 MEAN: Final = 10
-#: Means so near hold nearly the same.
+#: Samples from one mean to the next; closer means contain nearly the same samples.
 EVERY: Final = 3
 
 

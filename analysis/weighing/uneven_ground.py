@@ -1,14 +1,15 @@
 """Terms of uneven ground: grade and rolling resistance along the way, by load and direction.
 
-A machine that hauls starts with its load where it digs, and without it where it dumps. What slope
-and rolling resistance do there, and how they change on the way, comes back with the load at every
-start, so that more starts do not average it out: a mass alone would have to take it. So each
-direction has a force along the way for loaded starts and one for empty ones, on a line between a
-few places. What is the same at all such starts is no mass.
+A hauling machine starts loaded where it digs, and empty where it dumps. The effect of slope and
+rolling resistance there, and of their change along the way, recurs with the load at every start, so
+that more starts do not average it out, and a model without it would attribute it to the mass.
+Therefore each direction has a force along the way for loaded starts and one for empty ones, linear
+between a few places.
 
-On its way back the machine drives over the ground of its haul. Counted from the dump, how rolling
-resistance changes along that route is one force for all loads, in proportion to the weight: an edge
-between two grounds, which a loaded machine crosses while it gains speed, an empty one cruises over.
+On its way back the machine drives over the ground of its haul. As a function of the distance from
+the dump, the change of rolling resistance along that route is one force for all loads, in
+proportion to the weight: a loaded machine accelerates across a boundary between two grounds where
+an empty one cruises.
 """
 
 from collections.abc import Callable
@@ -27,7 +28,7 @@ from analysis.weighing.nuisances import (
 )
 from estimators.interpreted import compiled_inline, compiled_unless_short_log
 
-#: What all of it is in the budget.
+#: Budget entry that combines these terms.
 BY_GROUND: Final = "ground"
 
 
@@ -36,7 +37,7 @@ class _DrivingDirection:
     """A direction of driving.
 
     Attributes:
-        name: its name.
+        name: name of the direction in the names of terms.
         sign: 1 forwards, -1 in reverse.
     """
 
@@ -44,7 +45,7 @@ class _DrivingDirection:
     sign: float
 
     def make_terms(self) -> list[Nuisance]:
-        """Terms at the loading places, then along the way: for all loads, and by load."""
+        """Terms along the way for all loads and by load, after one by load at the start."""
         places = list(pairwise(LIMITS.loading_places_m))
         found = [
             self._make_loaded_minus_empty_term(
@@ -118,19 +119,19 @@ class _DrivingDirection:
 def _make_zero_to_one_ramp_over_distance(
     start_m: float, end_m: float
 ) -> Callable[[ColumnInputs], Floats]:
-    """Function that rises from 0 to 1 between two travelled distances."""
+    """Make the column that rises from 0 to 1 between two travelled distances."""
     return lambda m: _evaluate_linear_ramp_at_positions(m.travelled_m, start_m, end_m)
 
 
 @compiled_inline
 def _evaluate_linear_ramp(position: float, start_m: float, end_m: float) -> float:
-    """Linear from 0 at `start_m` to 1 at `end_m`, constant outside."""
+    """Value at a position of the ramp from 0 at `start_m` to 1 at `end_m`, constant outside."""
     return min(max((position - start_m) / (end_m - start_m), 0.0), 1.0)
 
 
 @compiled_unless_short_log
 def _evaluate_linear_ramp_at_positions(positions: Floats, start_m: float, end_m: float) -> Floats:
-    """Ramp at each place, as `positions`."""
+    """Ramp from 0 at `start_m` to 1 at `end_m`, at each position, in the shape of `positions`."""
     out = np.empty(positions.size)
     for k in range(out.size):
         out[k] = _evaluate_linear_ramp(positions[k], start_m, end_m)
@@ -141,7 +142,7 @@ def _evaluate_linear_ramp_at_positions(positions: Floats, start_m: float, end_m:
 def evaluate_scaled_ramp(
     scale: Floats, positions: Floats, start_m: float, end_m: float, ratio: float
 ) -> Floats:
-    """Ramp at each place in proportion to `ratio` and to a scale (n,)."""
+    """Ramp at each position, multiplied by `ratio` and by `scale` (n,)."""
     out = np.empty(positions.size)
     for k in range(out.size):
         out[k] = scale[k] * (_evaluate_linear_ramp(positions[k], start_m, end_m) * ratio)
@@ -161,18 +162,18 @@ def restrict_column_to_direction(column: Floats, direction: Floats, sign: float)
 def make_random_walk_prior_std_function(
     length_m: float,
 ) -> Callable[[MotionSamples, PriorSettings], float]:
-    """Make the function that gives the prior std of the change over a way: a random walk."""
+    """Make the function of the prior std of the change over a length, by a random walk."""
     share = compute_relative_random_walk_std(length_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.empty_weight_N
 
 
 def compute_relative_random_walk_std(length_m: float) -> float:
-    """Standard deviation of a random walk over a length, relative to ten metres."""
+    """Standard deviation of a random walk over a length, over that for the reference length."""
     return float(np.sqrt(length_m / LIMITS.ground_change_m))
 
 
 def _make_route_term(route_part: int) -> Nuisance:
-    """Nuisance term for rolling resistance along one part of the route."""
+    """Term of the change of rolling resistance along one part of the route."""
     begin, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
 
     def route_column(m: ColumnInputs) -> Floats:
@@ -192,7 +193,7 @@ def _make_route_term(route_part: int) -> Nuisance:
     )
 
 
-#: Behind the other terms.
+#: Added after the other terms.
 GROUND: Final = (
     *_DrivingDirection("forward", 1.0).make_terms(),
     *_DrivingDirection("reverse", -1.0).make_terms(),

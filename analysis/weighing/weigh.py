@@ -1,4 +1,4 @@
-"""Weigh a log: the joint fit, its sensitivity to the priors, and the test of braking."""
+"""Weigh a log: the joint fit, its sensitivity to the priors, and the checks by refits."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -71,7 +71,7 @@ from analysis.weighing.record_places import align_paths_of_bench_records
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
 
-#: Why a log of which nothing is fitted has no answer.
+#: Why a log has no answer if no manoeuvre could be fitted.
 NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 
@@ -83,23 +83,23 @@ class Weighing:
         fit: joint fit of the answer.
         halved_kg: (masses,) masses with prior standard deviations halved.
         doubled_kg: (masses,) masses with prior standard deviations doubled.
-        braking_kg: change of the mass by braking, or of one load that contradicts driving; NaN if
-            it does not count as driving.
+        braking_kg: change of the mass if braking is fitted, or that of one load that contradicts
+            driving; NaN if braking does not count as driving.
         braking_left_out: whether braking contradicts driving and is left out.
-        braking_doubted: whether braking moves the mass by more than its uncertainty, but driving
-            alone cannot contradict it.
+        braking_doubted: whether braking changes the mass by more than its uncertainty, but a fit of
+            driving alone is too poor to contradict it.
         curvature: test of a term in a·|a|.
-        filling: test of a load that grows equally at every start, from this log alone.
+        filling: test for a load that grows equally at every start, from this log alone.
         growing_load_manoeuvres: manoeuvres whose load changes in motion; they are not fitted.
-        missing_terms: significant terms that the model does not have, the largest effect first.
-        by_direction: gain of the force by direction with which one load explains the log, if there
-            is one and the log does not tell its loads from it.
+        missing_terms: significant terms that the model lacks, the largest effect first.
+        by_direction: gain of the force by direction with which a single load explains the log; None
+            if there is none, or if the log distinguishes its loads from such a gain.
         other_motion: change of the mass with the other acceleration, if wheels and accelerometer
             disagree by more than the settings allow.
-        fit_without_learnt_priors_or_none: the fit without learnt priors; None if that is the
-            answer.
-        fit_with_wide_learnt_priors: the fit with learnt priors as wide as their means are
-            uncertain; None if `fit_without_learnt_priors_or_none` is.
+        fit_without_learnt_priors_or_none: the fit without learnt priors; None if no prior was
+            learnt, so that it is `fit`.
+        fit_with_wide_learnt_priors: the fit with learnt priors widened by the uncertainty of their
+            means; None if no prior was learnt.
         learnt: priors learnt by a calibration.
     """
 
@@ -141,7 +141,7 @@ class Weighing:
 
     @property
     def viscous_friction_t_value(self) -> float:
-        """Viscous friction over its standard deviation; at least 0 if friction may fall so far."""
+        """Viscous friction over its standard deviation; 0 if friction is only slightly negative."""
         value, std = self.fit.viscous_friction_and_std
         motion = self.fit.motion
         share = value * motion.speed_95_percentile_m_s / motion.force_95_percentile_newtons
@@ -149,20 +149,21 @@ class Weighing:
 
     @property
     def relative_mass_change_by_braking(self) -> float:
-        """Change of the mass by braking, over the mass."""
+        """Magnitude of the change of the mass by braking, over the mass."""
         return abs(self.braking_kg) / abs(self.fit.mass_kg)
 
     @property
     def manoeuvre_scatter_over_noise(self) -> float:
-        """Scatter of manoeuvres over that which their noise explains; NaN without load states."""
+        """Scatter of manoeuvres over that explained by their noise; NaN without load states."""
         return np.nan if self.fit.states is None else self.fit.states.birge_ratio
 
 
 def find_term_farthest_from_prior(fit: JointFit, priors: PriorSettings) -> tuple[str, float]:
-    """The term that is farthest from its prior mean, and how many prior standard deviations.
+    """The term farthest from its prior mean, and its distance in prior standard deviations.
 
-    Where all driving is one way, rolling resistance is part of the constant force, and its prior is
-    in the width: soft ground resists with 5 % of the weight. A calibration learnt both together.
+    If all driving is in one direction, rolling resistance is part of the constant force, and its
+    prior is added to that of the force: soft ground resists with 5 % of the weight. A calibration
+    has learnt both together.
     """
     widths = fit.prior_std.copy()
     if not fit.motion.drives_both_ways and "const" not in priors.learnt:
@@ -182,7 +183,7 @@ def weigh(
     """Fit the manoeuvres that the gate found informative; None if there are too few samples.
 
     Args:
-        aligned: grid before the moving mean, with `left_out` for useless rows.
+        aligned: grid before the moving mean, with `left_out` for excluded rows.
         excitation: frame with the phases of motion.
         gated: frame with the accepted windows.
         noise: noise of the columns.
@@ -190,7 +191,7 @@ def weigh(
     """
     priors = machine.settings.priors
     if priors.learnt and priors.learnt_means == "told":
-        # means that are wrong spoil a log of several loads, which tells them better
+        # wrong means spoil a log of several loads, which determines them better itself
         found = _weigh_with_priors(
             aligned, excitation, gated, noise, machine, widen_learnt_priors_by_mean_u(priors)
         )
@@ -263,10 +264,10 @@ def _weigh_with_priors(
         fit = fit_load_states(whole, fit)
     grown = find_manoeuvres_with_growing_load(fit, columns)
     if grown:
-        # one mass says nothing of them, and would say something wrong of the others' friction
+        # a manoeuvre with a changing load has no single mass, and would bias the friction
         excluded += [each.manoeuvre_id for each in grown]
         fit = fit_load_states(_exclude_manoeuvres(whole, excluded), fit)
-        # what the others say of friction and drifts shows how much it is
+        # tested again with the friction and drifts estimated from the other manoeuvres
         better = {
             each.manoeuvre_id: each
             for each in find_manoeuvres_with_growing_load(fit, columns, whole)
@@ -280,7 +281,7 @@ def _weigh_with_priors(
             alone = fit_jointly(
                 fitted, fit.states and fit.states.reassign_to_manoeuvres_of_motion(driving)
             )
-            # driving that its own model does not fit is no witness against braking
+            # driving that its own model does not fit cannot contradict braking
             _, widths = find_term_farthest_from_prior(alone, priors)
             beyond = widths > settings.verdict.beyond_prior_max
             if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
@@ -298,7 +299,7 @@ def _weigh_with_priors(
     )
     fit = refit_with_gain_change_by_load(fit, priors)
     fit = add_mass_responses_to_motion_errors(fit, columns, priors)
-    if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
+    if fit.mass_kg == 0.0:  # the force is 0 wherever the machine accelerates
         return None
     alone = refit_without_learnt_priors(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, priors.copy_without_learnt())
@@ -366,7 +367,7 @@ def _has_enough_samples(motion: MotionSamples) -> bool:
 
 
 def _exclude_manoeuvres(motion: MotionSamples, excluded_manoeuvres: Sequence[int]) -> MotionSamples:
-    """Exclude manoeuvres by their numbers."""
+    """Exclude the manoeuvres with these numbers from the fit."""
     return motion.exclude_samples(np.isin(motion.manoeuvre_of_sample, excluded_manoeuvres))
 
 

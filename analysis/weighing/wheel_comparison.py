@@ -2,9 +2,9 @@
 
     v = ∫ (1 + gain) a dt + slip · |u| (F - F₀) - delay · a + a constant and a slope a manoeuvre
 
-with the ground's speed u. The constant is the speed that a manoeuvre begins with, the slope takes
-tilt, bias and grade. Slip κ = F / C (Pacejka, Tire and Vehicle Dynamics, chapter 1), so that its
-coefficient is 1 / C; an offset F₀ of the force looks like a gain where all driving is one way.
+with the ground speed u. The constant is the speed at which a manoeuvre begins, and the slope
+absorbs tilt, bias and grade. Slip is κ = F / C (Pacejka, Tire and Vehicle Dynamics, chapter 1), so
+its coefficient is 1 / C; an offset F₀ of the force looks like a gain if all driving is one way.
 """
 
 from dataclasses import replace
@@ -97,8 +97,8 @@ def compare_wheels_with_or_without_gravity(
 ) -> WheelKinematics | None:
     """Compare wheels and accelerometer, without gravity if hills change it within a manoeuvre.
 
-    The measured pitch gives gravity. Otherwise it is kept, so that a squat, which also pitches
-    the body, appears as a gain.
+    Gravity is computed from the measured pitch. On even ground it is not removed, so that a squat,
+    which also pitches the body, appears as a gain.
     """
     if motion.specific_force is None:
         return None
@@ -123,11 +123,11 @@ def compare_wheels_with_or_without_gravity(
         motion.specific_force - motion.without_gravity, motion, excess
     )
     if squat is not None:
-        # on even ground what is left of gravity is less than the noise of the pitch
+        # on even ground the rest of gravity is smaller than the noise of the pitch
         upright = motion.specific_force - squat[0] * motion.without_gravity
         even = _fit_wheel_comparison(upright, motion, noise, priors, told)
         best = level if even is None or level.mismatch < even.mismatch else even
-        # a pitch that is filtered or of a map shows less of a squat than the wheels do
+        # a pitch that is filtered or from a map shows a smaller squat than the wheels do
         shown = not do_wheels_show_squat(best, motion)
         if shown and (best.is_consistent or best.mismatch < found.mismatch):
             return replace(best, squat=squat, pitch_shows_squat=True)
@@ -159,8 +159,8 @@ def compare_wheels_after_squat_correction(
 ) -> WheelKinematics:
     """Correct the accelerometer for a squat that wheels of known radius show.
 
-    A body that pitches as it gains speed makes the accelerometer read more than the wheels. Grades
-    that recur with every start have the same effect, but leave a residual between the two.
+    A body that pitches as the machine gains speed makes the accelerometer read more than the
+    wheels. Grades that recur at every start have the same effect, but leave a residual.
     """
     share, radius_u_1 = -comparison.gain[0], motion.wheel_radius_u_1
     if (
@@ -222,14 +222,14 @@ def _fit_wheel_comparison(
             break
         if earlier_kinematics is not None and abs(late_s) < LIMITS.delay_tolerance_s:
             break
-        # the slip is of the ground's speed, and an offset matters by what slip there is
+        # slip is relative to the ground speed, and an offset acts in proportion to the slip
         slip_1_N = float(np.clip(slips_1_N, -largest, largest))
         about = abs(slip_1_N) + (
             wide.fit.parameter_stds[1]
             if earlier_kinematics is None
             else earlier_kinematics.slip_1_N[1]
         )
-        # a delay is no derivative: the speed is moved back by what was found, and looked at again
+        # a derivative only approximates a delay: the speed is advanced by it and compared again
         delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
         rows = (
             _make_comparison_rows(
@@ -264,7 +264,7 @@ def _fit_wheel_comparison(
     counts = is_accelerometer_gain_significant(free, noise_m_s, least_1)
     std = prior_stds(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solve_rows(rows, std, delay_s, lines, loss).fit
-    # a few manoeuvres do not show how far noise that adds up has led them
+    # few manoeuvres do not show the full effect of integrated noise
     least = compute_parameter_std_bounds_by_noise(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.parameter_stds, 1.0)
     covariance = found.covariance * np.outer(widened, widened)
@@ -290,10 +290,10 @@ def is_accelerometer_gain_significant(fit: PosteriorFit, noise_m_s: float, least
 
     Args:
         fit: fit of the comparison, with the gain first.
-        noise_m_s: noise of the speed's means.
-        least_1: smallest gain that noise of the accelerometer does not mimic.
+        noise_m_s: standard deviation of the noise in means of the speed.
+        least_1: largest apparent gain that noise of the accelerometer causes.
     """
-    # where the two do not go together, deviations say nothing
+    # if wheels and accelerometer are inconsistent, standard deviations mean nothing
     agrees = fit.residual_rms / noise_m_s <= LIMITS.max_kinematic_mismatch
     times = LIMITS.gain_min_std if agrees else 0.0
     return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.parameter_stds[0], least_1))
@@ -302,7 +302,7 @@ def is_accelerometer_gain_significant(fit: PosteriorFit, noise_m_s: float, least
 def _make_comparison_rows(
     measured_acceleration: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> ComparisonRows | None:
-    """Columns and response without each manoeuvre's line, and the noise in them."""
+    """Columns and response, with a line removed from each stretch, and the noise in them."""
     spans = find_stretch_spans(motion.stretch_of_sample)
     spans = spans[np.diff(spans)[:, 0] >= 10 * MEAN]
     if not spans.size:
@@ -326,15 +326,15 @@ def average_and_detrend_wheel_columns(
     step_s: float,
     slip_1_N: float,
 ) -> tuple[Floats, Floats, Ints, Floats]:
-    """Means of columns and response, each stretch without its line.
+    """Means of columns and response, with a line removed from each stretch.
 
     Args:
         measured_acceleration: (n,) accelerometer in m/s².
         speed: (n,) wheel speed in m/s.
         force: (n,) force in N.
         spans: (stretches, 2) first and end sample of each stretch.
-        step_s: step of the grid.
-        slip_1_N: slip of the wheels.
+        step_s: step of the grid in s.
+        slip_1_N: slip of the wheels, per newton.
 
     Returns:
         (rows, 4) columns, (rows,) response, (rows,) stretch, and (stretches,) sum of squares of the
@@ -348,7 +348,7 @@ def average_and_detrend_wheel_columns(
         part = slice(spans[number, 0], spans[number, 1])
         a, v, f = measured_acceleration[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
+        # integrated accelerometer: initial speed, tilt and bias are taken from the wheels
         slipping = v * compute_ground_to_wheel_speed_ratio(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - subtract_fitted_line(slipping))
         rows = slice(row, row + counts[number])

@@ -14,7 +14,7 @@ from estimators.numerics.fit_loss import list_rows_by_group
 from estimators.numerics.group_sums import NoiseMoments
 from estimators.numerics.small_systems import NOTHING
 
-#: What a calibration learns of them, in this order.
+#: Terms of wheels and accelerometer that a calibration learns, in this order.
 TERMS: Final = ("wheel_slip", "gain", "speed_delay")
 
 
@@ -23,8 +23,9 @@ class WheelKinematics:
     """Comparison of wheels and accelerometer; values are (estimate, standard deviation).
 
     Attributes:
-        gain: relative excess of the wheel speed's change over the accelerometer's.
-        gain_by_prior: the same with its prior; it corrects the mass unless `is_gain_significant`.
+        gain: relative excess of the change of the wheel speed over the integrated accelerometer.
+        gain_by_prior: the same gain with its prior, which corrects the mass unless
+            `is_gain_significant`.
         delay_s: delay of the speed.
         slip_1_N: 1 / C, slip per newton as a fraction of the speed.
         is_gain_significant: whether the gain exceeds what its prior and the noise allow.
@@ -33,11 +34,11 @@ class WheelKinematics:
         disagreement_m_s: r.m.s. residual beyond the speed's noise.
         prior_std: (3,) prior standard deviations of slip, gain and delay.
         mean_u: (3,) standard uncertainties of learnt means; else 0.
-        squat: fraction of the acceleration that pitching adds to the accelerometer, with its
-            deviation; it is corrected if pitch or wheels show it, else 0.
-        pitch_shows_squat: whether the squat is the pitch's, not the wheels'.
+        squat: fraction of the acceleration that pitching adds to the accelerometer, which is
+            corrected for; 0 unless pitch or wheels show it.
+        pitch_shows_squat: whether the squat is estimated from the pitch, not from the wheels.
         swing: swing of an accelerometer above the pitch axis.
-        springs: springs of the body; None if nothing tells them.
+        springs: springs of the body; None if they are unknown.
         estimates_of_this_log: estimates of this log alone, if a calibration replaces them.
     """
 
@@ -64,7 +65,7 @@ class WheelKinematics:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether wheels and accelerometer are consistent."""
+        """Whether the residuals of the comparison are small enough to use slip and delay."""
         return self.mismatch <= LIMITS.max_kinematic_mismatch
 
     @property
@@ -95,7 +96,7 @@ class WheelKinematics:
         )
 
 
-#: Columns, response and stretch of the rows, and the noise in them.
+#: Columns, response and stretch of the rows of a comparison, and the noise in them.
 ComparisonRows = tuple[Floats, Floats, Ints, NoiseMoments]
 
 
@@ -104,9 +105,9 @@ def estimate_gain_that_noise_mimics(
 ) -> float:
     """Size of the apparent gain that noise in the integrated accelerometer causes.
 
-    A column with noise of its own has too small a coefficient (Fuller, Measurement Error Models,
-    section 1.1). The integral of white noise walks; without its line, N steps leave a mean square
-    of N/15 times that of a step.
+    The coefficient of a noisy column is too small (Fuller, Measurement Error Models, section 1.1).
+    The integral of white noise is a random walk; after removal of a line, N steps have a mean
+    square of N/15 times that of one step.
 
     Args:
         rows: the comparison's rows.
@@ -125,7 +126,7 @@ def estimate_gain_that_noise_mimics(
     squares = (X**2).sum(axis=0)
     scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
     precision = (X / scale).T @ (X / scale) + np.diag((prior_std * scale) ** -2.0)
-    if not np.isfinite(precision).all():  # residuals of nothing, of a log without noise
+    if not np.isfinite(precision).all():  # a log without noise has no residuals
         return 0.0
     return walked * float(np.linalg.pinv(precision)[0, 0]) / scale[0] ** 2
 
@@ -133,10 +134,10 @@ def estimate_gain_that_noise_mimics(
 def compute_parameter_std_bounds_by_noise(
     rows: ComparisonRows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float
 ) -> Floats:
-    """Lower bound of the standard deviations from instrument noise alone, (4,).
+    """Lower bound of the parameters' standard deviations by instrument noise alone, (4,).
 
-    The accelerometer's noise accumulates over a manoeuvre and the fit follows it, so few
-    manoeuvres' residuals show less of it.
+    Noise of the accelerometer accumulates over a manoeuvre and the fit follows it, so the residuals
+    of a few manoeuvres understate it.
     """
     X, _, group, _ = rows
     of_mean = (
@@ -147,7 +148,7 @@ def compute_parameter_std_bounds_by_noise(
     )
     of_speed = noise.compute_covariance_of_means(MEAN)[1, 1] * MEAN / EVERY
     squares = (X**2).sum(axis=0)
-    # of a column of nothing its prior is all that is known
+    # for a column of zeros only the prior is known
     scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
     X = X / scale
     added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in list_rows_by_group(group)])
@@ -157,5 +158,5 @@ def compute_parameter_std_bounds_by_noise(
     prior = np.diag((prior_std * scale) ** -2.0)
     bread = np.linalg.pinv(gram / variance + prior)
     covariance = bread @ (scores / variance**2 + prior) @ bread
-    # rounding may leave a variance of nearly nothing below 0
+    # rounding may make a tiny variance negative
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale

@@ -1,11 +1,11 @@
 """Exact change-point search with shared effects: which values of a series share a level.
 
-Each unit (a manoeuvre, say) has y = level + x β + δ + ε: ε of a known variance v, δ the scatter
-between units of one level, β effects that all units share and about which the units know something
-of their own. The partition is the one with the largest posterior probability
+Each unit (a manoeuvre, say) has y = level + x β + δ + ε, with ε of known variance v, δ the scatter
+between units of one level, and β effects that all units share, about which each unit has
+information of its own. The partition is the one with the largest posterior probability
 (`partition_posterior`). Given β and the scatter it is found exactly (`find_least_cost_partition`),
-and so are two levels that take turns. Of the most probable one only the changes are kept that are
-sure, one after another.
+and so are two alternating levels. Finally, uncertain changes of the most probable partition are
+dropped one by one.
 
 Jackson et al. 2005, An algorithm for optimal partitioning of data on an interval; Killick et al.
 2012, Optimal detection of changepoints with a linear computational cost.
@@ -25,9 +25,9 @@ from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.numerics.in_order import sum_in_order
 
-#: Bytes of the (units,) level numbers of a partition, by which equal ones are found.
+#: Bytes of the (units,) level numbers of a partition, by which equal partitions are found.
 PackedPartition = bytes
-#: A change is said where it is at least so much likelier than none, as a logarithm.
+#: Smallest log odds of a change against none for which it is reported.
 _SURE: Final = float(np.log(20.0))
 
 
@@ -71,7 +71,7 @@ def find_best_partitions(
         else [known_scatter_std]
     )
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(unit_values.kind > 0))
-    # with many changes, effects that one level needs hide them from every search that begins there
+    # with many changes, the effects fitted with one level hide them from searches that start there
     least_kinds = (TURNED, RESTARTED, HINTED, FILLED, NAMED)
     hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
     noise_alone = PartitionPosterior(unit_values, max_level_distance, 0.0, None)
@@ -91,7 +91,7 @@ def find_best_partitions(
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
             tried |= _propose_partitions(posterior, effects)
-        # in an order that does not change from process to process, as sums depend on it
+        # in an order that is the same in every process, as sums depend on it
         for key in sorted(tried):
             if key not in stretches:
                 stretches[key] = Stretches.from_boundaries(
@@ -119,8 +119,8 @@ def move_changes_to_nearest_record_ends(
 ) -> Partition:
     """Move changes to the nearest end of a record if that is more probable.
 
-    The searches assume one probability of a change everywhere; the posterior knows the boundaries'
-    kinds.
+    The searches assume the same probability of a change everywhere; the posterior also uses the
+    kinds of the boundaries.
     """
     kind = posterior.units.kind
     ends = np.flatnonzero(kind == RESTARTED) + 1
@@ -144,7 +144,7 @@ def _drop_uncertain_changes(partition: Partition, posterior: PartitionPosterior)
         least = np.argsort(np.abs(np.diff(partition.levels)), kind="stable")[
             : LIMITS.removable_changes
         ]
-        # each change alone, and both of a level, which lets its neighbours be one
+        # each change alone, and both changes of a level, so that its neighbours can be merged
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
             posterior.fit_partition(
@@ -222,7 +222,7 @@ def _propose_partitions_by_iterating_effects(
     change_probability: float,
     initial_effects: Floats,
 ) -> set[PackedPartition]:
-    """Candidates from iterating between partition and effects until nothing changes."""
+    """Candidates from iterating between partition and effects until the partition is stable."""
     units, weight = posterior.units, 1.0 / posterior.variance
     cost = np.full(units.y.size - 1, -2.0 * np.log(change_probability / (1.0 - change_probability)))
     cost[units.kind == 0] = LIMITS.impossible_change_cost
@@ -257,7 +257,7 @@ def partition_into_two_alternating_levels(
     below, first = np.cumsum(weight)[:-1], np.cumsum(weight * values[order])[:-1]
     total, whole = below[-1] + weight[-1], first[-1] + weight[-1] * values[order[-1]]
     above = total - below
-    # units that weigh next to nothing beside the others part nothing
+    # units of negligible weight do not separate the levels
     between = np.divide(first**2, below, out=np.zeros(below.size), where=below > 0.0)
     between += np.divide((whole - first) ** 2, above, out=np.zeros(below.size), where=above > 0.0)
     heavy = values > values[order[int(np.argmax(between))]]
@@ -265,7 +265,7 @@ def partition_into_two_alternating_levels(
 
 
 def partition_by_fill_cycles(values: Floats, variance: Floats, change_kinds: Ints) -> Ints:
-    """Partition by two levels: heavy after each filling, until the light level fits better.
+    """Partition the units by two levels: heavy after each filling until light fits better.
 
     Args:
         values: (n,) level of each unit, for given effects.
@@ -279,7 +279,7 @@ def partition_by_fill_cycles(values: Floats, variance: Floats, change_kinds: Int
     part = np.append(0, np.cumsum(change_kinds == FILLED))
     first = np.flatnonzero(np.append(True, np.diff(part) > 0))
     size = np.diff(np.append(first, values.size))
-    # at first each is emptied halfway; what comes before the first filling is light
+    # initially each filling is emptied halfway; units before the first filling are light
     heavy = (np.arange(values.size) - first[part] < size[part] / 2.0) & (part > 0)
     for _ in range(LIMITS.partition_max_rounds):
         if heavy.all() or not heavy.any():
@@ -337,10 +337,10 @@ def find_least_cost_partition(
     w, wy, wyy = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     w[1:], wy[1:], wyy[1:] = np.cumsum(weights), np.cumsum(weights * y), np.cumsum(weights * y * y)
     area = max_level_distance * max_level_distance / (2.0 * np.pi)
-    # what one level more costs: at least, and at most
+    # smallest and largest cost of an additional level
     least_level, most_level = math.log(weights.min() * area), math.log(w[n] * area)
     before, begins = np.zeros(n + 1, np.int64), np.zeros(n, np.int64)
-    # the best that ends here, the change included
+    # cost of the best partition that ends here, with and without the change
     paid, bare = np.zeros(n), np.zeros(n)
     alive = 0
     for end in range(1, n + 1):
@@ -358,7 +358,7 @@ def find_least_cost_partition(
         if end == n:
             break
         paid[end] = least + change_costs[end - 1]
-        # a level that is worse by more than a change and a level cost never comes back
+        # a start of a level that is worse by more than a change and a level never becomes the best
         kept = 0
         for k in range(alive):
             if bare[k] + least_level < paid[end] + most_level:

@@ -1,9 +1,9 @@
-"""Gain of an estimate, θ = gain · scores + …, and the inverse that it comes with.
+"""Gain of an estimate, θ = gain · scores + …, and the inverse matrix (bread) that belongs to it.
 
 H = C S⁻¹ C + P with C the normal equations, S the covariance of the scores and P the priors;
-bread = H⁻¹, gain = H⁻¹ C S⁻¹. Of few levels both are dense matrices. Of many they are found from
-[S C; C −P] [y; θ] = [b; −P θ₀], whose levels are eliminated one by one: both are then diagonal but
-for a product of (wide, r) matrices, r twice the number of shared parameters and one.
+bread = H⁻¹, gain = H⁻¹ C S⁻¹. With few levels both are dense matrices. With many levels they are
+found from [S C; C −P] [y; θ] = [b; −P θ₀] by eliminating the levels one by one: both are then
+diagonal plus a product of (wide, r) matrices, r being twice the number of shared parameters plus 1.
 """
 
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Gain(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DenseGain:
-    """Gain of few levels.
+    """Gain with few levels, as dense matrices.
 
     Attributes:
         bread: H⁻¹.
@@ -65,14 +65,14 @@ class DenseGain:
 
 @dataclass(frozen=True, slots=True)
 class FactoredGain:
-    """Gain of many levels: diag(own) + left · rightᵀ.
+    """Gain with many levels: diag(own) + left · rightᵀ.
 
     Attributes:
         own: (wide,) diagonal of the gain; 0 for shared parameters.
         left: (wide, r) left factor, with the inverse of the reduced system.
         right: (wide, r) right factor.
         bread_own: (wide,) diagonal of the bread.
-        bread_right: (wide, r) its right factor.
+        bread_right: (wide, r) right factor of the bread.
     """
 
     own: Floats
@@ -116,7 +116,7 @@ def solve_by_elimination(
     right_hand_side: Floats,
     variance: float,
 ) -> tuple[Floats, FactoredGain]:
-    """Estimates (wide,) and gain, level by level.
+    """Solve for the estimates (wide,) and their gain by eliminating level by level.
 
     Args:
         normal_matrix: normal equations C.
@@ -127,7 +127,7 @@ def solve_by_elimination(
         variance: σ².
 
     Raises:
-        LinAlgError: the samples do not determine it.
+        LinAlgError: the samples do not determine the estimates.
     """
     gram, doubted, ridge = scores
     precision, believed = (variance * each for each in priors)
@@ -172,7 +172,7 @@ def solve_by_elimination(
 
 
 def is_level_elimination_worthwhile(equations: BorderedMatrix) -> bool:
-    """Whether the levels are worth eliminating one by one."""
+    """Whether there are enough levels for their elimination to be faster than dense matrices."""
     return equations.diagonal.size >= LIMITS.eliminated_levels
 
 
@@ -181,7 +181,7 @@ def raise_meats_to_white_noise_floor(
 ) -> BorderedMatrix | Floats:
     """Raise each direction of the meats to a minimum fraction of its white-noise value.
 
-    Estimated correlations may imply a negative variance.
+    Otherwise estimated correlations may imply a negative variance.
 
     Returns:
         The meats times the variance `white_variance` of the residuals.

@@ -11,9 +11,9 @@ from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_rms_scales_of_columns
 from estimators.numerics.sandwich import compute_sandwich_meat
 
-#: Kinds of boundaries where something besides the units tells a change: a machine backs out of
-#: where it drove to, a record ends and another begins, it may (a boom that moves), it nearly always
-#: does (a bucket that was filled), or somebody says so.
+#: Kinds of boundaries with evidence of a change besides the units: the machine backs out of where
+#: it drove to; a record ends and another begins; a hint (a boom movement); near certainty (a filled
+#: bucket); a statement.
 TURNED: Final = 2
 RESTARTED: Final = 3
 HINTED: Final = 4
@@ -61,9 +61,9 @@ def estimate_group_effects(
         A: (n, p) columns.
         f: (n,) response.
         group: (n,) group of each sample, negative for none.
-        noise: noise moments of the columns; None takes them as exact.
+        noise: noise moments of the columns; None treats the columns as exact.
         prior_mean: (p - 1,) prior means of the shared parameters.
-        prior_std: (p - 1,) prior standard deviations, inf where nothing is known.
+        prior_std: (p - 1,) prior standard deviations; inf for no prior.
         unit_of_group: (groups,) unit of each group, from 0.
 
     Returns:
@@ -80,7 +80,7 @@ def estimate_group_effects(
     each = sums.sum_groups_by_unit(unit_of_group)
     precision = np.where(np.isfinite(prior_std), (prior_std * scale[1:]) ** -2.0, 0.0)
     clean, bare = each.grams - each.noise_gram, each.crosses - each.noise_cross
-    # a unit whose acceleration is noise says nothing, and not the contrary
+    # a unit whose acceleration is only noise has no information, instead of a negative amount
     own = np.maximum(clean[:, 0, 0], LIMITS.min_own_fraction * each.grams[:, 0, 0])
     kind = np.ones(own.size - 1, np.int64)
     if not (own > 0.0).all():
@@ -95,7 +95,7 @@ def estimate_group_effects(
     within = (vectors * np.maximum(squares, 0.0)) @ vectors.T
     variance = float(f[used] @ f[used]) / n
     level, correlation, white = y, np.ones(1), variance
-    # few units share their effects with few others: as if each had its own
+    # each of few units, as if it had effects of its own
     own_columns = (
         A[:, :1] if y.size >= LIMITS.shared_effect_units else A[:, np.abs(A).sum(axis=0) > 0.0]
     )

@@ -1,13 +1,14 @@
 """Posterior probability of a partition, with levels and shared effects integrated out.
 
-The prior is not tuned: one level is as likely as several, of these every rate of changes is as
-likely as any other, and so is every choice of as many places (Scott & Berger 2010, Bayes and
-empirical-Bayes multiplicity adjustment). Where records end, one level for all, mostly one each, and
-any rate of changes are as likely as each other. Levels are each their own, or two that take turns,
-or every second one is one that comes back, as that of an empty machine does; each is as likely.
-They are normal about a mean of their own, how far apart is the series' to say, up to `spread`
-(Gelman 2006, Prior distributions for variance parameters). Scatter is half-normal: it and a level
-for each unit are the same thing, and only its size tells them apart.
+The prior is not tuned: one level is as probable as several; with several levels every rate of
+changes is equally probable, and so is every choice of the same number of boundaries (Scott & Berger
+2010, Bayes and empirical-Bayes multiplicity adjustment). At the ends of records three cases are
+equally probable: one level for all records, mostly one level per record, and any rate of changes.
+All levels differ, or two levels alternate, or every second level recurs, like that of an empty
+machine: these three are equally probable. Levels are normal about a mean of their own, with a
+spread that the series determines, up to `spread` (Gelman 2006, Prior distributions for variance
+parameters). The scatter is half-normal: scatter and a level for each unit are equivalent, and only
+the size distinguishes them.
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from estimators.interpreted import compiled_unless_short_log
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.joint_limits import LIMITS
 
-#: How far levels are apart, as standard deviations over their spread.
+#: Standard deviations of the levels, as fractions of the largest spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
 _HALF: Final = float(np.log(0.5))
 _THIRD: Final = float(np.log(1.0 / 3.0))
@@ -75,7 +76,7 @@ class Stretches:
 
     @classmethod
     def from_boundaries(cls, state_of_unit: Ints, change_kinds: Ints) -> Self:
-        """Number the stretches of units with boundaries of these kinds."""
+        """Number the stretches of a partition, and compute its log prior probability."""
         return cls(
             state_of_unit,
             list_level_assignments_and_log_priors(int(state_of_unit[-1]) + 1),
@@ -101,7 +102,7 @@ class PartitionPosterior:
         self._middle = float(units.y.mean())
         known = np.column_stack([units.x, units.y - self._middle])
         weight = 1.0 / self.variance
-        # of each unit: its weight, and its effects and value times that
+        # for each unit: weight, weighted effects and weighted value
         self._sums = np.column_stack([weight, weight[:, None] * known])
         self._squares = known.T @ self._sums[:, 1:]
         self._log = -0.5 * float(np.log(self.variance).sum())
@@ -153,7 +154,7 @@ class PartitionPosterior:
         effects, log_determinant = solve_with_log_determinant(whole, right)
         own = 1.0 / sums[:, 0]
         levels = self._middle + own * (sums[:, -1] - sums[:, 1:-1] @ effects)
-        # β's own misfit is that of its normal equations, up to a constant
+        # the misfit of β follows from its normal equations, up to a constant
         logs = log_determinant - float(np.log(2.0 * np.pi * own).sum())
         log = -0.5 * (squares - float(effects @ right) + logs)
         return log + compute_log_likelihood_of_levels(levels, own, self.spread), levels, effects
@@ -174,11 +175,11 @@ def solve_with_log_determinant(
 ) -> tuple[Floats, float]:
     """Solution of normal equations, and log determinant.
 
-    If rounding makes them singular, both are of the determined subspace.
+    If rounding makes the equations singular, both refer to the determined subspace.
     """
     if not right_hand_side.size:
         return right_hand_side, 0.0
-    # once factored, both are at hand; numpy's own pair takes three times as long
+    # one factorisation gives both; numpy's two functions take three times as long
     factor, solution, fault = dposv(normal_matrix, right_hand_side)
     if fault:
         values, vectors = np.linalg.eigh(normal_matrix)
@@ -219,7 +220,7 @@ def compute_log_likelihood_of_levels(
 def compute_log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior probability of the changes.
 
-    Where something is filled, one emptying between two fillings is equally likely.
+    With fillings, one emptying between two fillings is as probable as any other pattern.
     """
     named, filling = change_kinds == NAMED, change_kinds == FILLED
     if named.any():
@@ -233,7 +234,7 @@ def compute_log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float
         )
     if not filling.any():
         return compute_log_prior_of_unknown_change_rate(change_kinds, has_change)
-    # or what is taken for a filling has nothing to do with it in this series
+    # or apparent fillings are unrelated to the level in this series
     apart = compute_log_prior_of_unknown_change_rate(
         np.where(filling, 1, change_kinds), has_change
     ) + float(np.log(LIMITS.unrelated_filling_probability))
@@ -249,8 +250,8 @@ def compute_log_prior_of_changes(change_kinds: Ints, has_change: Bools) -> float
 def compute_log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> float:
     """Log prior probability of changes of the load as work cycles, without its constant.
 
-    A cycle has one change at its filling and one, the dump, before the next filling: preferably
-    where a hint is.
+    A cycle has one change at its filling and another, the dump, before the next filling, preferably
+    where there is a hint.
 
     Args:
         change_kinds: (n - 1,) kind of each boundary between manoeuvres.
@@ -276,7 +277,7 @@ def compute_log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> f
             ]
         )
     )[np.minimum(often, 2)]
-    # nothing can be seen where there is no place, and a log may begin or end anywhere
+    # no dump can be seen without a boundary, and a log may begin or end anywhere in a cycle
     each[total == 0.0] = 0.0
     each[[0, -1]] = np.where(often[[0, -1]] == 0, _HALF, each[[0, -1]])
     where = float(np.log(weight[emptied] / total[stretch[emptied]]).sum())
@@ -289,11 +290,11 @@ def compute_log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> f
 
 
 def compute_log_prior_of_unknown_change_rate(change_kinds: Ints, has_change: Bools) -> float:
-    """Log prior under which no change is as likely as any, and all rates are equally likely.
+    """Log prior for which no change is as probable as some, and all rates are equally probable.
 
-    If other evidence indicates changes, either their rate is as likely as it is high, or the
-    evidence is unrelated to the level. Separate records have one level, mostly one each, or any
-    rate of changes.
+    At boundaries with other evidence of a change, either the probability of a rate is proportional
+    to the rate, or the evidence is unrelated to the level. Separate records have one level in all,
+    mostly one level each, or any rate of changes.
     """
     total = 0.0
     for each in np.unique(change_kinds[change_kinds > 0]):
@@ -308,7 +309,7 @@ def compute_log_prior_of_unknown_change_rate(change_kinds: Ints, has_change: Boo
             ) ** used * LIMITS.same_level_probability ** (places - used)
             total += float(np.log(by_rate + (used == 0) + one_each)) + _THIRD
         elif each > 1:
-            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what moves there tells nothing
+            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless the evidence is unrelated
             by_rate = (
                 float(betaln(used + 2, places - used + 1))
                 - _HALF

@@ -12,7 +12,7 @@ from estimators.arrays import Floats, Ints
 class PosteriorFit:
     """Estimates, with the parts of their covariance.
 
-    If the first parameter has levels, p counts each of them, and they come first.
+    If the first parameter has levels, each of them counts in p, and they come first.
 
     Attributes:
         theta: (p,) estimates.
@@ -25,8 +25,8 @@ class PosteriorFit:
         noise_share: largest fraction of noise in any direction of the columns.
         scatter_ratio: standard deviation of the first parameter between groups over the expected
             one (Birge ratio); NaN with one group.
-        misfit_ratio: mean square of the residuals common to the groups over its expectation; NaN
-            below three groups.
+        misfit_ratio: mean square of the residual common to the groups over its expectation; NaN
+            with fewer than three groups.
         groups: number of groups that were compared.
         residual: (n,) f - A θ; 0 for samples without a group.
         residual_rms: r.m.s. of the residuals.
@@ -48,7 +48,7 @@ class PosteriorFit:
     @cached_property
     def covariance(self) -> Floats:
         """(p, p) total covariance."""
-        # of a thousand levels none has a prior
+        # skip parameters without a prior, such as the levels
         informed = self.responses[self.responses.any(axis=1)]
         priors = informed.T @ informed
         doubt = np.outer(self.doubt, self.doubt)
@@ -61,19 +61,19 @@ class PosteriorFit:
 
     @cached_property
     def parameter_stds(self) -> Floats:
-        """(p,) standard deviations; NaN if lost to rounding."""
+        """(p,) standard deviations; NaN if rounding makes the variance negative."""
         variance = np.diag(self.covariance)
         return np.sqrt(np.where(variance < 0.0, np.nan, variance))
 
 
 @dataclass(frozen=True, slots=True)
 class CommonResidual:
-    """Residual that all groups have in common, aligned at their begins.
+    """Residual that all groups have in common, aligned at their first samples.
 
     Attributes:
-        mean: residual at each place that at least two groups have.
+        mean: mean residual at each sample number that at least two groups have.
         length: median number of samples of a group.
-        excess: mean square of `mean` beyond its noise.
+        excess: mean square of `mean` minus that by noise.
         ratio: mean square of `mean` over its noise.
     """
 

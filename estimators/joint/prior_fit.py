@@ -1,11 +1,12 @@
 """Least squares with normal priors on nuisance parameters, with a split uncertainty.
 
-The estimates are those of `prior_solution`. The residuals' correlation goes into a sandwich that is
-combined with the priors, and groups (starts, say) that disagree with each other, or that all miss
-the model in the same way, widen the answer. Every part is kept by itself, for a budget.
+The estimates are those of `prior_solution`. The correlation of the residuals enters a sandwich
+covariance that is combined with the priors. Groups (starts, say) that disagree with each other, or
+that all deviate from the model in the same way, increase the uncertainty. Every part is kept
+separately, for a budget.
 
-The first parameter may have a level of its own by group, and scatter about it; the others are
-everyone's.
+The first parameter may have its own level by group, and scatter about it; the other parameters are
+common to all groups.
 """
 
 from dataclasses import dataclass
@@ -40,10 +41,10 @@ class Grouping:
     """Grouping of the samples.
 
     Attributes:
-        direction: (n,) sign that makes the groups' residuals comparable; None: 1.
-        shortest: minimum samples of a group that is compared with others.
-        levels: levels of the first parameter; None uses one, and widens by groups that disagree.
-        taken: (n, q) columns projected out of each group's response and columns; None: none.
+        direction: (n,) sign that makes the groups' residuals comparable; None means 1.
+        shortest: smallest number of samples of a group that is compared with others.
+        levels: levels of the first parameter; None uses one, and disagreement adds uncertainty.
+        taken: (n, q) columns projected out of each group's response and columns; None for none.
         loss: `compute_autocovariance_loss` of the fit, if already computed.
     """
 
@@ -117,7 +118,7 @@ class _SolvedSamples:
                 for part in sums.rows
             ]
         ) / np.outer(self.scale, self.scale)
-        # noise of the columns times the residuals, both of which last as long as the mean does
+        # products of column noise and residuals, which are both correlated over the mean
         alike = max(2.0 * float(correlation @ correlation) - 1.0, 1.0)
         turns = turned.turns[shape.levels.unit]
         meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
@@ -133,7 +134,7 @@ class _SolvedSamples:
         scatter = gain.propagate_covariance(turned.scatter)
         if levels is not None:
             scatter *= compute_student_to_normal_ratio(levels.degrees_of_freedom) ** 2
-        # what a unit's scatter does not explain: stretches within it disagree as well
+        # disagreement that the scatter of units does not explain: groups within a unit differ too
         count = shape.levels.level_count
         grown, ratio = estimate_between_group_covariance_and_birge_ratio(
             gain, spread, covariance + scatter, count
@@ -146,7 +147,7 @@ class _SolvedSamples:
             _InformativeGroups([sums.rows[i] for i in told], turns[told] / self.scale, shape, told),
             self.residual_signs_by_direction,
         )
-        # where noise is nearly all there is, what was not taken off is doubted whole
+        # noise that was not subtracted is entirely uncertain
         doubt = gain.apply_to_vector(turned.taken, compute_uncertain_fraction_of_noise(kept))
         scale = shape.expand_to_levels(self.scale)
         units = np.outer(scale, scale)
@@ -189,12 +190,12 @@ class PriorSolution:
         """The estimates with all parts of their uncertainty."""
         if self._fit is None:
             assert self._samples is not None
-            # samples of a shift are hundreds of megabytes, and are not needed again
+            # release the samples, which are hundreds of megabytes for a shift
             self._fit, self._samples = self._samples.to_posterior_fit(), None
         return self._fit
 
     def compute_uncertainty_and_release_samples(self) -> None:
-        """Compute the uncertainty now: of a shift the samples are hundreds of megabytes."""
+        """Compute the uncertainty now, to release samples of hundreds of megabytes for a shift."""
         _ = self.fit
         return_freed_memory_to_os()  # no larger block fits where they were
 
@@ -278,7 +279,7 @@ def solve_with_priors(
     )
     precision = np.where(np.isfinite(prior_std), (prior_std * scale) ** -2.0, 0.0)
     believed = precision * prior_mean * scale
-    # a fit of few parameters takes nothing out of many groups
+    # a fit of few parameters takes hardly anything out of many groups
     taken = A if grouping.taken is None and len(sums.rows) < LIMITS.few_groups else grouping.taken
     loss = compute_autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
     try:
@@ -305,12 +306,12 @@ def fit(
     """Fit θ in A θ = f.
 
     Args:
-        A: (n, p) columns; rows without a group may hold anything.
+        A: (n, p) columns; rows without a group are ignored.
         f: (n,) response.
         group: (n,) group of each sample, contiguous, negative for none.
-        noise: noise moments of the columns; None takes them as exact.
+        noise: noise moments of the columns; None treats the columns as exact.
         prior_mean: (p,) prior means.
-        prior_std: (p,) prior standard deviations, inf where nothing is known.
+        prior_std: (p,) prior standard deviations; inf for no prior.
         grouping: how groups are compared; None uses the defaults.
 
     Returns:
@@ -325,9 +326,9 @@ class _InformativeGroups:
 
     Attributes:
         rows: samples of each group.
-        turns: (groups, p, p) transformation of its unscaled scores by the scatter of its level.
+        turns: (groups, p, p) transformation of each group's unscaled scores by the scatter.
         shape: relation of a group's parameters to all parameters.
-        number: index of each among all groups.
+        number: index of each group among all groups.
     """
 
     rows: list[Ints]
@@ -365,7 +366,7 @@ def estimate_between_group_covariance_and_birge_ratio(
     ratio = float((between / own).mean())
     if ratio <= 1.0 + LIMITS.disagreeing_std * np.sqrt(2.0 / degrees_of_freedom):
         return np.zeros_like(covariance), float(np.sqrt(ratio))
-    # every parameter grows as the first does: a full matrix of few groups is no covariance
+    # all variances are scaled like that of the first: few groups determine no full covariance
     grown = covariance * (
         ratio * compute_student_to_normal_ratio(float(degrees_of_freedom)) ** 2 - 1.0
     )
@@ -381,8 +382,8 @@ def estimate_common_misfit_covariance_and_ratio_to_noise(
 ) -> tuple[Floats, float]:
     """Covariance due to a residual common to all groups, (wide, wide), and its ratio to noise.
 
-    The excess over the noise counts as one draw of an error with the common residual's
-    correlation: repetition in every group does not average it out.
+    The excess over the noise counts as a single draw of an error with the correlation of the common
+    residual, since its repetition in every group does not average it out.
     """
     wide = informative_groups.shape.levels.level_count + A.shape[1] - 1
     nothing = np.zeros((wide, wide))

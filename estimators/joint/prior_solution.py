@@ -1,7 +1,7 @@
 """Least squares with normal priors, corrected for noise of the columns.
 
-(G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀ with G the columns' normal equations without their noise:
-errors in variables (Fuller, Measurement Error Models, 1987). Units of a level scatter about it
+(G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀ with G the normal equations without the noise of the columns:
+errors in variables (Fuller, Measurement Error Models, 1987). Units of one level scatter about it
 (Laird & Ware 1982, Random-effects models for longitudinal data).
 """
 
@@ -31,10 +31,10 @@ BorderedParts = tuple[Floats, Floats, Floats, Floats]
 
 @dataclass(frozen=True, slots=True)
 class WeightedNormalEquations:
-    """Normal equations of all units, each weighted down by its scatter.
+    """Normal equations of all units, each weighted according to its scatter.
 
-    A unit's scores G δ + e, δ the scatter, have the covariance S = σ² G + τ² g gᵀ with g the first
-    column of G; G S⁻¹ = T / σ² with T = 1 - κ g e₁ᵀ, κ = ρ / (1 + ρ G₁₁) and ρ = τ² / σ².
+    The scores G δ + e of a unit, with scatter δ, have the covariance S = σ² G + τ² g gᵀ with g the
+    first column of G; G S⁻¹ = T / σ² with T = 1 - κ g e₁ᵀ, κ = ρ / (1 + ρ G₁₁) and ρ = τ² / σ².
 
     Attributes:
         turns: (units, p, p) T.
@@ -238,22 +238,22 @@ def solve_with_priors_iteratively(
 ) -> SolutionParts:
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, with S the covariance of b - G θ.
 
-    S is σ² AᵀA, with the residuals' long-run variance, plus the uncertainty of the noise
-    correction. All samples have the error of that correction in common: without its uncertainty,
-    many of them would outweigh the priors, however wrong the correction is.
+    S is σ² AᵀA, with the long-run variance of the residuals, plus the uncertainty of the noise
+    correction. The error of that correction is common to all samples: without its uncertainty, many
+    samples would outweigh the priors even if the correction is wrong.
 
     Args:
         A: (n, p) columns.
         f: (n,) response.
         group: (n,) group of each sample.
         sums: sums of the scaled columns by group.
-        scale: (p,) divisors of the columns; `theta` and priors are of the scaled ones.
+        scale: (p,) divisors of the columns; estimates and priors are for the scaled columns.
         intercept_shape: relation of a group's parameters to all parameters.
         priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
         projected: columns projected out of each group.
 
     Raises:
-        LinAlgError: the samples do not determine it.
+        LinAlgError: the samples do not determine the estimates.
     """
     n = int((group >= 0).sum())
     precision, believed = priors
@@ -262,7 +262,7 @@ def solve_with_priors_iteratively(
         index[part] = i
     gram, cross = sums.grams.sum(axis=0), sums.crosses.sum(axis=0)
     added = sums.noise_gram.sum(axis=0)
-    # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
+    # start from the residuals of ordinary least squares, or three rounds would not be enough
     first = np.linalg.lstsq(gram, cross, rcond=None)[0]
     one_level = np.zeros(len(sums.rows), np.int64)
     left = compute_grouped_residuals(A, f, index, first / scale, one_level, 1)
@@ -298,7 +298,7 @@ def solve_with_priors_iteratively(
             A, f, index, theta / wide_scale, level_of_unit, intercept_shape.levels.level_count
         )
         correlation, _ = estimate_pooled_autocorrelation(residual, group, *projected)
-        with np.errstate(over="ignore"):  # of what rounding alone determines
+        with np.errstate(over="ignore"):  # for parameters that only rounding determines
             white = float(residual @ residual) / (n - theta.size)
         solved = SolutionParts(theta, gain, residual, correlation, white, share, kept, turned)
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
@@ -309,7 +309,7 @@ def solve_with_priors_iteratively(
 def solve_given_white_noise(
     equations: WeightedNormalEquations, priors: tuple[Floats, Floats], variance: float
 ) -> Floats:
-    """Estimates (wide,) for white noise, S = σ² G: where the iteration begins."""
+    """Estimates (wide,) for white noise, S = σ² G, which the iteration starts from."""
     precision, believed = priors
     wanted = equations.bare / variance + believed
     if is_level_elimination_worthwhile(equations.clean):

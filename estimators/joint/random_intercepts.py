@@ -15,8 +15,8 @@ class RandomIntercepts:
 
     Attributes:
         membership: (groups,) level of each group, from 0, groups in ascending order.
-        unit: (groups,) unit of each group, from 0; the groups of a unit scatter together at one
-            level.
+        unit: (groups,) unit of each group, from 0; the groups of a unit have the same deviation
+            from their level.
         scatter: standard deviation of the units about their level.
         degrees_of_freedom: degrees of freedom of the scatter.
     """
@@ -34,7 +34,7 @@ class RandomIntercepts:
 
 @dataclass(frozen=True, slots=True)
 class InterceptShape:
-    """Maps the p parameters of a group to all parameters: the levels first, then shared ones."""
+    """Mapping of the p parameters of a group to all parameters: levels first, then shared ones."""
 
     levels: RandomIntercepts
     p: int
@@ -59,7 +59,7 @@ class InterceptShape:
         return out
 
     def expand_group_matrices(self, values: Floats) -> BorderedMatrix:
-        """Sum of (groups, p, p) expanded to (wide, wide)."""
+        """Sum of the matrices (groups, p, p), expanded to (wide, wide)."""
         return BorderedMatrix(
             *sum_matrices_by_level(values, self.levels.membership, self.levels.level_count)
         )
@@ -76,7 +76,7 @@ class InterceptShape:
 def sum_matrices_by_level(
     values: Floats, level_of_group: Ints, level_count: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Parts of the sum of (groups, p, p), with first row and column at the group's level."""
+    """Parts of a `BorderedMatrix`: sum of (groups, p, p), first row and column at their level."""
     groups, p, _ = values.shape
     k = p - 1
     diagonal, right, below = (

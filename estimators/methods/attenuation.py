@@ -1,11 +1,11 @@
 """Attenuation of least squares by noise in the regressor's columns (errors in variables).
 
 Noise of r.m.s. σ_c in column c adds N = n·diag(σ²) to AᵀA and nothing to Aᵀf, so that least squares
-finds θ with AᵀA θ = (AᵀA - N) θ₀ (Fuller, Measurement Error Models, 1987). From what it found,
-θ₀ = θ + (AᵀA - N)⁻¹ N θ. That difference is added by the methods that correct (and half of it
-counted as uncertainty, since σ² is known to half of itself at best) and counted whole as
-uncertainty by those that do not. Where columns share noise, as a speed and its derivative may, N is
-n times their covariance; what they share with f is taken off Aᵀf likewise.
+finds θ with AᵀA θ = (AᵀA - N) θ₀ (Fuller, Measurement Error Models, 1987). The true parameters are
+θ₀ = θ + (AᵀA - N)⁻¹ N θ. Methods that correct for attenuation add this difference, and half of it
+counts as uncertainty, since σ² is known to half of its value at best; for the others all of it
+counts as uncertainty. If columns share noise, like a speed and its derivative, N is n times their
+covariance; noise shared with f is subtracted from Aᵀf in the same way.
 """
 
 import numpy as np
@@ -27,10 +27,10 @@ def compute_attenuation_by_noise_source(
 
     Args:
         G: (p, p) AᵀA as measured.
-        theta: (p,) its least-squares solution.
+        theta: (p,) least-squares solution.
         added_noise: (s,) n·σ² of each source.
-        noise_mixing: (p, s) loading of each column on each source, N = L diag(added) Lᵀ; None: each
-            column has its own source.
+        noise_mixing: (p, s) loading of each column on each source, N = L diag(added) Lᵀ; None means
+            that each column has its own source.
 
     Returns:
         (p, s) attenuation of θ_i by each source; their sum is to be added. NaN if the columns are
@@ -45,7 +45,7 @@ def compute_attenuation_corrections_of_windows(
 ) -> Floats:
     """Correction for attenuation of each window that ends at `window_ends`, (rows, p).
 
-    For weighted and recursive estimates it is of first order, from the window's plain products.
+    For weighted and recursive estimates it is a first-order correction, from unweighted products.
 
     Args:
         A: (n, p) regressor.

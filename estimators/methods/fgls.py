@@ -1,9 +1,9 @@
-"""Feasible generalised least squares (16), guarded: weights from the window's own residuals.
+"""Feasible generalised least squares (16) with bounded weights from the window's own residuals.
 
-The printed σ_i = r_i is singular at r = 0 and confirms itself; here w = 1 / max(r², (κ·rms)²).
-The weights follow the residuals that they weigh, so the estimate moves with OLS and a sandwich
-with these weights would describe another estimator: its standard deviation is that of OLS at
-this estimate's residuals (measured in docs/decisions/0005).
+The printed σ_i = r_i is singular at r = 0 and self-confirming; here w = 1 / max(r², (κ·rms)²).
+Since the weights depend on the residuals that they weight, the estimate follows OLS, and a sandwich
+with these weights would describe another estimator: the standard deviation is that of OLS with the
+residuals of this estimate (measured in docs/decisions/0005).
 """
 
 from dataclasses import dataclass
@@ -83,7 +83,7 @@ def solve_windows_by_reweighting(
 ) -> Floats:
     """θ (p, rows) of windows with packed products (entries, rows): OLS, then weighted."""
     first = solve_packed_equations(products)
-    # fᵀf less what is explained knows no residual below its own rounding
+    # fᵀf minus its explained part resolves no residual below rounding
     square = np.maximum(first.rss, np.finfo(np.float64).eps * products[-1])
     limit = options.floor * np.sqrt(square / window)
     return solve_packed_equations(

@@ -1,4 +1,4 @@
-"""Huber's robust regression over sliding windows: outliers pull with a bounded force.
+"""Huber's robust regression over sliding windows: outliers have a bounded influence.
 
 Iteratively reweighted least squares, w = min(1, c / |r/s|), s = median|r| / 0.6745 of the first
 OLS residuals (Huber 1964; Huber and Ronchetti 2009, 7.8). To first order the estimate is OLS of the
@@ -121,7 +121,7 @@ def solve_windows_robustly(
         moved = np.abs(following - now).max(axis=0)
         left = left[stuck | (moved > LIMITS.huber_tolerance * np.abs(following).max(axis=0))]
     kept, squares = summarise_clipped_residuals(A, f, window, window_ends, theta, limit)
-    # without a limit nothing is clipped; one sample at least, where rounding keeps none
+    # without a limit nothing is clipped; at least one sample counts, if rounding leaves none
     kept = np.where(limit > 0.0, np.maximum(kept, 1.0 / window), 1.0)
     return theta, ResidualStatistics(limit, kept, squares / kept**2)
 

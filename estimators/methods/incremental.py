@@ -1,10 +1,10 @@
 """The estimators sample by sample: state in, state out, bounded work, same θ as in replay.
 
-Every function here takes the sums that the compiled `estimate_along_log` would have for the window
-that ends now, in the same order, and calls the same loops for one window: so θ equals the replay's
-bit for bit. The deviations are their own, since the residuals' autocorrelation over the log is not
-known yet: residuals are taken for white noise after a moving mean of `mean` samples, and the
-regressor for steady over that span, which makes the textbook's variance `mean` times larger.
+Every function here forms the same sums as the compiled `estimate_along_log` for the current window,
+in the same order, and calls the same loops for one window, so that θ equals the replay's bit for
+bit. Standard deviations differ, since the residuals' autocorrelation over the log is not known yet:
+residuals are assumed to be white noise after a moving mean of `mean_samples` samples, and the
+regressor constant over that span, so that the textbook variance is `mean_samples` times larger.
 """
 
 from collections.abc import Sequence
@@ -61,16 +61,16 @@ from estimators.numerics.small_systems import (
 
 
 class WindowState(NamedTuple):
-    """The current window, and the sums of two scans (see `estimators.numerics.rolling`).
+    """The current window, and the sums of the two scans (see `estimators.numerics.rolling`).
 
     Attributes:
         z: (p + 1, window) columns of [A f], the oldest sample first.
         seen: number of samples so far.
-        centre: (p + 1,) the last sample of the last whole block.
+        centre: (p + 1,) last sample of the last complete block.
         suffix: (lanes, window) sums from each sample of that block to its end.
         prefix: (lanes,) sums of the samples after that block.
-        products: (entries, 1) packed sums of the window's products, and
-        moments: (lanes, 1) their centred form; both NaN until the window is complete.
+        products: (entries, 1) packed sums of the window's products; NaN until it is complete.
+        moments: (lanes, 1) centred form of these sums; NaN until the window is complete.
     """
 
     z: Floats
@@ -102,7 +102,7 @@ def make_empty_window(parameter_count: int, window: int) -> WindowState:
 def advance_window(state: WindowState, sample: Floats) -> WindowState:
     """Advance by one sample (p + 1,): the regressor's row, then the force.
 
-    Once in `window` samples the suffix sums are recomputed, with as many additions.
+    Every `window` samples the suffix sums are recomputed, with as many additions.
     """
     q, window = state.z.shape
     z = np.empty((q, window))
@@ -136,7 +136,7 @@ def advance_window(state: WindowState, sample: Floats) -> WindowState:
 def compute_window_statistics_for_gate(
     states: Sequence[WindowState], noise: Floats | None = None
 ) -> WindowStatistics:
-    """Statistics for the gate of the windows of m states, (m,) each; `noise` is as for `ls`."""
+    """Gate statistics of m windows, (m,) each; `noise` as in `ls.compute_window_statistics`."""
     window = states[0].z.shape[1]
     rho, spread = np.empty(len(states)), np.empty(len(states))
     for k, state in enumerate(states):
@@ -218,7 +218,7 @@ class WindowHistory:
 
     Attributes:
         products: (lanes,) packed, discounted products of the columns of [A f].
-        squares: (lanes,) the same, discounted by λ²: the variance of the errors of Aᵀf.
+        squares: (lanes,) the same products discounted by λ², for the variance of Aᵀf.
         weight: discounted number of samples.
     """
 
@@ -344,7 +344,7 @@ def estimate_by_rtls(
     mean_samples: int,
     options: RtlsOptions,
 ) -> tuple[WindowHistory, Estimate]:
-    """Recursive total least squares; the arguments are those of `rls`."""
+    """Recursive total least squares; the arguments are those of `estimate_by_rls`."""
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
         A, f, _ = unroll_window_to_samples(state)

@@ -1,10 +1,10 @@
-"""Ordinary least squares (6) over sliding windows: θ = (AᵀA)⁻¹ Aᵀf, a window stacked.
+"""Ordinary least squares (6) over sliding windows: θ = (AᵀA)⁻¹ Aᵀf with the samples of a window.
 
-The mean of overlapping windows' estimates weighs them by what they know of the first parameter,
-ω_w ∝ 1/std²:
+In the mean over overlapping windows, each estimate is weighted by its information on the first
+parameter, ω_w ∝ 1/std²:
 θ̄ = Σ_w ω_w G_w⁻¹ Σ_{k∈w} a_k f_k
-It is linear in the force: sample k enters with c_k = (Σ_{w∋k} ω_w G_w⁻¹) a_k. So cov θ̄ = s² Cᵀ R C,
-whatever the overlap.
+The mean is linear in the force: sample k has the weight c_k = (Σ_{w∋k} ω_w G_w⁻¹) a_k. Therefore
+cov θ̄ = s² Cᵀ R C, whatever the overlap.
 """
 
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class LsOptions:
 def fit(
     A: Floats, f: Floats, options: LsOptions | None = None, autocorrelation: Floats | None = None
 ) -> Estimate:
-    """Estimate one window by (6), in its readable form.
+    """Estimate one window by (6), in a readable form.
 
     Args:
         A: (n, p) regressor, n > p.
@@ -85,7 +85,7 @@ class Windows(NamedTuple):
 
     @classmethod
     def allocate_rows(cls, rows: int, parameter_count: int) -> "Windows":
-        """Allocate the rows."""
+        """Allocate the solutions of `rows` windows."""
         return cls(
             np.empty((rows, parameter_count)),
             np.empty((rows, parameter_count * (parameter_count + 1) // 2)),
@@ -122,8 +122,8 @@ def solve_windows_by_normal_equations(
 ) -> tuple[Floats, Floats]:
     """θ (p, rows) and RSS (rows,) of windows with packed products (entries, rows).
 
-    Normal equations lose twice the digits of the condition number. For ill-conditioned windows one
-    correction by the residuals regains half of them (Björck 1987).
+    Normal equations lose twice the digits of the condition number. For ill-conditioned windows, one
+    correction by the residuals recovers half of them (Björck 1987).
     """
     solved = solve_packed_equations(products)
     theta = solved.theta
@@ -162,8 +162,8 @@ class WindowStatistics(NamedTuple):
     Attributes:
         rho: correlation of the first column and the force.
         spread: relative variance of the two (see `information`).
-        predicted_std: sqrt(σ̂² (G⁻¹)₁₁), the textbook standard deviation of the first parameter; it
-            ranks windows and is not the reported deviation.
+        predicted: sqrt(σ̂² (G⁻¹)₁₁), the textbook standard deviation of the first parameter; it
+            ranks windows and is not the reported standard deviation.
         condition: condition number of the regressor.
         partial: 1 / (G⁻¹)₁₁, sum of squares of the first column after projecting out the others.
         noise_share: fraction of noise in `partial`.
@@ -245,8 +245,8 @@ def raise_variances_to_noise_in_place(
 ) -> None:
     """Raise variances (m,) to at least those of noise; fill in partial sums and shares (m,).
 
-    Residuals of a window may be small by chance, but not the noise. u / u₁ are the weights of the
-    columns in the remainder of the first, with u (p, m) the first column of G⁻¹.
+    Residuals of a window may be small by chance, but the noise is not. With u (p, m) the first
+    column of G⁻¹, u / u₁ are the weights of the columns in the remainder of the first column.
     """
     p, m = theta.shape
     least = np.full(m, noise[p, p])
@@ -265,7 +265,7 @@ def raise_variances_to_noise_in_place(
     first = unit_variances[0]
     for k in range(m):
         variance[k] = least[k] if least[k] > variance[k] else variance[k]
-        # u₁ is never zero where G has an inverse, and NaN where it has none
+        # u₁ is never zero if G has an inverse, and NaN otherwise
         partial_sums[k] = 1.0 / first[k]
         noise_fraction[k] *= window * partial_sums[k]
 
@@ -338,7 +338,7 @@ def compute_mean_sample_weights(
                 for j in range(p):
                     weights[k, i] += cover[i, j] * A[k, j]
         else:
-            # outside every window the cover is zero: drop what rounding has left
+            # outside all windows the sum is zero: drop the rounding error
             for i in range(p):
                 for j in range(p):
                     cover[i, j] = 0.0
@@ -356,7 +356,8 @@ def average_over_windows_with_std(
 ) -> tuple[Floats, Floats]:
     """Weighted mean of θ over all rows of a windowed trace, with its standard deviation.
 
-    It is exact for LS, and of first order for FGLS and TLS, by the LS weights.
+    The standard deviation is exact for LS; for FGLS and TLS it is a first-order approximation with
+    the weights of LS.
 
     Args:
         A: (n, p) regressor.
@@ -365,8 +366,8 @@ def average_over_windows_with_std(
         window_ends: (rows,) last sample of each window, ascending.
         theta: (rows, p) estimates of the windows.
         std: (rows, p) standard deviations of the estimates.
-        systematic_std: (rows, p) errors of one sign in all windows that the residuals do not show
-            and that no mean reduces; None for none.
+        systematic_std: (rows, p) errors with the same sign in all windows, which residuals do not
+            show and averaging does not reduce; None for none.
 
     Returns:
         (p,) mean and (p,) standard deviations, NaN if no window has an estimate.
@@ -381,7 +382,7 @@ def average_over_windows_with_std(
     share = known**-2.0 / (known**-2.0).sum()
     breads = invert_factored_systems(*factor_packed_ldl(grams, A.shape[1], A.shape[1])) * share
     weights, inside = compute_mean_sample_weights(A, breads, window_ends, window)
-    # the residuals' own correlation, which a window where TLS is wild would hide
+    # correlation of the LS residuals, since windows with extreme TLS estimates would hide it
     residual, owner = compute_disjoint_window_residuals(A, f, least.theta, window_ends, window)
     correlation, variance = estimate_pooled_autocorrelation(residual, owner, A)
     cover = compute_sandwich_meat(weights, inside, 0, 0, f.size - 1, correlation)

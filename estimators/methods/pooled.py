@@ -1,6 +1,6 @@
 """Least squares pooled over all accepted samples of a manoeuvre: one estimate per segment.
 
-Where windows slide over one start again and again, this uses every sample once.
+Sliding windows use the samples of a start repeatedly; here every sample is used once.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class PooledOptions:
     Attributes:
         noise: (p + 1, p + 1) covariance of the noise in a row of [A f]. Its attenuation is
             corrected (`estimators.methods.attenuation`), with half of the correction counted as
-            uncertainty. None takes A as exact, which is ordinary least squares.
+            uncertainty. None treats A as exact, which is ordinary least squares.
     """
 
     noise: Floats | None = None
@@ -45,7 +45,10 @@ class PooledOptions:
 def add_sample_products(
     A: Floats, f: Floats, used_samples: Ints, column_of_sample: Ints, products: Floats
 ) -> None:
-    """Add the products of sample used[i] to column row_of[i] of packed sums (entries, ids)."""
+    """Add the products of each used sample to its column of packed sums (entries, ids).
+
+    Sample `used_samples[i]` is added to column `column_of_sample[i]`.
+    """
     for i in range(used_samples.size):
         k: int = used_samples[i]
         row: int = column_of_sample[i]
@@ -64,7 +67,7 @@ def add_one_sample_product(a: Floats, f: float, products: Floats) -> None:
 
 
 def subtract_expected_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
-    """Packed sums (entries, ids) of counts (ids,) samples, less the expected noise products."""
+    """Packed sums (entries, ids) of `counts` (ids,) samples, minus the expected noise products."""
     if options.noise is None:
         return products
     clean, q = products.copy(), count_columns_of_packed_products(products)
@@ -86,8 +89,8 @@ def estimate_along_log(
         options: noise of the columns, if known.
 
     Returns:
-        A row per segment, ascending by segment_id, with `index` its last pooled sample; NaN if a
-        segment's samples do not determine θ.
+        A row per segment, ascending by segment_id, with the last pooled sample as `index`; NaN if
+        the samples of a segment do not determine θ.
     """
     options = options or PooledOptions()
     p = A.shape[1]
@@ -100,7 +103,7 @@ def estimate_along_log(
     add_sample_products(A, f, used, row_of, products)
     counts = np.bincount(row_of, minlength=ids.size).astype(float)
     first, last = np.empty(ids.size, np.int64), np.empty(ids.size, np.int64)
-    # of several assignments to one place the last one holds
+    # if an element is assigned several times, the last value remains
     first[row_of[::-1]], last[row_of] = used[::-1], used
     ordinary = solve_packed_equations(products).theta.T
     clean = subtract_expected_noise(products, counts, options)

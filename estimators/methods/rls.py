@@ -1,9 +1,9 @@
 """Recursive least squares (12)-(15) with exponential forgetting.
 
-Starts from the OLS estimate of the first accepted window with P₀ = I/σ², σ² the smallest variance
-of the data matrix's columns that vary. The printed (13)-(14) mix A and its transpose; in one form,
-a sample at a time: K = P a / (λ + aᵀ P a), P ← (P - K aᵀ P) / λ. Sliding windows share samples, so
-each sample is fed once, over the union of the accepted windows.
+The recursion starts from the OLS estimate of the first accepted window with P₀ = I/σ², where σ² is
+the smallest variance of the columns that vary. The printed (13)-(14) mix A and its transpose; here,
+for one sample at a time: K = P a / (λ + aᵀ P a), P ← (P - K aᵀ P) / λ. Sliding windows share
+samples, so each sample is fed once, over the union of the accepted windows.
 """
 
 from dataclasses import dataclass
@@ -45,8 +45,8 @@ class RlsOptions:
 
     Attributes:
         forgetting: λ, factor of a sample's weight for each later sample.
-        directional: forget only along the new sample's direction (Bittanti, Bolzern, Campi 1990),
-            so that a long cruise does not blow P up along the acceleration.
+        directional: forget only along the direction of the new sample (Bittanti, Bolzern, Campi
+            1990), so that P does not grow along the acceleration in a long cruise.
     """
 
     forgetting: float = 0.998
@@ -82,7 +82,7 @@ def start(A: Floats, f: Floats, options: RlsOptions | None = None) -> RlsState:
     theta = solve_least_squares_by_svd(A, f)
     residual = f - A @ theta
     variances = A.var(axis=0)
-    # a column that stays the same (Coulomb's sign while driving) would make P₀ infinite
+    # a constant column (the sign of Coulomb friction while driving) would make P₀ infinite
     varying = variances[variances > 1e-12 * (A**2).mean(axis=0)]
     smallest = float(varying.min()) if varying.size else 1.0
     return RlsState(theta, np.eye(A.shape[1]) / smallest, float(residual @ residual), f.size)
@@ -179,7 +179,7 @@ def estimate_window_autocorrelation(
 ) -> tuple[Floats, float]:
     """Residual autocorrelation and variance of separately fitted windows.
 
-    The autocorrelation of the recursion itself is unknown.
+    It stands for that of the recursion's residuals, which is unknown.
     """
     least = solve_windows(A, f, window, window_ends).theta
     return estimate_pooled_autocorrelation(
@@ -248,7 +248,7 @@ def trace_with_directional_forgetting(
     cover: Floats = np.asarray(bread @ B @ bread, np.float64)
     ahead = np.zeros((correlation.size, p))
     for j in range(correlation.size - 1):
-        # the first window's samples that the residual j + 1 after it still knows
+        # samples of the first window that are correlated with the residual j + 1 after it
         near = correlation[j + 1 :][:window]
         ahead[j] = bread @ (near @ A[first][::-1][: near.size])
     std = directional.compute_window_stds_of_recursion(

@@ -1,8 +1,8 @@
 """Recursive total least squares: TLS of the discounted past, sample by sample.
 
-The recursion keeps the discounted Gram matrix of the scaled [A f], C ← λC + z zᵀ, and takes its
-smallest eigenvector afresh at each sample: p is 2 or 3, so that costs no more than tracking it
-(Kubus, Kröger, Wahl 2008 update a singular value decomposition instead).
+The recursion keeps the discounted Gram matrix of the scaled [A f], C ← λC + z zᵀ, and recomputes
+its smallest eigenvector at each sample: as p is 2 or 3, this costs no more than tracking it (Kubus,
+Kröger, Wahl 2008 update a singular value decomposition instead).
 """
 
 from dataclasses import dataclass, field
@@ -128,7 +128,7 @@ def estimate_along_log(
         weight = count_discounted_samples(sums.shape[1], decay, float(weight[-1]))
         store_rows(of_rows, sums[:entries, at_rows], weight[at_rows])
     residual, owner = compute_residuals_of_fed_samples(A, f, theta, index, window)
-    # the recursion's memory is long: its residuals carry no window's fit to correct for
+    # the memory of the recursion is long, so its residuals need no correction for the fit
     correlation, variance = estimate_pooled_autocorrelation(residual, owner, None)
     one = np.zeros(window, np.int64)
     meats, white = (

@@ -1,8 +1,8 @@
 """Total least squares over sliding windows, on columns scaled by their noise.
 
-On raw units TLS explodes where units differ; with every column of [A f] divided by its noise the
-smallest singular direction of the stacked window is the estimate; where A without its noise is
-singular (too little motion) there is none, and θ is NaN. From the Gram matrix: θ solves
+In raw units TLS fails if the units differ in size. With every column of [A f] divided by its noise,
+the estimate is the smallest singular direction of the window; if A without its noise is singular
+(too little motion), there is no estimate, and θ is NaN. From the Gram matrix: θ solves
 (G - λI) θ = h with λ the smallest root of φ(λ) = fᵀf - λ - hᵀ(G - λI)⁻¹h.
 """
 
@@ -33,7 +33,7 @@ from estimators.numerics.small_systems import (
 )
 from estimators.threads import run_in_chunks
 
-#: A change of λ, over fᵀf, that is no more than rounding.
+#: Change of λ, relative to fᵀf, that counts as rounding.
 _SETTLED = 1e-14
 
 
@@ -81,9 +81,9 @@ def fit(
 def solve_scaled_tls(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]:
     """Total least squares of m windows from their packed products (entries, m).
 
-    The smallest root of φ comes by Newton (Rayleigh quotients) inside a shrinking bracket: φ falls
-    and is concave up to the smallest eigenvalue of G, so a step may overshoot that, where G - λI is
-    no longer positive definite: then the bracket is halved.
+    The smallest root of φ is found by Newton's method (Rayleigh quotients) inside a shrinking
+    bracket. φ is decreasing and concave up to the smallest eigenvalue of G; a step may overshoot
+    that eigenvalue, so that G - λI is not positive definite, and then the bracket is halved.
 
     Returns:
         (p, m) θ, NaN if A without its noise is singular, and packed AᵀA without that noise,
@@ -122,7 +122,7 @@ def solve_tls_normal_equations(
 
 @compiled_unless_short_log
 def update_eigenvalues_by_newton_step(gram: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
-    """Update λ, low and high (3, m) where not `done` (m,); returns whether all are done.
+    """Update λ and its bracket (3, m) where not `done` (m,); return whether all are done.
 
     A step below rounding is skipped, so that x (p, m) stays the solution for λ.
     """

@@ -1,7 +1,7 @@
 """Residual autocorrelation, pooled over the log.
 
 Smoothing correlates residuals over its length, so the textbook variance σ²(AᵀA)⁻¹ is several times
-too small. One window is too short to tell its residuals' correlation; the log is not.
+too small. One window is too short to estimate the correlation of its residuals; the log is not.
 
 Standard deviations are scaled so that ±1.96 of them cover 95 % for any number of
 residuals: with few degrees of freedom, Student's t widens them.
@@ -17,9 +17,9 @@ from estimators.numerics.fit_loss import compute_fit_loss, list_group_numbers
 from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.numerics_limits import LIMITS
 
-#: Distances whose sums go side by side, each in its own order.
+#: Number of lags whose sums are accumulated side by side, each in its own order.
 _AT_ONCE = 16
-#: Residuals of a block; where a part of them is taken, its blocks lie evenly over the log.
+#: Residuals in a block; if only some blocks are used, they are spread evenly over the log.
 _BLOCK: Final = 2048
 
 
@@ -29,7 +29,7 @@ def sum_lag_products(
 ) -> tuple[Floats, Floats]:
     """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0).
 
-    Only the i in one of `block_interval` blocks of samples count.
+    Only samples i in one of every `block_interval` blocks count.
     """
     sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
     pairs = np.zeros(lags)
@@ -41,13 +41,13 @@ def sum_lag_products(
             end += 1
         if group[begin] >= 0:
             for block in range(begin // _BLOCK, (end - 1) // _BLOCK + 1):
-                # by the golden ratio they are spread evenly, and in step with nothing
+                # by the golden ratio, blocks are spread evenly and without a period
                 if block * 40_503 % 65_536 * block_interval < 65_536:
                     first, last = max(begin, block * _BLOCK), min(end, (block + 1) * _BLOCK)
                     _add_lag_products_of_run(residual[first:end], last - first, sums)
                     for j in range(min(lags, end - first)):
                         pairs[j] += min(last, end - j) - first
-                    # a group may have holes
+                    # a group may have gaps
                     add_lag_products_across_gap(residual, group, first, last, end, sums, pairs)
         begin = end
     return sums[:lags], pairs
@@ -66,7 +66,7 @@ def _add_lag_products_of_run_vectorised(run: Floats, lag_count: int, sums: Float
 def _add_lag_products_of_run(run: Floats, lag_count: int, sums: Floats) -> None:
     """Add the products of the first samples with their successors, many lags at once."""
     n = min(run.size, lag_count + sums.size)
-    # zeros behind the end, so that all distances have as many terms
+    # zeros after the end, so that all lags have the same number of terms
     padded = np.zeros(n + sums.size)
     padded[:n] = run[:n]
     for first in range(0, sums.size, _AT_ONCE):
@@ -93,7 +93,7 @@ def _add_lag_products_of_run(run: Floats, lag_count: int, sums: Floats) -> None:
 def add_lag_products_across_gap(
     residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
 ) -> None:
-    """Add the pairs of a run's samples with samples of its group beyond a hole."""
+    """Add the pairs of a run's samples with samples of its group beyond a gap."""
     lags = pairs.size
     mine, reach = group[first], min(last - 1 + lags, group.size)
     for other in range(end, reach):
@@ -115,7 +115,7 @@ def compute_autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
     n, groups = int((group >= 0).sum()), list_group_numbers(group).size
     if n <= groups * (0 if A is None else A.shape[1]):
         return np.zeros((0, 0))
-    # no more lags than a quarter of a typical fit can tell
+    # at most as many lags as a quarter of a typical fit's samples
     limit = min(max(1, n // groups // 4), LIMITS.max_lags)
     return np.zeros((limit, limit)) if A is None else compute_fit_loss(A, group, limit)
 
@@ -141,7 +141,7 @@ def estimate_pooled_autocorrelation(
         (lags,) tapered autocorrelation, 1 first; and the variance at lag 0.
 
     Raises:
-        ValueError: not every residual has a group, which compiled loops would read from elsewhere.
+        ValueError: residuals and groups differ in length, so compiled loops would read beyond them.
     """
     if residual.size != group.size:
         raise ValueError(f"{residual.size} residuals, but groups of {group.size}")
@@ -155,7 +155,7 @@ def estimate_pooled_autocorrelation(
         return np.ones(1), 0.0
     noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
     run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
-    # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one
+    # the loss biases all lags downwards: restore it first, with lags up to the first within noise
     kept = find_first_lag_within_noise(found, noise, 1)
     kept = find_first_lag_within_noise(
         restore_autocovariance_lost_by_fit(found, loss, make_flat_top_lag_weights(kept, limit)),
@@ -179,7 +179,7 @@ def estimate_pooled_autocorrelation(
 
 @compiled_unless_short_log
 def make_flat_top_lag_weights(kept_lags: int, lag_count: int) -> Floats:
-    """Weights (limit,) of the lags: 1 up to `kept_lags`, falling to 0 at twice as many."""
+    """Weights of `lag_count` lags: 1 up to `kept_lags`, falling to 0 at twice as many."""
     width = min(2 * kept_lags, lag_count)
     out = np.empty(lag_count)
     for lag in range(lag_count):
@@ -204,10 +204,11 @@ def restore_autocovariance_lost_by_fit(
 ) -> Floats:
     """Autocovariances (lags,) with the loss from fitting restored.
 
-    It is restored by substitution; where a fit leaves little, solving would be unstable.
+    It is restored by repeated substitution; if a fit leaves few degrees of freedom, solving the
+    equations would be unstable.
     """
     restored = autocovariance
-    # of residuals that no fit took anything out of there is nothing to put back
+    # without a fit nothing was lost
     for _ in range(LIMITS.loss_rounds if loss.any() else 0):
         restored = autocovariance + loss @ (lag_weights * restored)
     return restored
@@ -265,7 +266,7 @@ def compute_student_to_normal_ratio(degrees_of_freedom: float) -> float:
 
 
 def compute_std_widening_factor(samples: float, correlation: Floats) -> float:
-    """Widening of a deviation whose scale is estimated from `samples` correlated residuals.
+    """Factor for a standard deviation estimated from `samples` correlated residuals.
 
     The effective number of residuals follows from the sum of squared correlations (Bartlett).
     """

@@ -1,7 +1,7 @@
-"""Symmetric matrices that are diagonal but for their last rows and columns.
+"""Symmetric matrices that are diagonal except for their last rows and columns.
 
-Normal equations have this shape where each group has a level of its own and all groups share the
-other parameters. As a dense matrix a thousand levels cost their cube, by their shape their number.
+Normal equations have this shape if each group has its own level and all groups share the other
+parameters. The cost then grows with the number of levels, not with its cube as for dense matrices.
 """
 
 from typing import NamedTuple
@@ -15,10 +15,10 @@ class BorderedMatrix(NamedTuple):
     """A symmetric matrix of m levels and k shared parameters.
 
     Attributes:
-        diagonal: (m,) of the levels.
-        right: (m, k) levels by shared parameters.
-        below: (k, m) its transpose, with rounding of its own.
-        corner: (k, k) of the shared parameters.
+        diagonal: (m,) diagonal elements of the levels.
+        right: (m, k) elements of levels and shared parameters.
+        below: (k, m) transpose of `right`, except for rounding.
+        corner: (k, k) elements of the shared parameters.
     """
 
     diagonal: Floats
@@ -57,7 +57,7 @@ class BorderedMatrix(NamedTuple):
         """Solve for right-hand sides (m + k,).
 
         Raises:
-            LinAlgError: it is singular.
+            LinAlgError: the matrix is singular.
         """
         m = self.diagonal.size
         if not self.diagonal.all():
@@ -72,9 +72,9 @@ class BorderedMatrix(NamedTuple):
     def dominates_fraction_of(
         self, other: "BorderedMatrix", fraction: float, rounding: float
     ) -> bool:
-        """Whether it, less a fraction of another one, is positive semidefinite.
+        """Whether this matrix minus a fraction of another one is positive semidefinite.
 
-        Directions of less than `rounding` of the largest corner element are not looked at.
+        Directions smaller than `rounding` of the largest corner element are ignored.
         """
         diagonal = self.diagonal - fraction * other.diagonal
         if not (diagonal > 0.0).all():

@@ -1,7 +1,7 @@
 """Forgetting along the new sample's direction alone (Bittanti, Bolzern, Campi 1990).
 
-What is forgotten depends on the covariance, so that there is no discounted sum to solve: the
-recursion runs in its covariance form, and its error's covariance by the error's own equation.
+Since forgetting depends on the covariance, no discounted sum can be solved: the recursion runs in
+its covariance form, and the covariance of its error follows from the equation of the error.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from estimators.interpreted import compiled_unless_short_log
 
 @compiled_unless_short_log
 def compute_gain_and_update_p_in_place(P: Floats, a: Floats, forgetting: float) -> Floats:
-    """Gain of one sample; P is updated in place."""
+    """Gain K (p,) of one sample a (p,); P is updated in place."""
     p = a.size
     Pa = np.zeros(p)
     r = 0.0
@@ -89,9 +89,9 @@ def compute_window_stds_of_recursion(
 ) -> Floats:
     """Standard deviations for residuals of variance 1, from the recursion's error equation.
 
-    With F = I - K aᵀ the error obeys e ← F e + K u. Its covariance needs the covariance of e with
-    the next residuals, which their correlation carries along: `first_lag_covariances[j]` = cov(e, u
-    of the sample j + 1 ahead).
+    With F = I - K aᵀ the error obeys e ← F e + K u. Its covariance requires the covariance of e
+    with the next residuals, which are correlated with the past ones: `first_lag_covariances[j]` =
+    cov(e, u of the sample j + 1 ahead).
 
     Args:
         A: (n, p) regressor.
@@ -100,7 +100,7 @@ def compute_window_stds_of_recursion(
         forgetting: λ.
         P: (p, p) covariance factor at the end of the first window.
         first_covariance: (p, p) covariance of the first estimate.
-        first_lag_covariances: (lags, p) its covariance with the following residuals.
+        first_lag_covariances: (lags, p) covariance of that estimate with the following residuals.
         correlation: (lags,) residual autocorrelation, 1 first.
     """
     rows = window_ends.size
@@ -142,7 +142,7 @@ def compute_window_stds_of_recursion(
                     for d in range(p):
                         S[i, c] += half[i, d] * F[c, d]
             for j in range(lags):
-                # ascending, so that what is read has not been moved yet
+                # ascending, so that elements are read before they are overwritten
                 for i in range(p):
                     moved[i] = gain[i] * correlation[j + 1] if j + 1 < lags else 0.0
                     if j + 1 + gap < lags:

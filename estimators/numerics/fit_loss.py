@@ -2,9 +2,9 @@
 
 The residuals are e = M u with M = I - QQᵀ, Q an orthonormal basis of the regressor. With u's
 autocovariances r, E Σ_i e_i e_{i+j} = Σ_l r_l tr(D_j M R_l M), R_l with ones at the distances ±l
-and D_j with halves at ±j: linear in r, which can thus be recovered. To first order every lag loses
-p/n of the long-run variance; less where the correlation lasts as long as the regressor takes to
-change.
+and D_j with halves at ±j: this is linear in r, which can thus be recovered. To first order every
+lag loses p/n of the long-run variance, and less if the correlation lasts as long as the regressor
+takes to change.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from estimators.interpreted import compiled_unless_short_log, compiled_with_arra
 from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
 from estimators.numerics.numerics_limits import LIMITS
 
-#: Distances whose sums go side by side, each in its own order.
+#: Number of lags whose sums are accumulated side by side, each in its own order.
 _AT_ONCE = 128
 
 
@@ -30,7 +30,7 @@ def _sum_basis_products_vectorised(Q: Floats, lag_count: int) -> Floats:
 
 @compiled_with_array_form(_sum_basis_products_vectorised)
 def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
-    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, as (p, p, distances)."""
+    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for lags d < `lag_count`, as (p, p, lags)."""
     n, p = Q.shape
     # zeros behind the end, so that all distances have as many terms
     columns = np.zeros((p, n + lag_count + 4))
@@ -43,7 +43,7 @@ def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
         for i in range(p):
             for c in range(p):
                 sums = cross[i, c, first : first + width]
-                # four terms a round: each is added in its turn, but the sums are fetched once
+                # four terms per iteration, added in order, so that sums are loaded less often
                 for k in range(0, n - first, 4):
                     q, r, s, t = columns[i, k : k + 4]
                     others = columns[c, k + first : k + first + width + 3]
@@ -85,9 +85,9 @@ def accumulate_autocovariance_loss_vectorised(Q: Floats, loss: Floats) -> None:
 def accumulate_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
-    With S_j the sum of the shifts by ±j (D_j = S_j / 2), that is tr(Qᵀ S_j S_l Q) less half of
-    tr(Qᵀ S_j Q Qᵀ S_l Q): sums of products of Q with itself at a distance, less the pairs at its
-    ends that the shifts push out.
+    With S_j the sum of the shifts by ±j (D_j = S_j / 2), this is tr(Qᵀ S_j S_l Q) minus half of
+    tr(Qᵀ S_j Q Qᵀ S_l Q): sums of products of Q with itself at a lag, minus the pairs that the
+    shifts move beyond its ends.
     """
     n, p = Q.shape
     lags = loss.shape[0]
@@ -99,7 +99,7 @@ def accumulate_autocovariance_loss(Q: Floats, loss: Floats) -> None:
     pushed = np.zeros(lags)
     shifted, inside = np.empty(lags), np.empty(lags)
     for j in range(lags):
-        # it is symmetric in j and l but for S_0, which is twice R_0
+        # symmetric in j and l except for S_0, which is twice R_0
         left = lags - j
         if 0 < j <= n:
             for i in range(p):
@@ -156,7 +156,7 @@ def find_first_and_last_sample_of_groups(group: Ints, group_numbers: Ints) -> In
     fit = np.minimum(np.searchsorted(group_numbers, group), group_numbers.size - 1)
     inside = np.flatnonzero(group_numbers[fit] == group)
     spans = np.empty((group_numbers.size, 2), np.int64)
-    # of several assignments to one place the last one holds
+    # if an element is assigned several times, the last value remains
     spans[fit[inside[::-1]], 0] = inside[::-1]
     spans[fit[inside], 1] = inside
     return spans

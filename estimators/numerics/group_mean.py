@@ -10,7 +10,7 @@ from estimators.interpreted import compiled_with_array_form
 
 
 def iter_group_runs(group: Ints) -> Iterator[tuple[int, int]]:
-    """First and end sample of each run of one group (n,)."""
+    """Yield the first sample of each run of one group, and the sample after its last."""
     begins = np.flatnonzero(np.diff(group)) + 1
     bounds = [0, *begins.tolist(), group.size] if group.size else []
     return pairwise(bounds)
@@ -42,15 +42,15 @@ def fill_trailing_group_means(
         group: (n,) group of each sample, negative for none.
         samples: largest number of samples in a mean.
         requested_rows: (m,) samples whose means are requested, ascending; all in groups.
-        mean: (m, p) overwritten with the means; for a shift it needs hundreds of megabytes.
+        mean: (m, p) array to fill with the means; for a shift it has hundreds of megabytes.
 
     Returns:
         (m,) number of samples in each mean.
     """
     p, n = columns.shape
     count = np.empty(requested_rows.size, np.int64)
-    # sums of the group so far, so that rounding does not add up over the log: those that a mean
-    # still needs, in turn
+    # cumulative sums of the group only, so that rounding does not accumulate over the log; a ring
+    # buffer of those that a mean still needs
     kept = samples + 1
     total = np.zeros((kept, p))
     begin, at, now = 0, 0, 0

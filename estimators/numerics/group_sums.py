@@ -65,7 +65,7 @@ def sum_noise_moments(
 
     Args:
         slopes: (slopes, n) nonzero derivatives of columns by channels.
-        column_and_channel: (slopes, 2) column and channel of each; the last channel is the
+        column_and_channel: (slopes, 2) column and channel of each slope; the last channel is the
             response.
         covariances: (kinds, channels, channels) noise covariances of the channels.
         sample_kinds: (n,) kind of each sample.
@@ -79,7 +79,7 @@ def sum_noise_moments(
     gram, cross = np.zeros((groups, p, p)), np.zeros((groups, p))
     count, n = slopes.shape
     kinds, response = covariances.shape[0], covariances.shape[1] - 1
-    # of two slopes in either order, and of each with the response
+    # pairs of slopes, counted in both orders, and of each slope with the response
     pairs = np.empty((kinds, count * (count + 1) // 2))
     own = np.empty((kinds, count))
     for kind in range(kinds):
@@ -121,16 +121,16 @@ def sum_noise_moments(
 
 
 def compute_rms_scales_of_columns(A: Floats, group: Ints) -> Floats:
-    """Divisors (p,) that make the columns' mean square 1.
+    """Divisors (p,) that give the columns a mean square of 1.
 
-    Sums are divided by them instead of columns, which would be copied.
+    They are applied to sums instead of the columns, which would have to be copied.
 
     Args:
         A: (n, p) columns.
         group: (n,) group of each sample, negative for none.
 
     Returns:
-        The divisors: 1 for a column that is 0 except for rounding, which is left to its prior.
+        The divisors; 1 for a column that is 0 except for rounding, whose parameter keeps its prior.
     """
     scale = np.sqrt(_sum_squares(A, group) / max(int((group >= 0).sum()), 1))
     return np.where(scale**2 > NOTHING, scale, 1.0)

@@ -1,7 +1,7 @@
 """Sums and products with a defined order of operations, for interpreted and compiled loops.
 
-Compiled, a sum goes from the first term to the last, where numpy's adds pairs of parts; a product
-of vectors is SciPy's, where numpy brings a library of its own.
+Compiled sums add from the first term to the last, while numpy sums pairwise; products of vectors
+use SciPy's BLAS, while numpy has its own library.
 """
 
 from collections.abc import Callable

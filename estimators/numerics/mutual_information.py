@@ -13,7 +13,7 @@ from estimators.numerics.rolling import (
 from estimators.numerics.small_systems import find_packed_index
 from estimators.threads import run_in_chunks
 
-#: A smaller share of Σx² than this is rounding, not variance.
+#: A smaller fraction of Σx² than this is rounding, not variance.
 _NO_SPREAD = 1e-24
 
 
@@ -82,7 +82,7 @@ def fill_correlation_and_relative_variance(
         x, y = dx[k] / window, dy[k] / window
         sxx, sxy, syy = dxx[k] - x * dx[k], dxy[k] - x * dy[k], dyy[k] - y * dy[k]
         mean_x, mean_y = centre[0] + x, centre[q - 1] + y
-        # a window of one value has deviations of exactly zero
+        # a window with a single value has deviations of exactly 0
         of_x = sxx / (sxx + window * (mean_x * mean_x)) if sxx > 0.0 else 0.0 * sxx
         of_y = syy / (syy + window * (mean_y * mean_y)) if syy > 0.0 else 0.0 * syy
         least = of_x if of_x < of_y or np.isnan(of_x) else of_y

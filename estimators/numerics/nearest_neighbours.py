@@ -1,6 +1,6 @@
 """Mutual information from nearest neighbours (Kraskov, Stögbauer, Grassberger 2004, first form).
 
-The paper leaves an estimate without the Gaussian assumption to future work; this is one.
+It needs no Gaussian assumption; the paper leaves such an estimate to future work.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from estimators.compiled import compiled
 
 @compiled
 def tabulate_digamma_of_integers(max_n: int) -> Floats:
-    """ψ(n) for n = 1 … upto at index n; ψ(n + 1) = ψ(n) + 1/n."""
+    """Table of ψ(n) at index n, for n = 1 … `max_n`, by ψ(n + 1) = ψ(n) + 1/n."""
     psi = np.empty(max_n + 1)
     psi[0] = np.nan
     psi[1] = -0.5772156649015329
@@ -37,7 +37,8 @@ def estimate_window_mutual_information(
         neighbours: k; a larger value has less noise and less resolution.
 
     Returns:
-        (rows,) in nat; may be slightly negative; NaN for a window without variance or with a NaN.
+        (rows,) information in nat, which may be slightly negative; NaN for a window without
+        variance or with a NaN.
     """
     psi = tabulate_digamma_of_integers(window + 1)
     out = np.full(window_ends.size, np.nan)

@@ -1,4 +1,4 @@
-"""Play: hysteresis of fixed width, as of backlash and of a sensor with friction.
+"""Play: hysteresis of fixed width, as with backlash or a sensor with friction.
 
 Visintin, Differential Models of Hysteresis, 1994, ch. III.
 """
@@ -11,7 +11,7 @@ from estimators.interpreted import compiled_unless_short_log
 
 @compiled_unless_short_log
 def apply_play_hysteresis(signal: Floats, half_width: float) -> Floats:
-    """Follow a signal (n,) with play: stay until it is half a width away, then go with it.
+    """Output (n,) of play: it follows the signal at a distance of at most `half_width`.
 
     Args:
         signal: (n,) input.

@@ -19,7 +19,7 @@ from estimators.numerics.rolling import (
 from estimators.numerics.small_systems import find_packed_index
 from estimators.threads import CHUNK
 
-#: Consecutive samples that are worked on together: their sums stay in the fastest cache.
+#: Consecutive samples that are processed together, so that their sums stay in the fastest cache.
 _AT_ONCE = 512
 
 
@@ -55,7 +55,7 @@ def iter_sample_chunks(fed_count: Ints) -> Iterator[tuple[slice, slice, Ints]]:
 
 @compiled_unless_short_log
 def find_end_of_consecutive_samples(fed_samples: Ints, begin: int) -> int:
-    """End of the run of consecutive samples from fed[begin] on, at most `_AT_ONCE`."""
+    """End of the run of consecutive samples from index `begin` on, of at most `_AT_ONCE`."""
     end = begin + 1
     while (
         end < fed_samples.size
@@ -113,7 +113,7 @@ def accumulate_discounted_meats(
     Args:
         A: (n, p) regressor.
         first_window: (window, p) regressor of the first window, which enters undiscounted.
-        fed_samples: (fed,) samples fed after it.
+        fed_samples: (fed,) samples fed after the first window.
         fed_count: (rows,) number of samples fed up to each row.
         first_window_end: last sample of the first window.
         forgetting: λ, weight of a sample relative to the next.
@@ -155,7 +155,7 @@ def accumulate_discounted_meats(
                 later = total[skip:]
                 for k in range(count - skip):
                     later[k] += r * before[k, c]
-        # near the start of a stretch, the stretches before it and the first window
+        # near the start of a stretch, add earlier stretches and the first window
         for k in range(max(0, min(count, stretch + lags - begin))):
             for back in range(begin + k - stretch + 1, lags):
                 i = begin + k - back
@@ -170,7 +170,7 @@ def accumulate_discounted_meats(
                 term, x, y, u, v = terms[find_packed_index(i, j, p)], z[i], z[j], near[i], near[j]
                 for k in range(count):
                     term[k] = x[k] * v[k] + u[k] * y[k]
-        # a plain 0 would be compiled for itself
+        # a literal 0 would be compiled as a separate form
         accumulate_discounted_sums(terms, end - end, count, sum_decay, initial_meats, sums)
         while row < fed_count.size and fed_count[row] <= end:
             for entry in range(entries):

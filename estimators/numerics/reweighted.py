@@ -1,6 +1,6 @@
 """Sums over windows weighted by each window's own residuals: O(W) per window, in batches.
 
-Consecutive windows share their samples, so one operation at a time is done on many windows.
+Consecutive windows share their samples, so each operation is done on many windows at once.
 """
 
 import numpy as np
@@ -13,15 +13,15 @@ from estimators.numerics.rolling import (
     fill_sample_products,
 )
 
-#: Consecutive windows that are weighed together: their sums stay in the fastest cache.
+#: Consecutive windows that are processed together, so that their sums stay in the fastest cache.
 AT_ONCE = 256
-#: Samples of a window that are added in one go.
+#: Number of samples of a window that are added per step.
 _IN_STEP = 4
 
 
 @compiled_unless_short_log
 def find_begins_of_window_batches(window_ends: Ints) -> Ints:
-    """Begins of the batches of consecutive windows in index (rows,), (batches + 1,)."""
+    """First row of each batch of consecutive windows, and the end of the last, (batches + 1,)."""
     begins = np.empty(window_ends.size + 1, np.int64)
     count = 0
     for row in range(window_ends.size):
@@ -142,7 +142,7 @@ def sum_reweighted_products(
                 fill_residuals_of_sample(z, s + c, now, weight)
                 for k in range(m):
                     size = abs(weight[k])
-                    # an exact fit leaves nothing to weigh by
+                    # an exact fit has no residuals for weights
                     share = full[k] / size if size > full[k] else 1.0
                     weight[k] = share * share if squared else share
                 if s + c >= window:

@@ -1,12 +1,12 @@
 """Sums over sliding windows without drift: the two-scan algorithm (van Herk 1992, Gil-Werman 1993).
 
 The log is cut into blocks of one window's length. Prefix sums run forward in each block, suffix
-sums backward; any window is one suffix and one prefix added. Nothing is ever subtracted, so a sum
-neither drifts over hours nor loses digits in an idle stretch, and a NaN spoils only the windows
+sums backward; the sum over any window is one suffix plus one prefix. Nothing is ever subtracted, so
+sums neither drift over hours nor lose digits in an idle stretch, and a NaN affects only the windows
 that contain it.
 
-What is summed are the samples less the last one of the suffix's block, which every window of that
-pair of blocks contains, and their products: so a large mean costs no digits of a variance either.
+The summands are samples minus the last sample of the suffix's block, which every window of the pair
+of blocks contains, and their products, so that a large mean costs no digits of a variance either.
 """
 
 from typing import NamedTuple
@@ -60,7 +60,7 @@ def make_window_sum_workspace(q: int, window: int) -> Workspace:
 
 
 def _fill_suffix_sums_vectorised(terms: Floats, count: int, sums: Floats) -> None:
-    # from zero, so that no zero is negative
+    # added to 0, so that no zero is negative
     sums[:, :count] = 0.0 + np.cumsum(terms[: len(sums), :count][:, ::-1], axis=1)[:, ::-1]
 
 
@@ -192,7 +192,7 @@ def copy_force_samples(f: Floats, start: int, count: int, out: Floats) -> None:
 
 @compiled_unless_short_log
 def find_begins_of_block_pairs(window: int, window_ends: Ints) -> Ints:
-    """Begins of each pair of blocks in index (rows,), (pairs + 1,)."""
+    """First row of each pair of blocks, and the end of the last, (pairs + 1,)."""
     begins = np.empty(window_ends.size + 1, np.int64)
     pairs = 0
     beyond = -1
@@ -209,7 +209,7 @@ def find_begins_of_block_pairs(window: int, window_ends: Ints) -> Ints:
 def store_sums_of_requested_rows(
     sums: Floats, window_ends: Ints, first_row: int, end_row: int
 ) -> None:
-    """Keep the sums of the requested rows out of all windows from index[row] on."""
+    """Move the sums of the requested windows, out of those of all windows, to the front."""
     if end_row - first_row < window_ends[end_row - 1] - window_ends[first_row] + 1:
         for lane in range(sums.shape[0]):
             kept = sums[lane]
@@ -227,7 +227,7 @@ def sum_moments_of_block_pair(
     end_row: int,
     workspace: Workspace,
 ) -> None:
-    """Compute the moments of windows row … end - 1, which begin in one block, into `workspace`."""
+    """Compute the moments of the windows of some rows, which begin in one block, in `workspace`."""
     p = A.shape[1]
     start = window_ends[first_row] - window + 1
     samples = window_ends[end_row - 1] + 1 - start

@@ -1,8 +1,9 @@
 """Standard deviations under correlated residuals: G⁻¹ (Aᵀ R A) G⁻¹ s², R from pooled lags.
 
-The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
-for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
-widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.compute_std_widening_factor`).
+The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is unbiased
+for correlated residuals as well. R = I gives the textbook formula. With few residuals the standard
+deviation is increased, so that ±1.96 of it cover 95 %
+(`autocorrelation.compute_std_widening_factor`).
 """
 
 import numpy as np
@@ -31,7 +32,7 @@ from estimators.numerics.small_systems import (
 )
 from estimators.threads import run_in_chunks
 
-#: Rows at once, which stay in the nearest cache.
+#: Rows that are processed at once, so that they stay in the nearest cache.
 _MEAT_ROWS = 1024
 
 
@@ -68,7 +69,7 @@ def compute_sandwich_meat(
     for begin in range(first, last + 1, _MEAT_ROWS):
         rows = min(_MEAT_ROWS, last + 1 - begin)
         for c in range(p):
-            # zero where the group is not, so that the lags need no question
+            # 0 outside the group, so that lags need no condition
             for k in range(rows + lags - 1):
                 at = begin - (lags - 1) + k
                 own[k] = A[at, c] if at >= 0 and group[at] == group_number else 0.0
@@ -143,7 +144,7 @@ def add_correlated_predecessors(own: Floats, correlation: Floats, tail: Floats) 
 def compute_sandwich_stds(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
     """(p,) standard deviations from AᵀA, AᵀRA and the residual sum of squares.
 
-    They are never below the textbook's: a tapered correlation need not be positive definite.
+    They are at least the textbook's, since a tapered correlation may not be positive definite.
     """
     meats = pack_symmetric_matrix(B).reshape(-1, 1)
     return compute_larger_of_sandwich_and_textbook_stds(
@@ -157,7 +158,7 @@ def compute_sandwich_stds(G: Floats, B: Floats, rss: float, samples: float) -> F
 def compute_one_window_stds(
     A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None
 ) -> Floats:
-    """Standard deviations of one window's estimate, (p,): the readable form.
+    """Standard deviations of one window's estimate, (p,), in a readable form.
 
     Args:
         A: (n, p) regressor.
@@ -367,5 +368,5 @@ def compute_recursive_sandwich_stds(grams: Floats, meats: Floats, white_meats: F
     squares = np.maximum(
         compute_sandwich_variances(bread, meats.T), compute_sandwich_variances(bread, white_meats.T)
     )
-    # of columns so nearly dependent that rounding is all that is left, nothing is known
+    # columns that are dependent to rounding determine nothing
     return np.sqrt(np.where(squares > 0.0, squares, np.nan)).T

@@ -1,8 +1,8 @@
 """Many small symmetric systems at once: p is 2 or 3, the windows are thousands.
 
-The last axis of every array runs over the systems, so that the inner loops do one operation on all
-of them, which the compiler vectorises; the order of operations within a system is that of one
-alone. A symmetric matrix is packed: its upper triangle row by row, entry (i, j) in row
+The last axis of every array is over the systems, so that inner loops do one operation on all of
+them, which the compiler vectorises; the order of operations within a system is the same as for a
+single one. A symmetric matrix is packed: its upper triangle row by row, with entry (i, j) in row
 `find_packed_index(i, j, size)`.
 """
 
@@ -13,10 +13,10 @@ import numpy as np
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log, compiled_with_array_form
 
-#: A pivot that small a share of its diagonal: the columns are dependent to working precision.
+#: Ratio of a pivot to its diagonal below which columns are dependent to working precision.
 DEPENDENT = 1e-14
-#: A sum of squares below this is of a column that is zero but for rounding (a filter that rings
-#: out): what is divided by it would leave the range of numbers.
+#: Sum of squares below which a column is 0 except for rounding (a filter that rings out), so that
+#: a division by it would overflow.
 NOTHING = 1e-60
 #: Sweeps of Jacobi rotations after which a 3 × 3 matrix is diagonal (it converges quadratically).
 _SWEEPS = 6
@@ -32,7 +32,7 @@ def factor_covariance(covariance: Floats) -> Floats:
     try:
         return np.asarray(np.linalg.cholesky(covariance), np.float64)
     except np.linalg.LinAlgError:
-        # of a combination without variance, rounding makes a negative one
+        # rounding may make a variance of 0 negative
         variances, directions = np.linalg.eigh(covariance)
         upper = np.linalg.qr((directions * np.sqrt(np.maximum(variances, 0.0))).T)[1]
         return np.asarray(upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0), np.float64)
@@ -89,7 +89,7 @@ def factor_packed_ldl(G: Floats, size: int, leading_size: int) -> tuple[Floats, 
             for k in range(m):
                 lower[k] = entry[k]
             for r in range(j):
-                # above its diagonal L holds L D, which is what is subtracted
+                # above its diagonal L holds L D, which is subtracted
                 a, b = L[j, r], L[r, i]
                 for k in range(m):
                     lower[k] -= a[k] * b[k]
@@ -231,7 +231,7 @@ def _rotate_by_jacobi_in_place_vectorised(N: Floats, p: int, i: int, j: int, _m:
 
 @compiled_with_array_form(_rotate_by_jacobi_in_place_vectorised)
 def rotate_by_jacobi_in_place(N: Floats, p: int, i: int, j: int, m: int) -> None:
-    """One rotation of Jacobi that makes entry (i, j) zero."""
+    """Apply the Jacobi rotation that makes entry (i, j) of m matrices 0."""
     a, b, c = (
         N[find_packed_index(i, i, p)],
         N[find_packed_index(j, j, p)],
@@ -314,8 +314,8 @@ def compute_scaled_condition(G: Floats) -> float:
 def make_noise_bound_in_each_direction(noise: Floats, gram: Floats, max_fraction: float) -> Floats:
     """Matrix K (p, p) with K N Kᵀ at most a fraction of G in every direction.
 
-    Directions below the fraction keep their noise. The identity where all are, or where G is not
-    positive definite.
+    Directions below the fraction keep their noise. K is the identity if all directions are below
+    it, or if G is not positive definite.
 
     Args:
         noise: (p, p) N, positive semidefinite.

@@ -1,4 +1,4 @@
-"""Normal priors of parameters, and estimates of the parameters that a motion determines."""
+"""Normal priors of parameters, and estimates of the parameters determined by a motion."""
 
 from dataclasses import dataclass, replace
 
@@ -33,7 +33,7 @@ class Prior:
         )
 
     def select_axes_and_parameters(self, axes: slice, parameters: tuple[str, ...]) -> "Prior":
-        """The prior of some axes' forces and of some parameters."""
+        """Prior restricted to some axes and some parameters."""
         kept = [n for n, name in enumerate(self.names) if name in parameters]
         return Prior(
             tuple(self.names[n] for n in kept),
@@ -61,11 +61,11 @@ class BaseEstimate:
             a parameter.
         by_axis: (k, p) contributions of each axis' force, on which a gain of that axis acts.
         covariance: (p, p) covariance.
-        responses: (q, p) response to one standard deviation of each prior, and of each uncertainty
-            that was added. Correlated priors are as in `Prior.covariance`.
+        responses: (q, p) response to one standard deviation of each prior and of each added
+            uncertainty; correlated priors are split into independent ones.
         coefficients: (p,) coefficients of the columns of A in the fit; 0 for excluded ones.
-        combination: (c,) values of `identifiability.combinations`.
-        combination_std: (c,) their standard deviations.
+        combination: (c,) values of `identifiability.determined_combinations`.
+        combination_std: (c,) standard deviations of `combination`.
         residual_rms: (k,) r.m.s. of the residuals of each axis, in its unit.
     """
 
@@ -88,8 +88,8 @@ class BaseEstimate:
     def copy_with_parameter_uncertainty(self, parameter: str, u: float) -> "BaseEstimate":
         """Add an uncertainty of a parameter that its residuals do not show.
 
-        The others follow it as their covariance with it says. It is a further row of `responses`,
-        and not in the deviations of combinations.
+        The other parameters respond in proportion to their covariance with it. The uncertainty is a
+        further row of `responses`, and not part of `combination_std`.
         """
         at = self.parameters.index(parameter)
         moved = u * self.covariance[at] / self.covariance[at, at]

@@ -1,11 +1,11 @@
 """Least squares (6) for the parameters that a motion determines; the others are NaN.
 
-Rank-deficient least squares always has a solution, of least norm, whose numbers mean nothing. Here
-the base columns alone are fitted, A φ = A_base (C φ) (see `identifiability`), which is ordinary
-least squares of full rank. Some of the parameters may have a normal prior: what earlier stages
-found, or what a machine has besides (offset, Coulomb friction). These are fitted whatever the
-motion determines, and say nothing about what it does. All of it but the residuals comes from the
-triangular factors of [A f].
+Rank-deficient least squares always has a solution of minimum norm, whose values are meaningless.
+Here only the base columns are fitted, A φ = A_base (C φ) (see `identifiability`), which is ordinary
+least squares of full rank. Some parameters may have a normal prior: results of earlier stages, or
+further forces of a machine (offset, Coulomb friction). These are fitted whether the motion
+determines them or not, and do not count in what it determines. Everything except the residuals is
+computed from the triangular factors of [A f].
 """
 
 from collections.abc import Sequence
@@ -50,16 +50,16 @@ def fit(
 ) -> BaseEstimate:
     """Estimate the parameters that one or several motions determine.
 
-    The axes are weighted by their residuals, iterated until the weights settle, and relative to the
-    priors by the correlation time of the residuals: newtons and newton metres have no common noise.
-    Residuals of different axes are taken as independent.
+    Force and torque have different units and noise, so the axes are weighted by their residuals,
+    iterated until the weights converge; relative to the priors they are also weighted by the
+    correlation time of the residuals. Residuals of different axes are assumed independent.
 
     Args:
         A: (n, k, p) regressor of k axes, samples in time order; an array, or built in blocks.
         f: (n, k) force or torque.
         parameters: (p,) names of the columns.
-        segment_id: (n,) stretch of the log that each sample is from, negative for samples to leave
-            out, which may be NaN; one stretch if not given.
+        segment_id: (n,) stretch of the log of each sample, negative for excluded samples, which may
+            be NaN; None for a single stretch.
         prior: prior of parameters from earlier stages, or of small ones.
         noise: (k, p) r.m.s. noise of the columns of each axis, of one source each within an axis.
             Parameters below the noise are not determined, see `identify`; attenuation is corrected,
@@ -99,7 +99,7 @@ def fit(
     found = find_identifiable_parameters(R[..., free], names, all_noise, samples * k)
     columns = np.concatenate([free[found.base], given])
     added = samples * np.square(np.zeros((k, p)) if noise is None else noise)
-    # of what hardly moves and has a prior, the noise is nearly all of it
+    # a column of little motion, whose parameter has a prior, is nearly all noise
     added = np.minimum(added, LIMITS.max_noise_fraction * np.square(R[..., :-1]).sum(axis=1))
     system = _WeightedSystem(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve_with_correlation_times(np.ones(k))
@@ -218,7 +218,7 @@ class _WeightedSystem:
         rms = np.ones(k)
         theta = np.empty(0)
         for number in range(LIMITS.weight_max_rounds):
-            # the first weights are none, beside which no prior is to be weighed
+            # in the first round the weights are unknown, so priors cannot be weighted
             theta = self._solve_regularised(rms, correlation_times, with_prior=number > 0).sum(
                 axis=0
             )
@@ -239,7 +239,7 @@ class _WeightedSystem:
         doubt = np.zeros((r, r))
         if noise.any():
             added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
-            # of what only the priors tell apart, the noise may be more than the motion
+            # in directions that only priors determine, noise may exceed the motion
             kept = make_noise_bound_in_each_direction(
                 added.sum(axis=0), whole, LIMITS.max_noise_fraction
             )
@@ -322,7 +322,7 @@ def compute_residual_autocorrelations_by_axis(
 ) -> list[Floats]:
     """Residual autocorrelation of each axis, (lags,) each.
 
-    A derivative's noise has another correlation than a sensor's.
+    They differ, since the noise of a derivative is correlated differently from that of a sensor.
     """
     return [
         estimate_pooled_autocorrelation(np.ascontiguousarray(axis), segment_id, None, loss)[0]
@@ -347,7 +347,7 @@ def compute_sandwich_covariance(
     if r == 0 or fitted_parameters.samples == 0 or not np.isfinite(fitted_parameters.theta).all():
         return np.full((r, r), np.nan)
     if not np.isfinite(fitted_parameters.bread).all():
-        # determined by rounding alone: no deviation can be told
+        # determined by rounding alone: no standard deviation can be given
         return np.full((r, r), np.nan)
     size = np.sqrt(np.diagonal(fitted_parameters.bread))
     weight = (fitted_parameters.axis_weights / np.sqrt(fitted_parameters.lasting))[:, None] * size
@@ -363,7 +363,7 @@ def compute_sandwich_covariance(
         np.trace(bread @ B)
     )
     if q:
-        # what a prior holds is not lost, however few independent residuals there are
+        # a prior remains valid, however few independent residuals there are
         degrees_of_freedom = max(
             degrees_of_freedom, LIMITS.min_degrees_of_freedom_fraction * samples
         )

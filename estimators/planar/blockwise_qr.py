@@ -1,7 +1,8 @@
 """QR of a tall regressor in blocks: triangular factors, and the sandwich of the residuals.
 
-A shift at 100 Hz has millions of rows, which least squares needs no two times: R of [R; next rows]
-is the R of all rows (TSQR), and R holds every product and, to rounding, every singular value.
+A shift at 100 Hz has millions of rows, of which least squares needs a single pass: R of
+[R; next rows] is the R of all rows (TSQR), and R gives every product and, to rounding, every
+singular value.
 """
 
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ import numpy as np
 from estimators.arrays import Bools, Floats, Ints
 from estimators.numerics.sandwich import compute_sandwich_meat
 
-#: Rows at a time.
+#: Number of rows processed at a time.
 BLOCK = 16_384
 
 
@@ -78,7 +79,7 @@ def sum_sandwich_meat(
     total = np.zeros((columns.size, columns.size))
     before = max(each.size for each in correlations) - 1
     for part in iter_used_blocks(segment_id >= 0):
-        # samples look back at those they correlate with, across the block's edge
+        # include the preceding samples that the first ones of the block are correlated with
         history = min(before, part.start)
         wide = slice(part.start - history, part.stop)
         rows, labels = A[wide][..., columns], segment_id[wide]

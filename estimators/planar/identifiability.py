@@ -1,10 +1,10 @@
-"""Identifiability: the parameters, and combinations of the others, that a motion determines.
+"""Identifiability: the parameters, or combinations of parameters, that a motion determines.
 
 A motion's stacked regressor A = U S Vᵀ determines the part of φ in the span of the right singular
-vectors V_r whose singular values are not zero. Parameter i lies in it when (V_r V_rᵀ)_ii = 1. The
-reduced row echelon form C of V_rᵀ spans the same and reads better: A φ = A_base (C φ), where A_base
-keeps the columns of the pivots alone. A row of C with one entry is a parameter; the other rows are
-the combinations (the base parameters of Gautier and Khalil, 1990).
+vectors V_r whose singular values are not zero. Parameter i is determined if (V_r V_rᵀ)_ii = 1. The
+reduced row echelon form C of V_rᵀ has the same span and is easier to read: A φ = A_base (C φ),
+where A_base contains only the columns of the pivots. A row of C with one entry is a parameter; the
+other rows are combinations (the base parameters of Gautier and Khalil, 1990).
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ class Identifiability:
 
     @property
     def determined_combinations(self) -> Floats:
-        """Sums of parameters that are determined although the single ones are not.
+        """Combinations of parameters that are determined although the single parameters are not.
 
         (rank - identifiable, p): the rows of `echelon` with several parameters.
         """
@@ -59,13 +59,13 @@ def find_identifiable_parameters(
         A: (..., p) stacked regressor; all axes but the last are rows.
         parameters: (p,) names of the columns.
         noise: (p,) r.m.s. noise of each measured column, in its unit. Directions below
-            `noise_margin` times the noise do not count and are left to the residuals; without it A
-            is taken as exact, and noise makes everything appear determined.
+            `noise_margin` times the noise do not count and remain in the residuals; None treats A
+            as exact, so that noise makes everything appear determined.
         samples: number of rows that A represents, if A holds triangular factors.
 
     Raises:
-        DataError: A holds NaN, or there is not one name and one noise a column, above zero unless
-            the column is nothing but zeros.
+        DataError: A contains NaN, the numbers of names or noises differ from that of the columns,
+            or the noise of a column that is not all 0 is not positive.
     """
     rows = A.reshape(int(np.prod(A.shape[:-1])), A.shape[-1])
     p = A.shape[-1]
@@ -96,7 +96,7 @@ def find_identifiable_parameters(
     rank = int((singular > smallest).sum())
     identifiable = (Vt[:rank] ** 2).sum(0) > 1.0 - slack
     base, echelon = reduce_to_row_echelon(Vt[:rank], identifiable)
-    # coefficients that the test above takes for zero
+    # coefficients that count as 0 by the test above
     echelon[identifiable[base]] = 0.0
     echelon[np.abs(echelon) < np.sqrt(slack / p)] = 0.0
     echelon[:, base] = np.eye(rank)
@@ -113,9 +113,9 @@ def find_identifiable_parameters(
 def reduce_to_row_echelon(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
     """Pivots (r,), ascending, and reduced row echelon form (r, p) of r independent rows.
 
-    Parameters determined by themselves are pivots. Among the others the earliest column that stands
-    out is the next pivot, rather than the largest, so that combinations contain the mass if
-    possible.
+    Parameters determined by themselves are pivots. Among the others the next pivot is the earliest
+    sufficiently independent column rather than the largest, so that combinations contain the mass
+    if possible.
     """
     rest = rows.copy()
     pivots: list[int] = []

@@ -26,8 +26,8 @@ import numpy as np
 
 from estimators.arrays import Bools, Floats
 
-#: The parameters of the two rows, a name a column; names as in `rigid_body.PARAMETERS`. A
-#: combination is told of its earliest: mass and inertia come before the moments they mix with.
+#: The parameters of the two rows, one name per column, as in `rigid_body.PARAMETERS`. Combinations
+#: are expressed by their first parameter, so mass and inertia precede the moments.
 PARAMETERS = (
     "mass_kg",
     "inertia_z_kg_m2",
@@ -37,10 +37,10 @@ PARAMETERS = (
     "friction_z_N_m_s",
 )
 
-#: Those of them that are first moments, ahead and to the left.
+#: The first moments among the parameters, ahead and to the left.
 MOMENTS = ("first_moment_x_kg_m", "first_moment_y_kg_m")
 
-#: What the two rows are.
+#: Names of the two rows.
 ROWS = ("force_x_N", "torque_z_N_m")
 
 STRAIGHT_PARAMETERS = ("mass_kg", "friction_x_N_s_m")
@@ -53,8 +53,8 @@ def make_straight_regressor(
 ) -> Floats:
     """Stage 1, the x row of (7) alone: s_x m + v b_x [+ sign(v) c] = f_x.
 
-    The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
-    accelerometer's 9.81 m/s² in a_z.
+    The printed y and z rows set m·a_y and m·a_z to zero; with the accelerometer's 9.81 m/s² in a_z
+    they would make the mass wrong.
 
     Args:
         specific_force_x: (n,) in m/s².
@@ -73,8 +73,8 @@ def make_straight_regressor(
 def make_spin_regressor(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
     """Stage 2, the yaw row of (8) alone: ω̇ Izz + ω b_ψ = τ_z, for a spin about the origin.
 
-    Rows 1 and 2 as printed require ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which holds for I13
-    = I23 = 0 only: they weigh reactions of the ground that nothing measures.
+    The printed rows 1 and 2 require ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which is true only
+    for I13 = I23 = 0: they describe reactions of the ground, which are not measured.
 
     Args:
         yaw_acceleration: (n,) ω̇ in rad/s².
@@ -89,9 +89,9 @@ def make_spin_regressor(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
 def make_arc_regressor(speed: Floats, yaw_rate: Floats) -> Floats:
     """Stage 3, an arc at constant v and ω: f_x = -ω² mc_x + v b_x, τ_z = ω v mc_x + ω b_ψ.
 
-    (9) as printed equates a vector to a scalar and drops d̈ = ω × v, which is not zero on an arc.
-    One arc determines none of the three; mc_x needs b_x or b_ψ from the stages before, or a
-    second arc at another v or ω.
+    The printed (9) equates a vector to a scalar and drops d̈ = ω × v, which is not zero on an arc.
+    One arc determines none of the three parameters; mc_x requires b_x or b_ψ from earlier stages,
+    or a second arc at another v or ω.
 
     Args:
         speed: (n,) v in m/s.
@@ -136,7 +136,7 @@ class PlanarRegressor:
     """Regressor of a planar motion, built a slice at a time; a shift's would take gigabytes.
 
     Attributes:
-        specific_force_x: (n,) and the others as `regressor` takes them.
+        specific_force_x: (n,) samples; this and the others are as in `make_planar_regressor`.
     """
 
     specific_force_x: Floats

@@ -33,7 +33,7 @@ PARAMETERS = (
     "friction_z_N_s_m",
 )
 
-#: What each row of A φ is: the torque about the origin, then the force.
+#: Names of the rows of A φ: the torque about the origin, then the force.
 ROWS = ("torque_x_N_m", "torque_y_N_m", "torque_z_N_m", "force_x_N", "force_y_N", "force_z_N")
 
 

@@ -1,4 +1,4 @@
-"""Frame `calibration`: a line for each method, by the same fit as for evidence."""
+"""Frame `calibration`: a line for each method, fitted in the same way as for evidence."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from analysis.model.schema import conform_frame_to_schema
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
-#: Of a point, the columns of the frame.
+#: Columns of the frame that are fields of a point.
 _COLUMNS = {
     "reference_kg": "reference_kg",
     "readings": "runs",
@@ -59,7 +59,7 @@ class MethodReadings:
     Attributes:
         readings: frame with run_id, load_id, day, mass_kg, used.
         references: frame with load_id, reference_kg.
-        covariance_kg2: (loads, loads) covariance of the references, which is 0.
+        covariance_kg2: (loads, loads) covariance of the references, here 0.
     """
 
     readings: pl.DataFrame
@@ -68,7 +68,7 @@ class MethodReadings:
 
 
 def iter_readings_by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodReadings]]:
-    """Readings of each method, in order of appearance.
+    """Yield the name and the readings of each method, in order of appearance.
 
     Args:
         estimates: as in `fit_calibration_line_by_method`.
@@ -93,12 +93,12 @@ def make_calibration_rows_of_method(
     line: Calibration | None,
     find_load_kg: Callable[[Point], float],
 ) -> list[dict[str, Any]]:
-    """Rows of a method, by ascending load.
+    """Rows of the frame `calibration` for a method, in order of ascending load.
 
     Args:
         method: name of the method.
         points: a point per load.
-        line: line through them; None without one.
+        line: line through the points; None without one.
         find_load_kg: returns the load of a point, without the machine.
     """
     ordered = sorted(points, key=lambda point: point.reference_kg)
@@ -115,7 +115,7 @@ def make_calibration_rows_of_method(
 
 
 def make_calibration_frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
-    """Frame `calibration` of the rows."""
+    """Make the frame `calibration` from its rows."""
     texts = {"method": pl.String, "load_kg": pl.Float64, "runs": pl.Int64}
     numbers = dict.fromkeys((*_COLUMNS.values(), "alpha_1", "beta_kg"), pl.Float64)
     return conform_frame_to_schema(

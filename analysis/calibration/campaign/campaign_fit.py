@@ -26,7 +26,7 @@ from analysis.calibration.use.error_limits import (
 from analysis.model.machine_body import Body
 from estimators.errors import CampaignError, DataError
 
-#: How the budget of a calibration calls the factors that a machine file states.
+#: Names in the budget of a calibration of the factors that a machine file states.
 _SCALES: Final = {
     "force_gain": "force gain",
     "force_share": "force share",
@@ -58,7 +58,7 @@ class CampaignFit:
 
     Attributes:
         calibration: the line; None if the readings determine none.
-        no_fit: why there is no line; else empty.
+        no_fit: reason why there is no line; "" if there is one.
         points: a row per run, even without a line.
         limits: verdict on the campaign's error limits; None without limits or without a line.
     """
@@ -129,7 +129,7 @@ def make_calibration_options(
 
     Args:
         campaign: campaign with its method.
-        stated_parts: components known from the replays; components in the file override them.
+        stated_parts: components known from the replays; those stated in the file override them.
     """
     method = campaign.method
     own = tuple(
@@ -148,12 +148,12 @@ def make_calibration_options(
 def list_stated_uncertainties_of_force_scale(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
 ) -> tuple[StatedPart, ...]:
-    """Force factors that no log determines, from the budgets of the replays.
+    """Factors of the force that no log determines, from the budgets of the replays.
 
     They are constants of the machine, which the line absorbs.
 
     Args:
-        campaign: campaign with its estimator; those of the paper have no budget.
+        campaign: campaign with its estimator; estimators of the paper have no budget.
         budgets: frame `budget` of each replay.
     """
     if campaign.method.estimator not in JOINT_ESTIMATORS:
@@ -174,11 +174,11 @@ def list_stated_uncertainties_of_force_scale(
 def average_readings_of_runs(
     readings: pl.DataFrame, known_masses: pl.DataFrame
 ) -> tuple[Point, ...]:
-    """Means of runs, without a line.
+    """Points of the runs, with the mean of their readings but without a line.
 
     Args:
         readings: frame `readings`.
-        known_masses: frame with `load_id`, `reference_kg`.
+        known_masses: frame with `load_id` and `reference_kg`.
 
     Raises:
         DataError: a load has no reference.
@@ -217,11 +217,12 @@ def tabulate_reference_masses_and_covariance(
 
     Args:
         campaign: campaign with masses and runs.
-        body: machine body; its empty mass is part of a reference unless payload is calibrated.
+        body: machine body; its empty mass is part of a reference unless payloads are calibrated.
 
     Returns:
-        Frame with `load_id`, `reference_kg`; and (loads, loads) covariance in kg²: masses of one
-        source share a part, loads with a common mass all of it, whole masses the machine's own.
+        Frame with `load_id` and `reference_kg`; and (loads, loads) covariance in kg². Masses from
+        one source share a part of their error, loads that contain the same mass its whole error,
+        and references that include the machine that of its empty mass.
 
     Raises:
         CampaignError: the machine file lacks the empty mass, or its uncertainty.
@@ -265,7 +266,7 @@ def tabulate_reference_masses_and_covariance(
 def check_single_load_by_calibration(
     campaign: CalibrationCampaign, body: Body, readings: pl.DataFrame, calibration: Calibration
 ) -> tuple[CampaignFit, DriftCheck]:
-    """Compare the single load of a campaign with its mass by a calibration.
+    """Check an earlier calibration by the single load of a campaign.
 
     Args:
         campaign: campaign of one run.

@@ -19,14 +19,14 @@ from analysis.calibration.campaign.campaign_subjects import (
 from analysis.model.strict_config import STRICT
 from estimators.errors import suggest_choice
 
-#: What the joint fit gives: the machine's whole mass, or its difference to runs without load.
+#: Estimators of the joint fit: the machine's whole mass, or the difference to runs without load.
 JOINT_ESTIMATORS: Final = ("joint_mass", "joint_payload")
-#: The load of a run without any.
+#: Name of the load of a run without any mass on board.
 EMPTY: Final = "empty"
 
-#: How `certificate_signature` begins where the laboratory's key is one that the campaign names.
+#: Start of `certificate_signature` if the laboratory's key is in `dcc_keys` of the campaign.
 _TRUSTED: Final = "signed by a key of dcc_keys"
-#: What ISO/IEC 17025:2017 asks of a certificate: 7.8.2.1 c, f, o; and 7.8.4.1 b of a mobile scale.
+#: Keys required for a certificate by ISO/IEC 17025:2017, 7.8.2.1 c, f, o, and 7.8.4.1 b.
 _CERTIFICATE_KEYS: Final = (
     "authoriser",
     "authoriser_function",
@@ -62,7 +62,7 @@ class CampaignRun(BaseModel):
         return "+".join(sorted(self.loads)) or EMPTY
 
     def contains_middle_of_span(self, start_s: float, end_s: float) -> bool:
-        """Whether the middle of a stretch of its log lies in the run."""
+        """Whether the middle of a time span, in s from the start of the log, lies in the run."""
         middle = (start_s + end_s) / 2.0
         return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
 
@@ -155,7 +155,7 @@ class NotaryStretch(BaseModel):
 
     @property
     def omission_reason_by_log_number(self) -> dict[int, str]:
-        """Reason of each log that is left out, by its number."""
+        """Reason for leaving out a log, by the number of the log."""
         return {each.number: each.reason for each in self.left_out}
 
     @model_validator(mode="after")
@@ -193,7 +193,7 @@ class CalibrationCampaign(BaseModel):
     conditions: Conditions = Conditions.model_validate({})
     method: CampaignMethod = CampaignMethod.model_validate({})
     decision: CampaignLimits | None = None
-    #: Left out where there is none, so that it changes no campaign of before there was one.
+    #: Not written if not given, so that earlier campaigns do not change.
     notary: NotaryStretch | None = Field(None, exclude_if=lambda value: value is None)
     runs: tuple[CampaignRun, ...] = Field(min_length=1, max_length=500)
 
@@ -241,12 +241,12 @@ class CalibrationCampaign(BaseModel):
 
     @property
     def does_learn_priors(self) -> bool:
-        """Whether its logs narrow the priors of the mass that is calibrated."""
+        """Whether the campaign learns priors from its logs for the calibrated mass."""
         return self.method.learn and self.method.estimator in JOINT_ESTIMATORS
 
     @property
     def log_names(self) -> tuple[str, ...]:
-        """The logs, each once, in the runs' order."""
+        """Names of the logs, each once, in the order of the runs."""
         return tuple(dict.fromkeys(run.log for run in self.runs))
 
     @property
@@ -256,13 +256,13 @@ class CalibrationCampaign(BaseModel):
 
     @property
     def last_valid_day(self) -> dt.date:
-        """The last day of the evidence."""
+        """Last day on which the evidence is valid."""
         last = max(run.day for run in self.runs)
         return last + dt.timedelta(days=self.campaign.valid_days)
 
     @property
     def missing_certificate_entries(self) -> tuple[str, ...]:
-        """Keys that ISO/IEC 17025, 7.8 asks for of a certificate, and that the file leaves open."""
+        """Keys that ISO/IEC 17025, 7.8, requires for a certificate and the file does not give."""
         found = [name for name in ("laboratory", "customer") if getattr(self, name) is None]
         asked: tuple[tuple[str, BaseModel, tuple[str, ...]], ...] = (
             ("campaign", self.campaign, _CERTIFICATE_KEYS),
@@ -278,13 +278,13 @@ class CalibrationCampaign(BaseModel):
         return tuple(found)
 
     def fill_run_conditions_from_campaign(self, run: CampaignRun) -> dict[str, Any]:
-        """Conditions of a run: its own, or else those of all runs."""
+        """Conditions of a run: each its own if given, or else that of all runs."""
         own, common = run.conditions.model_dump(), self.conditions.model_dump()
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
 
     @property
     def untraceable_references_text(self) -> tuple[str, ...]:
-        """References that are not traceable, a sentence each."""
+        """Sentences on the references that are not traceable."""
         found: list[str] = []
         for mass in self.masses:
             if mass.u_kg == 0.0:
@@ -308,7 +308,7 @@ class CalibrationCampaign(BaseModel):
         return tuple(each for each in self.masses if each.id in wanted)
 
     def describe_invalid_certificates(self) -> list[str]:
-        """Certificates that were not valid on the day of a run, a sentence each."""
+        """Sentences on the certificates that were not valid on the day of a run."""
         found: list[str] = []
         for run in self.runs:
             dated = [(f"mass '{m.id}'", m.expires) for m in self.select_masses_of_load(run.load_id)]

@@ -19,7 +19,7 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from analysis.model.uncertainty_sources import SCALES
 
-#: A row a manoeuvre; a run of which nothing could be read has one row without a mass.
+#: Columns of readings: a row per manoeuvre; a run without any has one row without a mass.
 READINGS: Final[dict[str, type[pl.DataType]]] = {
     "run_id": pl.String,
     "load_id": pl.String,
@@ -39,8 +39,8 @@ CANNOT_WEIGH: Final = "this log cannot weigh"
 _NOTHING: Final = "no manoeuvre of this stretch was informative enough"
 _IS_ZERO: Final = "without load: the zero that payloads are counted from"
 _NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
-#: Factors of every mass alike: the slope and level of the line absorb them. What the machine file
-#: states of them does not say how they change.
+#: Factors that are equal for every mass: slope and level of the line absorb them. The uncertainty
+#: in the machine file does not say how they change.
 _FACTORS: Final = tuple(scale.name for scale in SCALES if not scale.by_load)
 
 
@@ -53,7 +53,7 @@ def make_readings_of_campaign_runs(
     """Readings of the campaign's runs in one log.
 
     Args:
-        replayed_run: the replay of that log.
+        replayed_run: replay of that log.
         runs: the campaign's runs in it, in order.
         estimator: estimator of the mass.
         procedure: procedure of the calibration.
@@ -166,7 +166,7 @@ def subtract_common_uncertainty_kg(u_kg: float | None, part_kg: float | None) ->
 
 
 def make_method_readings(replayed_run: Run, method: str) -> list[dict[str, Any]]:
-    """Reading of each manoeuvre by a method of the paper, with a statistical ± only."""
+    """Reading of each manoeuvre by a method of the paper, with a statistical uncertainty only."""
     about = replayed_run.provenance
     segments = replayed_run.frames["segments"]
     if f"estimates/{method}" not in replayed_run.frames or segments.is_empty():
@@ -202,7 +202,7 @@ def _make_reading_row(
     common_uncertainty_kg: float | None,
     withholding_reason: str,
 ) -> dict[str, Any]:
-    """Row of a reading; without a finite mass, with the reason."""
+    """Row of a reading; it is unused and has the reason if the mass is not finite."""
     known = mass_kg is not None and bool(np.isfinite(mass_kg))
     reason = withholding_reason or ("" if known else _NOTHING)
     return {
@@ -217,7 +217,7 @@ def _make_reading_row(
 
 
 def subtract_mean_empty_reading(readings: pl.DataFrame) -> pl.DataFrame:
-    """Masses minus the mean of the log's empty readings, whose error they share."""
+    """Subtract the mean of a log's empty readings from its masses, which share its error."""
     parts: list[pl.DataFrame] = []
     for log in readings.partition_by("log", maintain_order=True):
         zero = log.filter((pl.col("load_id") == EMPTY) & pl.col("used"))
@@ -246,8 +246,8 @@ def subtract_mean_empty_reading(readings: pl.DataFrame) -> pl.DataFrame:
 def average_masses_by_method_and_run(replayed_run: Run, runs: pl.DataFrame) -> pl.DataFrame:
     """One mass per method and run; null if nothing in the run was accepted.
 
-    Windowed methods give the mean of the windows that end in the run, weighted by 1/std²; the
-    recursive one its last state in it; `pooled` the run's own fit.
+    Windowed methods give the mean of the windows that end in the run, weighted by 1/std²; recursive
+    ones their last state in the run; `pooled` a fit of the run's samples.
 
     Args:
         replayed_run: a replay of the campaign's logs.
@@ -266,7 +266,7 @@ def average_masses_by_method_and_run(replayed_run: Run, runs: pl.DataFrame) -> p
         mass_kg, weight = known["mass_kg"], 1.0 / known["mass_std_kg"] ** 2
         weighted_kg = mass_kg * weight
         unix_ns = known["t_ns"].to_numpy() + t0
-        # windows end in the order of time
+        # the ends of windows ascend
         begins = np.searchsorted(unix_ns, runs["start_ns"].to_numpy()).tolist()
         ends = np.searchsorted(unix_ns, runs["end_ns"].to_numpy(), "right").tolist()
         for number, run in enumerate(runs.iter_rows(named=True)):

@@ -29,7 +29,7 @@ class Organisation(BaseModel):
 
     @property
     def name_and_address_line(self) -> str:
-        """Name and address in a line."""
+        """Name and address on one line."""
         email = f", {self.email}" if self.email else ""
         return f"{self.name}, {self.address}, {self.city}, {self.country}{email}"
 

@@ -18,10 +18,10 @@ def compute_rms_mass_errors_by_method(calibration: pl.DataFrame) -> pl.DataFrame
         calibration: the frame `calibration`.
 
     Returns:
-        `method`, `loads` (that have an estimate), `rmse_kg` (of the fit on its own loads),
-        `rmse_left_out_kg` (each load predicted by the fit on the others), `rmse_constant_kg` (what
-        a prediction that ignores the estimates scores: the mean reference) and `load_range_kg`, to
-        judge them by. Null where there is none.
+        `method`, `loads` (number with an estimate), `rmse_kg` (of the fit to all loads),
+        `rmse_left_out_kg` (each load predicted by the fit to the others), and for comparison
+        `rmse_constant_kg` (of the mean reference as prediction, which ignores the estimates) and
+        `load_range_kg`. Null where undefined.
     """
     estimated = pl.col("estimate_kg").is_not_null()
     reference = pl.col("reference_kg").filter(estimated)
@@ -39,7 +39,7 @@ def compute_rms_mass_errors_by_method(calibration: pl.DataFrame) -> pl.DataFrame
 
 
 def add_calibrated_mass_error_columns(estimates: pl.DataFrame) -> pl.DataFrame:
-    """Errors of single starts on the line through all loads, and through the other loads.
+    """Add the errors of single starts on the line through all loads, and without their own load.
 
     Args:
         estimates: as in `fit_calibration_line_by_method`, with the same line.
@@ -67,7 +67,7 @@ def add_calibrated_mass_error_columns(estimates: pl.DataFrame) -> pl.DataFrame:
 def compute_mass_errors_with_and_without_own_load(
     estimates_of_method: MethodReadings,
 ) -> tuple[Floats, Floats]:
-    """(starts,) errors on the line, and on the line without the start's load; NaN without one."""
+    """Errors (starts,) on the line, and on that without the start's load; NaN without a line."""
     mass = estimates_of_method.readings["mass_kg"].to_numpy().astype(np.float64)
     loads = {load: k for k, load in enumerate(estimates_of_method.references["load_id"])}
     load = np.array([loads[each] for each in estimates_of_method.readings["load_id"]], np.int64)

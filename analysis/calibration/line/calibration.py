@@ -1,4 +1,4 @@
-"""A calibration as it is kept: plain finite numbers, and what a later mass is worth under it."""
+"""A calibration as it is stored, in plain finite numbers, and the masses that it gives later."""
 
 import json
 from collections.abc import Mapping
@@ -78,7 +78,7 @@ class Component:
 
     @property
     def std_kg(self) -> float:
-        """Deviation of one draw, in kg of m̂."""
+        """Standard deviation of one draw, in kg of m̂."""
         return max(self.variance_kg2, 0.0) ** 0.5
 
 
@@ -186,7 +186,7 @@ class BudgetRow:
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
 class CalibratedMass:
-    """A mass under a calibration; None with the reason where it gives none."""
+    """A calibrated mass with its interval; None with the reason if there is none."""
 
     mass_kg: float | None
     u_kg: float | None
@@ -248,7 +248,7 @@ class Calibration:
 
     @property
     def has_runs_of_one_day_only(self) -> bool:
-        """Whether no data determine how the machine changes from day to day."""
+        """Whether all runs are of one day, so that the scatter between days is unknown."""
         return self.day_count_with_unknown_scatter == 1
 
     @property
@@ -289,14 +289,14 @@ class Calibration:
         reading_count: int,
         driving_u_kg: float = 0.0,
     ) -> CalibratedMass:
-        """The mass of a later m̂, with its interval.
+        """The calibrated mass of a later m̂, with its interval.
 
         Args:
             mass_kg: m̂ of a load, by the same method.
-            u_random_kg: the random part of its own standard uncertainty, in kg of m̂; None if
-                unknown: that of the campaign's readings.
-            reading_count: whose mean it is.
-            driving_u_kg: what its log has of errors that the line did not take with it, in kg of m̂.
+            u_random_kg: random part of its standard uncertainty, in kg of m̂; None if unknown: then
+                that of the campaign's readings is used.
+            reading_count: number of readings in the mean m̂.
+            driving_u_kg: uncertainty by errors in its log that the line does not absorb, in kg.
 
         Returns:
             The mass, or None with the reason: no estimate, a slope that cannot be distinguished
@@ -330,15 +330,15 @@ class Calibration:
         return CalibratedMass(mass, u, low, high, "")
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as plain JSON values: no NaN, no infinity."""
+        """The fields as plain JSON values, without NaN or infinity."""
         return _ADAPTER.dump_python(self, mode="json")
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Calibration":
-        """Take back what `to_dict` gave.
+        """Make a calibration from the values of `to_dict`.
 
         Raises:
-            DataError: something else.
+            DataError: the values are not those of a calibration.
         """
         try:
             return _ADAPTER.validate_json(json.dumps(values))
@@ -352,7 +352,7 @@ class Calibration:
 def sum_variance_not_in_scatter_of_points_kg2(
     stated_parts: tuple[StatedPart, ...], common_u_kg: float
 ) -> float:
-    """Variance of every later m̂ that the points do not show."""
+    """Variance of a later m̂ that the scatter of the points does not contain, in kg²."""
     anew = (one.u_kg for one in stated_parts if not one.absorbed and one.u_kg is not None)
     return common_u_kg**2 + sum(u_kg**2 for u_kg in anew)
 

@@ -31,7 +31,7 @@ from analysis.calibration.line.variance_components import (
 )
 from estimators.arrays import Floats
 
-#: What a budget of weighing has to name, stated or not.
+#: Components that a budget of weighing must list, stated or not.
 EXPECTED: Final = ("wheel radius", "force share", "local gravity", "tare")
 _UNSTATED: Final = "not stated; a constant of the machine, which the line takes with it"
 _TARE_UNSTATED: Final = "not stated beside what the references have of it"
@@ -63,7 +63,7 @@ def make_calibration_budget(
 
     Args:
         inversion: inversion of the line.
-        components: components of the line, in its order.
+        components: components of the line, in the order of its effects.
         stated_parts: components that the points do not show.
         mass_kg_and_readings: the mass, and its number of readings.
         common_kg: common error that counts, in kg of m̂; None if the line absorbs it.
@@ -120,7 +120,7 @@ def make_calibration_budget(
 def clip_negative_variances_to_stds_kg(
     parts_kg2: Floats, components: Sequence[Component]
 ) -> Floats:
-    """(effects,) standard deviations; a negative variance reduces the next finer effect."""
+    """(effects,) standard deviations in kg; a negative variance reduces the next finer effect."""
     parts = parts_kg2.copy()
     names = [component.name for component in components]
     for coarse, fine in ((DAY, RUN), (RUN, REPEATABILITY)):
@@ -146,7 +146,7 @@ def split_line_uncertainty(inversion: LineInversion, mass_kg: float) -> LineUnce
 
 
 def _make_stated_budget_row(stated_part: StatedPart, mass_kg: float) -> BudgetRow:
-    """Row of a stated component; zero if the line absorbs it."""
+    """Budget row of a stated component; its uncertainty is 0 if the line absorbs it."""
     if stated_part.absorbed:
         before = (
             ""
@@ -165,11 +165,11 @@ class NextLoad:
 
     Attributes:
         load_id: load on board.
-        reference_kg: its reference.
-        determinant_1: determinant of the covariance of level and slope, relative to the present
-            one.
+        reference_kg: reference mass of the load.
+        determinant_1: determinant of the covariance of level and slope with the run, over the
+            present one.
         half_width_kg: largest half interval of a later mass at the references, with the run.
-        half_width_now_kg: the same without the run.
+        half_width_now_kg: that half interval without the run.
     """
 
     load_id: str
@@ -212,7 +212,7 @@ def rank_loads_for_next_run(
             NextLoad(
                 load_id=reference.load_id,
                 reference_kg=reference.reference_kg,
-                # equal ones stay equal: by rounding alone one would be better
+                # rounded, so that equal loads are not ranked by rounding errors
                 determinant_1=round(
                     compute_determinant_of_line_covariance(then)
                     / compute_determinant_of_line_covariance(now),
@@ -239,7 +239,7 @@ def compute_determinant_of_line_covariance(inversion: LineInversion) -> float:
 def compute_widest_half_interval_kg(
     calibration: Calibration, inversion: LineInversion, masses_kg: list[float]
 ) -> float:
-    """Largest half interval of a later mass at these masses."""
+    """Largest half interval of a later mass, in kg, over the given masses."""
     confidence_1, readings = calibration.confidence_1, float(calibration.budget_at[1])
     return max(
         inversion.compute_half_interval_kg(mass_kg, confidence_1, readings) for mass_kg in masses_kg

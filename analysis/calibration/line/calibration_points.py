@@ -14,14 +14,14 @@ from estimators.errors import DataError, format_count
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Readings by run, and the points of those runs that have any.
+    """Runs of a campaign, and the points of the runs that have used readings.
 
     Attributes:
         runs: a row per run: run_id, load_id, day, reference_kg, readings, rejected, mean_kg,
             std_kg.
-        fitted: (points,) which rows those are that have a point.
-        points: for the fit.
-        readings: the readings in use.
+        fitted: (points,) index of each point's row in `runs`.
+        points: points for the fit.
+        readings: the used readings.
         references: load_id and reference_kg of every load.
     """
 

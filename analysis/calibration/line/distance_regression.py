@@ -9,7 +9,7 @@ from analysis.calibration.line.line_limits import LIMITS
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
-#: Steps below so many units in the last place of the ordinates are rounding.
+#: Steps below this fraction of the ordinates count as rounding.
 _ROUNDING: Final = 16 * float(np.finfo(np.float64).eps)
 
 
@@ -18,13 +18,13 @@ class StraightLine:
     """y = intercept + slope x.
 
     Attributes:
-        intercept: at x = 0.
+        intercept: ordinate at x = 0.
         slope: slope of the line.
-        covariance: (2, 2) of intercept and slope.
+        covariance: (2, 2) covariance of intercept and slope.
         chi2: weighted sum of squared distances at the solution.
         degrees_of_freedom: number of points minus two.
         x: (points,) adjusted abscissae.
-        residual: (points,) y minus the line at the given x.
+        residual: (points,) y minus the line at the unadjusted abscissae.
     """
 
     intercept: float
@@ -46,8 +46,8 @@ def fit_line_by_generalised_distance(
     """Fit a straight line by generalised distance regression.
 
     It minimises the distances in x and y together. For given parameters the best abscissae have a
-    closed form, x + b Ux Ω⁻¹ z with z = y - a - b x and Ω = Uy + b² Ux; what remains is zᵀ Ω⁻¹ z,
-    and its Gauss-Newton steps are those of the standard's clauses 7 and 10.
+    closed form, x + b Ux Ω⁻¹ z with z = y - a - b x and Ω = Uy + b² Ux; it remains to minimise
+    zᵀ Ω⁻¹ z, for which the Gauss-Newton steps are those of the standard's clauses 7 and 10.
 
     Args:
         x: (points,) abscissae.
@@ -67,7 +67,7 @@ def fit_line_by_generalised_distance(
             "straight line: all points have the same reference mass; at least two different "
             "masses are needed"
         )
-    # about its centroid a line's two parameters are nearly independent
+    # relative to the centroid, the two parameters of a line are nearly independent
     x0, y0 = float(x.mean()), float(y.mean())
     rounding = _ROUNDING * float(np.abs(y).max()) * np.array([1.0, 1.0 / float(np.ptp(x))])
     x, y = x - x0, y - y0

@@ -54,7 +54,7 @@ def compute_lack_of_fit_test(points: Points, known_day_std_kg: float | None) -> 
 
     Args:
         points: means of runs.
-        known_day_std_kg: known deviation between days, in kg of m̂; None if unknown.
+        known_day_std_kg: known standard deviation between days, in kg of m̂; None if unknown.
 
     Returns:
         The F test: its ratio, probability and degrees of freedom, all None if the points allow no
@@ -109,11 +109,11 @@ def fit_calibration_line(
     options: CalibrationOptions,
     responses: Sequence[RunResponse] = (),
 ) -> Calibration:
-    """Fit m̂ = c0 + c1 m to the means of runs, with all that later masses need.
+    """Fit m̂ = c0 + c1 m to the means of runs, and all numbers that later masses need.
 
-    Errors of the references, including shared sources, and the scatter of readings, runs and days
-    are in the line's covariance. An error common to all points shifts the line without a residual;
-    it is not noise of a point.
+    The covariance of the line contains errors of the references, including shared sources, and the
+    scatter of readings, runs and days. An error common to all points shifts the line without a
+    residual, so it is not part of the noise of a point.
 
     Args:
         readings: a row per reading: run_id, load_id, day, mass_kg, used; std_kg, common_u_kg and
@@ -124,7 +124,7 @@ def fit_calibration_line(
         responses: responses of runs to errors of learnt means.
 
     Raises:
-        DataError: fewer than three loads, no slope, references that do not match.
+        DataError: fewer than three loads, no slope, or references that do not match the readings.
 
     Source:
         ISO/TS 28037:2010 (line), Patterson and Thompson (1971) (variances), Fieller (1954)
@@ -216,7 +216,7 @@ def fit_line_and_test_lack_of_fit(
 
     Args:
         points: means of runs.
-        known_day_std_kg: known deviation between days, in kg of m̂; None if unknown.
+        known_day_std_kg: known standard deviation between days, in kg of m̂; None if unknown.
     """
     test = compute_lack_of_fit_test(points, known_day_std_kg)
     lacking = test.separate and test.p_1 is not None and test.p_1 < LIMITS.lack_of_fit_probability
@@ -230,7 +230,7 @@ def fit_line_and_test_lack_of_fit(
 
 
 def list_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
-    """Components with the size of each effect, as plain numbers."""
+    """Effects of the line as components of the calibration, in plain numbers."""
     found: list[Component] = []
     place = 0
     for effect in line.effects:
@@ -256,7 +256,7 @@ def list_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Comp
 def count_degrees_of_freedom_of_variance(
     effect_name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, effect_index: int
 ) -> float:
-    """Degrees of freedom of an estimated variance; those of readings are counted."""
+    """Degrees of freedom of an estimated variance; for readings they are counted exactly."""
     if effect_name == REPEATABILITY:
         return float(campaign.points.within.degrees_of_freedom)
     uncertain = float(line.variances.covariance[effect_index, effect_index])
@@ -281,7 +281,7 @@ def find_largest_common_u_kg(readings: pl.DataFrame) -> float:
 def compute_alpha_confidence_interval(
     inversion: LineInversion, confidence_1: float
 ) -> tuple[float | None, float | None]:
-    """Interval of α = 1/c1, without unit; (None, None) if that of c1 contains 0."""
+    """Confidence interval of α = 1/c1, dimensionless; (None, None) if that of c1 contains 0."""
     low, high = inversion.compute_slope_interval(confidence_1)
     return (1.0 / high, 1.0 / low) if low * high > 0.0 else (None, None)
 
@@ -289,14 +289,14 @@ def compute_alpha_confidence_interval(
 def compute_beta_confidence_interval_kg(
     inversion: LineInversion, confidence_1: float
 ) -> tuple[float | None, float | None]:
-    """Interval in kg of β, the mass at which the line is 0; (None, None) if it is unbounded."""
+    """Confidence interval of β, the mass in kg where m̂ is 0; (None, None) if unbounded."""
     found = inversion.invert_with_line_uncertainty_only(0.0, confidence_1)
     low, high = float(found.low_kg[0]), float(found.high_kg[0])
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)
 
 
 def list_calibration_notes(calibration: Calibration) -> tuple[str, ...]:
-    """One sentence per matter, the most important first."""
+    """Notes on the calibration, a sentence each, the most important first."""
     found = [*_list_notes_on_days(calibration), *_list_notes_on_line(calibration)]
     found += [
         f"{one.test}: {one.about} stands out (p = {one.p_1:.2g}); it is in the fit"
@@ -306,7 +306,7 @@ def list_calibration_notes(calibration: Calibration) -> tuple[str, ...]:
 
 
 def _list_notes_on_days(calibration: Calibration) -> list[str]:
-    """Notes on what the runs' days show of changes from day to day."""
+    """Notes on how well the runs determine the scatter from day to day."""
     days = len({point.day for point in calibration.points if point.readings})
     if calibration.day_freedom is None and calibration.day_kg is not None:
         return []

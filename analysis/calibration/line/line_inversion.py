@@ -18,7 +18,7 @@ _UNBOUNDED: Final = float("nan")
 
 @dataclass(frozen=True, eq=False)
 class InverseReading:
-    """Masses, (n,) each; limits are NaN if the slope may be 0."""
+    """Masses, uncertainties and intervals, (n,) each; limits are NaN if the slope may be 0."""
 
     mass_kg: Floats
     u_kg: Floats
@@ -38,13 +38,13 @@ class LineInversion:
         effects: index of each effect by name.
         variance_kg2: (effects,) variance of one draw.
         on_line: (effects, 2, 2) covariance of level and slope for a variance of 1.
-        scatters: (effects,) whether a later value draws it again.
-        estimated: (estimated,) effects whose variances are estimated.
-        covariance: (estimated, estimated) covariance of these variances.
+        scatters: (effects,) whether a later value draws the effect again.
+        estimated: (estimated,) indices of the effects whose variances are estimated.
+        covariance: (estimated, estimated) covariance of the estimated variances.
         extra_kg2: variance of every later value that the points do not show.
-        degrees_of_freedom_by_scarce_effect: effects with few degrees of freedom, by name, with
-            these: each has its own Student factor. Welch and Satterthwaite's single one trusts an
-            estimate of one or two degrees of freedom when it happens to be small.
+        degrees_of_freedom_by_scarce_effect: degrees of freedom of the effects that have few, by
+            name. Each has its own Student factor: the single factor of Welch and Satterthwaite
+            relies on an estimate of one or two degrees of freedom when it is small by chance.
         most_readings: largest number of readings of a run of the campaign.
     """
 
@@ -87,13 +87,14 @@ class LineInversion:
     ) -> InverseReading:
         """Mass of each later m̂, with its interval.
 
-        The random part is that of the campaign for this number of readings, plus the excess of the
-        value's own uncertainty. The Student factor is that of Welch and Satterthwaite.
+        The random variance is that of the campaign for this number of readings, or that of the
+        value itself if larger. The Student factor is that of Welch and Satterthwaite, except for
+        effects with few degrees of freedom.
 
         Args:
-            y_kg: (n,) m̂.
-            reading_counts: (n,) number of readings in each mean.
-            u_random_kg: (n,) own random standard uncertainty; NaN if unknown.
+            y_kg: (n,) later values of m̂.
+            reading_counts: (n,) number of readings in each value.
+            u_random_kg: (n,) random standard uncertainty of each value, in kg; NaN if unknown.
             confidence_1: confidence of the intervals.
 
         Source:
@@ -121,7 +122,7 @@ class LineInversion:
         return self.slope_1 - half, self.slope_1 + half
 
     def compute_later_mass_variance_by_effect_kg2(self, reading_count: float) -> Floats:
-        """(effects,) variance that each new draw adds to a later mass, in kg² of mass."""
+        """(effects,) variance of a later mass by a new draw of each effect, in kg² of mass."""
         return (
             self._make_effect_factors_of_later_value(np.array([reading_count]))[0]
             * self.variance_kg2
@@ -129,7 +130,7 @@ class LineInversion:
         )
 
     def copy_with_common_uncertainty(self, u_kg: float) -> "LineInversion":
-        """Add an uncertainty common to all later masses, in kg of mass."""
+        """Copy with an additional uncertainty common to all later masses, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
     def compute_later_mass_u_kg(
@@ -141,15 +142,15 @@ class LineInversion:
     def compute_half_interval_kg(
         self, mass_kg: float, confidence_1: float, reading_count: float, u_random_kg: float = 0.0
     ) -> float:
-        """Half-width of the interval of a mass weighed after the campaign.
+        """Half-width in kg of the interval of a mass weighed after the campaign.
 
-        It is without the skew due to the slope's uncertainty.
+        The asymmetry by the uncertainty of the slope is neglected.
 
         Args:
             mass_kg: calibrated mass.
             confidence_1: confidence of the interval.
-            reading_count: number of readings in its mean.
-            u_random_kg: own random standard uncertainty in kg of m̂; 0 if unknown.
+            reading_count: number of readings in the mean.
+            u_random_kg: random standard uncertainty of the mean in kg of m̂; 0 if unknown.
         """
         return self._compute_half_interval_or_u_kg(
             mass_kg, confidence_1, reading_count, u_random_kg
@@ -158,7 +159,7 @@ class LineInversion:
     def compute_exceedance_probability(
         self, distance_kg: float, mass_kg: float, reading_count: float, u_random_kg: float = 0.0
     ) -> float:
-        """Probability that a later mass errs to one side by more than a distance; 0.5 at 0."""
+        """Probability that a later mass errs to one side by more than `distance_kg`; 0.5 at 0."""
         if distance_kg < 0.0:
             return 1.0 - self.compute_exceedance_probability(
                 -distance_kg, mass_kg, reading_count, u_random_kg
@@ -186,7 +187,7 @@ class LineInversion:
     def _compute_half_interval_or_u_kg(
         self, mass_kg: float, confidence_1: float | None, reading_count: float, u_random_kg: float
     ) -> float:
-        """Half interval; one standard uncertainty if no confidence is given."""
+        """Half-width of the interval in kg; the standard uncertainty if no confidence is given."""
         away = np.array([1.0, mass_kg - self.centre_kg])
         new = self._make_effect_factors_of_later_value(np.array([reading_count]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
@@ -221,7 +222,7 @@ class LineInversion:
         """Factor of each variance component in the variance of a later value, (n, effects)."""
         new = np.tile(self.scatters, (reading_counts.size, 1))
         if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
-            # more readings than any run had would count on the runs' luck
+            # the campaign does not show the scatter of means over more readings than its runs have
             reading_counts = np.minimum(reading_counts, self.most_readings)
         if REPEATABILITY in self.effects:
             new[:, self.effects[REPEATABILITY]] /= reading_counts
@@ -307,7 +308,7 @@ class LineInversion:
 
 
 def compute_two_sided_student_factor(confidence_1: float, degrees_of_freedom: Floats) -> Floats:
-    """Student's factor of a two-sided interval, by element; that of a normal for infinite ones."""
+    """Student factor of a two-sided interval, by element; infinite degrees of freedom: normal."""
     level = 0.5 + 0.5 * confidence_1
     finite = np.isfinite(degrees_of_freedom)
     return np.where(finite, stdtrit(np.where(finite, degrees_of_freedom, 1.0), level), ndtri(level))

@@ -19,7 +19,7 @@ REPEATABILITY: Final = "repeatability"
 RUN: Final = "run to run"
 DAY: Final = "day to day"
 LACK_OF_FIT: Final = "lack of fit"
-#: What the references are not known to, which scatters nothing later.
+#: Effect of errors of the references, which later masses do not draw again.
 REFERENCES: Final = "references"
 
 
@@ -32,7 +32,7 @@ class Points:
         readings: (points,) number of readings in each mean.
         load: (points,) index of the load.
         day: (points,) index of the day.
-        reference_kg: (loads,) references.
+        reference_kg: (loads,) reference masses.
         covariance_kg2: (loads, loads) covariance of the references.
         within: scatter of the readings about their means.
     """
@@ -52,7 +52,7 @@ class Points:
 
     @property
     def x_cov_kg2(self) -> Floats:
-        """(points, points) covariance of these: runs with one load share its error."""
+        """(points, points) covariance of `x_kg`: runs with one load share the error of its mass."""
         return self.covariance_kg2[np.ix_(self.load, self.load)]
 
     @property
@@ -76,10 +76,10 @@ class Effect:
 
     Attributes:
         name: name of the effect.
-        variance_kg2: variance of one draw; negative if its mean square is below the contribution of
-            others.
+        variance_kg2: variance of one draw; negative if its mean square is smaller than the other
+            effects alone explain.
         on_line: (2, 2) covariance of level and slope for a variance of 1.
-        estimated: whether its variance is among `FittedLine.variances`, in their order.
+        estimated: whether its variance is among `FittedLine.variances`, in the same order.
         scatters: whether a later run draws it again: all except the references and the common
             error.
     """
@@ -135,9 +135,9 @@ def choose_estimable_random_effects(
 def make_mean_square_to_variance_matrix(points: Points, effect_names: tuple[str, ...]) -> Floats:
     """(effects, effects) matrix from mean squares, which cannot be negative, to variances.
 
-    Run means may scatter by chance less than their readings imply; the variance between runs is
-    then negative. Cut off at 0, it would leave few degrees of freedom, and their Student factor
-    would widen every interval.
+    By chance, run means may scatter less than their readings imply; the variance between runs is
+    then negative. Set to 0, it would have few degrees of freedom, whose Student factor would widen
+    every interval.
     The mean squares of a run's mean, with the largest number of readings, and of a day's mean stay
     positive.
     """
@@ -161,7 +161,7 @@ class CovarianceStructure:
         each: (effects, points, points) covariance for a unit variance of each.
         squares: (effects, effects) matrix of `make_mean_square_to_variance_matrix`.
         day: (points, points) covariance for a unit variance of the day.
-        day_known_kg: known deviation between days; None if unknown.
+        day_known_kg: known standard deviation between days; None if unknown.
         known_covariance: (points, points) known covariance.
     """
 
@@ -174,7 +174,7 @@ class CovarianceStructure:
 
     @property
     def mean_square_covariances(self) -> Floats:
-        """(effects, points, points) covariance for a unit mean square of each."""
+        """(effects, points, points) covariance of the points for a unit mean square of each."""
         return np.asarray(np.tensordot(self.squares.T, self.each, 1), np.float64)
 
     def combine_effect_covariances(self, variances: Floats) -> Floats:
@@ -187,7 +187,7 @@ class CovarianceStructure:
         """Each effect, with its contribution to a line fitted by generalised least squares."""
         covariance = self.combine_effect_covariances(variances.value) + slope**2 * x_cov
         weighted = np.linalg.solve(covariance, design).T
-        # (2, points): how level and slope follow each point
+        # (2, points): derivatives of level and slope by each point
         gain = np.linalg.solve(weighted @ design, weighted)
         effects = [
             Effect(name, float(variance), gain @ one @ gain.T, estimated=True)
@@ -228,7 +228,7 @@ def fit_line_and_variances(
 
     Args:
         points: means of runs.
-        known_day_std_kg: known deviation between days, in kg of m̂; None if unknown.
+        known_day_std_kg: known standard deviation between days, in kg of m̂; None if unknown.
         lack_of_fit: whether each load has its own deviation from the line.
     """
     names = choose_estimable_random_effects(

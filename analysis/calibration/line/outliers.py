@@ -1,8 +1,8 @@
-"""Readings and runs that a test finds unlikely. They are named, and stay in the fit.
+"""Readings and runs that a test finds improbable. They are reported, but stay in the fit.
 
-Two runs with each other's load, as of two files that swapped their names, leave the line to either
-side by the difference of their loads. One run left out at a time does not show them: the other one
-still bends the line.
+Two runs with each other's load, as if their file names were swapped, deviate from the line in
+opposite directions by the difference of their loads. Leaving out one run at a time does not show
+this, since the other one still biases the line.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from estimators.arrays import Floats
 
 
 class GrubbsTest(NamedTuple):
-    """Farthest of some values, its distance in standard deviations, and bound of the p-value."""
+    """Index of the farthest value, its distance in standard deviations, and bound of its p."""
 
     farthest_index: int
     distance_1: float
@@ -60,7 +60,7 @@ def compute_studentised_residuals(line: FittedLine) -> Floats:
     covariance = line.point_covariance_kg2
     fitted = design @ np.linalg.solve(design.T @ np.linalg.solve(covariance, design), design.T)
     variance = np.diag(covariance - fitted)
-    # a point that alone decides the line has no residual
+    # a point that alone determines a parameter of the line has no residual
     alone = variance <= 1e-9 * np.diag(covariance)
     return np.where(alone, 0.0, line.residual_kg / np.sqrt(np.where(alone, 1.0, variance)))
 
@@ -96,9 +96,9 @@ class RunsWithSwappedLoads:
     """Two runs that fit the line with each other's load.
 
     Attributes:
-        runs: their ids.
+        runs: ids of the two runs.
         scatter_ratio_1: scatter about the line as stated over that with the loads exchanged.
-        p_1: bound of the probability that any two runs of a campaign look so by chance.
+        p_1: bound of the probability that any two runs of a campaign look swapped by chance.
     """
 
     runs: tuple[str, str]
@@ -118,9 +118,9 @@ class RunsWithSwappedLoads:
 def find_runs_with_swapped_loads(calibration: Calibration) -> RunsWithSwappedLoads | None:
     """Find the two runs that most likely have each other's load; None if none stand out.
 
-    The difference of two runs is a column with a size of its own, as of an outlier. It must show
-    (t test, Bonferroni over the pairs), have the size of the loads' difference, and explain the
-    runs better than leaving out any one of them.
+    The difference of two runs is fitted as an additional column, like an outlier. It must be
+    significant (t test, Bonferroni over the pairs), equal the difference of the loads, and explain
+    the runs better than leaving out any single run.
     """
     points = [each for each in calibration.points if each.mean_kg is not None and each.readings]
     degrees_of_freedom = len(points) - 2
@@ -135,13 +135,13 @@ def find_runs_with_swapped_loads(calibration: Calibration) -> RunsWithSwappedLoa
     unit = project @ whiten
     along, gram = residual @ unit, unit.T @ unit
     least = squares - float(_compute_squares_removed_by_columns(along, np.diagonal(gram)).max())
-    # of all pairs at once, the squares that their difference takes off
+    # reduction of the sum of squares by the difference of each pair
     first, second = np.triu_indices(len(points), 1)
     unlike = x_kg[first] != x_kg[second]
     first, second = first[unlike], second[unlike]
     size = gram[first, first] + gram[second, second] - 2.0 * gram[first, second]
     taken = _compute_squares_removed_by_columns(along[first] - along[second], size)
-    # of readings that rounding alone scatters nothing is told
+    # readings that scatter by rounding alone show nothing
     floor = np.finfo(float).eps * float(y @ y)
     variance = np.maximum(squares - taken, floor) / (degrees_of_freedom - 1)
     p = first.size * stdtr(degrees_of_freedom - 1, -np.sqrt(taken / variance))
@@ -192,8 +192,8 @@ def _compute_squares_removed_by_columns(
     """(columns,) decrease of a residual's sum of squares by each column alone.
 
     Args:
-        products_with_residual: (columns,) its scalar products with the residual.
-        squared_norms: (columns,) its sum of squares.
+        products_with_residual: (columns,) scalar product of each column with the residual.
+        squared_norms: (columns,) sum of squares of each column.
     """
     return products_with_residual**2 / np.where(
         squared_norms > 1e-9 * squared_norms.max(initial=0.0), squared_norms, np.inf

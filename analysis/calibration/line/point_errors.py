@@ -21,12 +21,12 @@ from analysis.calibration.line.line_model import FittedLine, Points
 from analysis.calibration.line.outliers import compute_studentised_residuals
 from estimators.arrays import Floats
 
-#: What (19) goes from, and to.
+#: Abscissa and ordinate of (19).
 _OF_19: Final = ("mass_kg", "reference_kg")
 
 
 def make_point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
-    """A row per run, including those without a used reading."""
+    """Points of all runs, including runs without a used reading."""
     reference = campaign.points.x_kg
     calibrated = (campaign.points.y_kg - line.level_kg) / line.slope_1 + line.centre_kg
     values = {
@@ -79,7 +79,7 @@ def fit_lines_without_each_load(points: Points, line: FittedLine) -> dict[int, S
 
 
 def compute_rms_without_none(errors: Sequence[float | None]) -> float | None:
-    """Root mean square of the known errors; None without any."""
+    """Root mean square of the errors that are not None; None without any."""
     known = [error for error in errors if error is not None]
     return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
@@ -129,11 +129,11 @@ def fit_error_slope_and_offset_kg(
     estimates flattens it.
 
     Args:
-        estimate_kg: (points,) m.
-        reference_kg: (points,) m_c.
+        estimate_kg: (points,) estimates m.
+        reference_kg: (points,) references m_c.
 
     Returns:
-        alpha, and beta in kg; None if the estimates are all equal.
+        alpha (dimensionless), and beta in kg; None if all estimates are equal.
 
     Source:
         Equation (19).

@@ -1,6 +1,6 @@
-"""Procedures of a calibration: how the results of its logs are combined, by number.
+"""Numbered procedures of a calibration: how the results of its logs are combined.
 
-Evidence states the number, so that a later version recomputes it as it was made.
+Evidence states the number, so that a later version recomputes it by the same procedure.
 """
 
 from collections.abc import Mapping
@@ -10,15 +10,15 @@ ProcedureNumber = Literal[1, 2, 3]
 
 
 class Procedure(NamedTuple):
-    """Rules in which procedures differ.
+    """Rules that differ between procedures.
 
     Attributes:
         factors_in_common: whether the machine file's uncertainty of gain, share and radius counts
             in the common error of the readings; otherwise the line absorbs it.
-        terms_tested_singly: whether each nuisance is tested for variation between logs at 5 %;
-            otherwise all of them together are.
-        known_loads_kept: whether a log of one known load is weighed as one load; otherwise loads
-            are sought in it as in any other.
+        terms_tested_singly: whether each nuisance is tested at 5 % for variation between logs;
+            otherwise the 5 % are for all nuisances together.
+        known_loads_kept: whether a log with one known load is weighed as one load; otherwise load
+            states are searched for as in any other log.
     """
 
     factors_in_common: bool
@@ -31,6 +31,6 @@ PROCEDURES: Final[Mapping[ProcedureNumber, Procedure]] = {
     2: Procedure(factors_in_common=False, terms_tested_singly=False, known_loads_kept=False),
     3: Procedure(factors_in_common=False, terms_tested_singly=False, known_loads_kept=True),
 }
-#: Procedure of new evidence; evidence that states none has the first.
+#: Procedure of new evidence; evidence without a number was made by the first.
 PRESENT_NUMBER: Final[ProcedureNumber] = 3
 PRESENT_PROCEDURE: Final = PROCEDURES[PRESENT_NUMBER]

@@ -1,9 +1,9 @@
 """Errors that a log shares with its calibration through learnt priors.
 
-Means of learnt priors are wrong by ε, in units of their standard uncertainties. That moved the
-campaign's points by R(m) ε, which the line contains; it moves a later mass by r ε. The remaining
-error is (r - R(m)) ε, which vanishes if the log is driven as its campaign was. The later log and
-the calibration together estimate ε.
+The means of learnt priors have errors ε, in units of their standard uncertainties. These shifted
+the campaign's points by R(m) ε, which the line contains; they shift a later mass by r ε. The
+remaining error is (r - R(m)) ε, which vanishes if the log is driven like its campaign. The later
+log and the calibration together estimate ε.
 """
 
 from collections.abc import Mapping, Sequence
@@ -66,8 +66,7 @@ class SharedErrors:
         error_1: (terms,) errors of the means, in their standard uncertainties.
         covariance_1: (terms, terms) covariance of the errors.
         is_corrected: (terms,) whether the log's masses are already corrected for the error.
-        moved_kg: (terms,) responses of each load, payload or manoeuvre, by its kind (`MOVED`) and
-            number.
+        moved_kg: (terms,) responses of each mass or payload, by its kind (`MOVED`) and number.
         scale_kg: uncertainty due to the scale, by the same keys.
     """
 
@@ -128,7 +127,7 @@ class SharedErrors:
     def compute_offset_from_line_kg_and_u_kg(
         self, responses_kg: Floats, line_shifts_kg: Floats
     ) -> tuple[float, float]:
-        """Offset of an estimate from its line, with its standard uncertainty.
+        """Offset of an estimate from the line, and its standard uncertainty, in kg of m̂.
 
         Args:
             responses_kg: (terms,) responses of the estimate.
@@ -140,13 +139,13 @@ class SharedErrors:
         )
 
     def compute_shared_error_u_kg(self, mass_responses_kg: Floats) -> float:
-        """Standard uncertainty of an estimate due to the shared errors."""
+        """Standard uncertainty of an estimate due to the shared errors, in kg of m̂."""
         return float(
             np.sqrt(max(float(mass_responses_kg @ self.covariance_1 @ mass_responses_kg), 0.0))
         )
 
     def compute_shared_part_of_log_u_kg(self, responses_kg: Floats) -> float:
-        """Part of the log's own standard uncertainty due to these errors."""
+        """Part of the log's own standard uncertainty due to the shared errors, in kg of m̂."""
         told = np.where(self.is_corrected, responses_kg, 0.0)
         return float(
             np.hypot(self.compute_shared_error_u_kg(told), np.linalg.norm(responses_kg - told))

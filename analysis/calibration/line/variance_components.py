@@ -64,12 +64,12 @@ def estimate_variances_by_reml(
 
     Args:
         residual: (points,) observations minus any combination of the design's columns.
-        design: (points, parameters) regressors that are fitted with them.
-        effects: (effects, points, points) structure of each; the first is that of readings if
-            `within.degrees_of_freedom` is not 0.
+        design: (points, parameters) regressors that are fitted together with the variances.
+        effects: (effects, points, points) covariance for a unit variance of each effect; the first
+            is that of readings if `within_run.degrees_of_freedom` is not 0.
         known_covariance: (points, points) known covariance.
         within_run: scatter of the readings, for the first effect.
-        initial_variances: (effects,) initial variances; None uses those of least squares.
+        initial_variances: (effects,) initial variances; None uses `guess_initial_variances`.
 
     Source:
         Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
@@ -100,7 +100,7 @@ def estimate_variances_by_reml(
 def guess_initial_variances(
     residual: Floats, design: Floats, effects: Floats, within_run: WithinRunVariance
 ) -> Floats:
-    """Initial variances (effects,): equal shares of the residual, and the readings' own."""
+    """Initial variances (effects,): equal shares of the residual; for readings their own."""
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     degrees_of_freedom = max(residual.size - design.shape[1], 1)
     spread = max(float(left @ left) / degrees_of_freedom, 1e-300)
@@ -145,7 +145,7 @@ def compute_reml_projection(
 def compute_fisher_information(
     projected_effects: Floats, within_run: WithinRunVariance, variances: Floats
 ) -> Floats:
-    """Expected information (effects, effects) on the variances; readings add to the first."""
+    """Expected information (effects, effects) on the variances; readings count for the first."""
     information = 0.5 * np.einsum("kij,lji->kl", projected_effects, projected_effects)
     if within_run.degrees_of_freedom:
         information[0, 0] += 0.5 * within_run.degrees_of_freedom / variances[0] ** 2
@@ -177,7 +177,7 @@ def compute_reml_score_and_information(
 def take_fisher_scoring_step(
     variances: Floats, score: Floats, information: Floats, min_fraction: float
 ) -> Floats:
-    """Variances (effects,) after a scoring step, each at least a fraction of what it was."""
+    """Variances (effects,) after a scoring step, each at least `min_fraction` of its old value."""
     try:
         step = np.linalg.solve(information, score)
     except np.linalg.LinAlgError:

@@ -1,4 +1,4 @@
-"""Add calibrated masses to the loads of a later log, unless its facts refuse them."""
+"""Add calibrated masses to the loads of a later log, or the reason why it cannot be calibrated."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,12 +24,12 @@ from analysis.model.machine_body import Body
 from analysis.model.schema import CALIBRATED, conform_frame_to_schema
 from estimators.errors import DataError, suggest_choice
 
-#: The estimators of frame `loads`: m̂ and the random part of its standard uncertainty.
+#: By estimator, columns of frame `loads` with m̂ and the random part of its standard uncertainty.
 ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
     "joint_mass": ("mass_kg", "u_random_kg"),
     "joint_payload": ("own_payload_kg", "own_payload_u_random_kg"),
 }
-#: Frames of a replay for `collect_later_log_facts`; the last two a replay under learnt priors has.
+#: Frames of a replay for `collect_later_log_facts`; the last two only exist with learnt priors.
 LATER_LOG_FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 
 
@@ -46,11 +46,11 @@ class LaterLog:
     """Facts about a later log besides its loads.
 
     Attributes:
-        refused: why none of its masses is calibrated; "" if they are.
-        shared_errors: its estimate of errors shared with its campaign; None corrects none.
+        refused: reason why no mass of the log is calibrated; "" if there is none.
+        shared_errors: estimate by the log of errors shared with its campaign; None corrects none.
         empty_kg: known mass of the empty machine; None if unknown.
-        empty_u_kg: its standard uncertainty.
-        unseen: changes since the evidence that would stay undetected.
+        empty_u_kg: standard uncertainty of that mass.
+        unseen: text on changes since the evidence that the log would not show, by load.
     """
 
     refused: str = ""
@@ -68,8 +68,8 @@ def calibrate_loads(
 ) -> pl.DataFrame:
     """Add the calibrated mass and payload of each load.
 
-    If the log has an empty part, its calibrated mass must equal that of the empty machine; by
-    chance it differs in one log of 370.
+    If the log contains an empty state, its calibrated mass must equal that of the empty machine,
+    within a limit that one log in 370 exceeds by chance.
 
     Args:
         loads: frame `loads`; existing calibrated columns are replaced.
@@ -78,7 +78,7 @@ def calibrate_loads(
 
     Returns:
         The frame with the columns `CALIBRATED`; `calibrated_reason` is the reason why a row has no
-        mass ("" else), `calibrated_said` a note on its mass.
+        mass, or "", and `calibrated_said` a note on its mass.
 
     Raises:
         DataError: the frame lacks the calibration's estimator.
@@ -115,7 +115,7 @@ def _make_calibrated_columns(
     drift_was_checked: bool,
     empty_weighings: int,
 ) -> dict[str, Any]:
-    """Calibrated columns of a load."""
+    """Columns `CALIBRATED` of a load."""
     off_kg, unlike_u_kg = estimate_driving_offset_and_u_kg(
         load_row, calibration, later_log.shared_errors
     )
@@ -152,7 +152,7 @@ def _make_calibrated_columns(
 def estimate_driving_offset_and_u_kg(
     load_row: Mapping[str, Any], calibration: Calibration, shared_errors: SharedErrors | None
 ) -> tuple[float, float]:
-    """Offset of m̂ caused by driving unlike the campaign, with its uncertainty, in kg."""
+    """Offset of m̂ by driving differently from the campaign, and its uncertainty, in kg."""
     key = ("mass" if calibration.method == "joint_mass" else "payload", load_row["load_id"])
     if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
         return 0.0, 0.0
@@ -207,7 +207,7 @@ def calibrate_payload_of_load(
         u_kg = float(np.hypot(load_mass.u_kg, later_log.empty_u_kg))
         half_kg = float(np.hypot(half_kg, NORMAL * later_log.empty_u_kg))
         return CalibratedPayload(load_mass.mass_kg - empty_kg, u_kg, half_kg)
-    # by readings that repeat no better than the campaign's
+    # assuming that readings repeat no better than those of the campaign
     repeats_kg = (calibration.repeatability_kg or 0.0) * float(
         np.sqrt(1.0 / load_row["manoeuvres"] + 1.0 / max(empty_weighings, 1))
     )
@@ -230,7 +230,7 @@ def calibrate_payload_of_load(
 def check_drift_of_empty_machine(
     load_rows: list[dict[str, Any]], calibration: Calibration, later_log: LaterLog
 ) -> DriftCheck | None:
-    """Check of the log's empty part against the known mass; None without one."""
+    """Check of the log's empty states against the known empty mass; None without either."""
     empty = [row for row in load_rows if row["empty"] and row["mass_kg"] is not None]
     if later_log.empty_kg is None or not empty or calibration.method != "joint_mass":
         return None
@@ -243,7 +243,7 @@ def check_drift_of_empty_machine(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )
     random_kg = float(np.linalg.norm(share * [row["u_random_kg"] for row in empty]))
-    # what errors that are shared do to them is alike
+    # shared errors have the same effect on all of them
     unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
     point = CheckPoint(mass_kg, random_kg, int(count.sum()))
     u_kg = float(np.hypot(later_log.empty_u_kg, unlike_u_kg))
@@ -251,7 +251,7 @@ def check_drift_of_empty_machine(
 
 
 def describe_machine_change(check: DriftCheck | None, later_log: LaterLog) -> str:
-    """Why the calibration no longer applies to this machine; "" if it does."""
+    """Reason why the calibration no longer applies to this machine; "" if it does."""
     if (
         check is None
         or check.p_1 is None

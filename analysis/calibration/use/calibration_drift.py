@@ -1,4 +1,4 @@
-"""Check for drift of a machine since its calibration, with one known mass."""
+"""Check of a machine for drift since its calibration, with one known mass."""
 
 from typing import Final
 
@@ -20,7 +20,7 @@ class CheckPoint:
     Attributes:
         mass_kg: m̂ by the calibration's method; None without one.
         u_random_kg: random standard uncertainty of m̂; None if unknown.
-        readings: number of readings in its mean.
+        readings: number of readings in the mean.
     """
 
     mass_kg: float | None
@@ -62,12 +62,12 @@ def compare_known_mass_with_calibration(
     machine_reading: CheckPoint,
     min_relevant_drift_kg: float | None = None,
 ) -> DriftCheck:
-    """Compare one known mass with its mass by the calibration.
+    """Compare a known mass with its calibrated mass.
 
     Args:
         calibration: calibration of the machine.
         reference_kg: known mass, including the machine if the calibration includes it.
-        reference_u_kg: its standard uncertainty, independent of the calibration's.
+        reference_u_kg: standard uncertainty of the known mass, independent of the calibration.
         machine_reading: reading of the machine.
         min_relevant_drift_kg: drift that must be detected; None for twice the limit.
 
@@ -81,7 +81,7 @@ def compare_known_mass_with_calibration(
     if min_relevant_drift_kg is not None and not min_relevant_drift_kg > 0.0:
         raise DataError("check: the drift limit must be above 0 kg")
     low, high = calibration.range_kg
-    # a drifted machine may well say a mass outside of the range: the known mass has to be in it
+    # a drifted machine may give a mass outside the range, so the known mass must be inside it
     if not low <= reference_kg <= high:
         return _make_drift_check_without_result(
             f"{reference_kg:g} kg is outside of the range, {low:g} to {high:g} kg"
@@ -96,7 +96,7 @@ def compare_known_mass_with_calibration(
     limit = inversion.compute_half_interval_kg(reference_kg, calibration.confidence_1, *run)
     tail = inversion.compute_exceedance_probability(abs(difference), reference_kg, *run)
     matters = 2.0 * limit if min_relevant_drift_kg is None else min_relevant_drift_kg
-    # the limit is given by then, so that what a drift leaves within it is as good as normal
+    # the limit is fixed by now, so the probability of staying within it is that of a normal one
     missed = float(ndtr((limit - matters) / u) - ndtr((-limit - matters) / u))
     return DriftCheck(
         drifted=abs(difference) > limit,

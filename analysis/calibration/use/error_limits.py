@@ -11,15 +11,15 @@ from analysis.calibration.line.calibration import Calibration
 from estimators.errors import DataError, suggest_choice
 
 _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
-#: OIML R 51: loads up to so many scale intervals e, by class; it has no more than the last.
+#: OIML R 51: ends of the ranges of load in scale intervals e, by class; the last is the maximum.
 _R51_STEPS_E: Final[Mapping[str, tuple[float, float, float]]] = {
     "OIML R 51 Y(a)": (500.0, 2000.0, 10_000.0),
     "OIML R 51 Y(b)": (50.0, 200.0, 1000.0),
 }
-#: Their limits in e, at the first verification and in service.
+#: OIML R 51: error limits in e in these ranges, at initial verification and in service.
 _R51_LIMITS_E: Final = {False: (1.5, 2.0, 2.5), True: (2.0, 3.0, 4.0)}
-#: OIML R 134: limits as shares of the mass at the first verification; in service twice as much.
-#: Where a scale interval and axles would allow more, it is not counted.
+#: OIML R 134: error limits as fractions of the mass at initial verification; twice that in service.
+#: Larger limits by scale interval and axles are not used.
 _R134_LIMITS_1: Final[Mapping[str, float]] = {
     "OIML R 134 0.2": 0.0010,
     "OIML R 134 0.5": 0.0025,

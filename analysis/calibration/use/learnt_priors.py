@@ -1,8 +1,8 @@
 """Learnt priors: narrower priors of nuisances, from the logs of a campaign.
 
-With wide priors each log estimates its own nuisances, and masses of separate logs scatter by the
-errors of these. Properties that are constant for the machine are the same in every log: with one
-prior for all logs their error is a common one, which the line absorbs.
+With wide priors each log estimates its own nuisances, whose errors scatter the masses of separate
+logs. Properties that are constant for the machine are the same in every log: with one prior for all
+logs their error is common, and the line absorbs it.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from analysis.model.machine import Machine
 from analysis.model.prior_settings import LearnableTerm, LearntTerm
 from analysis.model.strict_config import STRICT
 
-#: Of the terms, what another ground, mounting or warmth changes from day to day.
+#: Terms that change from day to day with the ground, the mounting or the temperature.
 _CHANGES: Final = ("const", "direction")
 _UNDETECTED: Final = (
     "no log can reveal a force gain that has changed since, and a bias, tilt or rolling resistance "
@@ -79,9 +79,10 @@ def pool_learnt_terms_over_logs(
 ) -> dict[LearnableTerm, LearntTerm]:
     """Pool the logs' estimates of each term: weighted mean, uncertainty, variation between logs.
 
-    The variation is estimated by moments (DerSimonian and Laird 1986) if chi-square shows it at 5
-    %, of all terms together; otherwise one hundredth of the prior is kept. Undetected variation
-    scatters the runs of a calibration, whose intervals include it.
+    The variation is estimated by moments (DerSimonian and Laird 1986) if it is significant by a
+    chi-square test at 5 % (for all terms together, or each, by the procedure); otherwise it is one
+    hundredth of the prior. Undetected variation scatters the runs of a calibration, so that its
+    intervals include it.
 
     Args:
         log_terms: prior and posterior of each term by each log.
@@ -107,7 +108,7 @@ def pool_learnt_terms_over_logs(
 def pool_learnt_term_over_logs(
     log_terms: Sequence[TermOfLog], significance_level: float
 ) -> LearntTerm:
-    """Prior of a term from the logs' estimates, which count once with the old prior."""
+    """Learnt prior of a term from the estimates of the logs, with the old prior counted once."""
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in log_terms))
     told = [
@@ -122,7 +123,7 @@ def pool_learnt_term_over_logs(
         else 0.0
     )
     weight = 1.0 / (variance + between)
-    # the prior counts once, not once a log
+    # the prior counts once, not once per log
     total = float(weight.sum()) + prior**-2
     return LearntTerm(
         mean=float(weight @ value) / total,
@@ -164,7 +165,7 @@ def estimate_between_log_variance(
 def copy_machine_with_learnt_priors(
     machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]
 ) -> Machine:
-    """The machine with a calibration's learnt priors; those stated in its file are kept."""
+    """The machine with a calibration's learnt priors; priors stated in its file are kept."""
     if not terms:
         return machine
     stated = machine.settings.priors.learnt
@@ -176,13 +177,13 @@ def copy_machine_with_learnt_priors(
 
 
 def copy_machine_estimating_learnt_mean_errors(machine: Machine) -> Machine:
-    """The machine for later logs, in which several loads show errors of learnt means."""
+    """The machine for later logs, set to estimate errors of learnt means from several loads."""
     told = {"priors.learnt_means": "told"}
     return machine.model_copy(update={"settings": machine.settings.copy_with_changes(told)})
 
 
 def describe_contradicted_learnt_priors(nuisances: pl.DataFrame) -> str:
-    """How a later log contradicts its learnt priors; "" if it does not.
+    """Sentence on how a later log contradicts its learnt priors; "" if it does not.
 
     Args:
         nuisances: the frame `nuisances`.
@@ -203,7 +204,7 @@ def describe_contradicted_learnt_priors(nuisances: pl.DataFrame) -> str:
 def iter_log_estimates_of_learnt_terms(
     nuisances: pl.DataFrame,
 ) -> Iterator[tuple[dict[str, Any], float, float]]:
-    """Row, estimate by the log alone, and expected deviation of each learnt term."""
+    """Yield, for each learnt term, row, estimate by the log alone, and its expected deviation."""
     if "alone" not in nuisances.columns:
         return
     for row in nuisances.drop_nulls("alone").to_dicts():
@@ -218,11 +219,11 @@ def iter_log_estimates_of_learnt_terms(
 def describe_undetectable_changes_by_load(
     nuisances: pl.DataFrame, shared_errors: SharedErrors | None
 ) -> dict[int, str]:
-    """Largest change since the calibration that this log would not contradict, by load.
+    """Text on the largest change since the calibration that the log would not show, by load.
 
     Args:
         nuisances: the frame `nuisances`.
-        shared_errors: the log's masses' responses to the means of learnt priors.
+        shared_errors: responses of the log's masses to errors of learnt means.
     """
     if shared_errors is None:
         return {}

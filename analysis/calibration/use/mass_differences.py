@@ -1,7 +1,7 @@
-"""Differences of two masses of one log on a calibration's line: its level cancels.
+"""Differences of two masses of one log on a calibration line, whose level cancels.
 
-Of the errors that are common to a log, the line absorbs the scale and those of the means of learnt
-priors; what remains is the difference between their effects on this log and on the campaign.
+Of the errors common to a log, the line absorbs the scale and those of the means of learnt priors;
+the difference between their effects on this log and on the campaign remains.
 
 The slope of a line of masses contains the gain and the forces that grow with the load (rolling
 resistance, a sagging body): a campaign's logs have one load each, and cannot distinguish such a
@@ -22,7 +22,7 @@ from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.use_limits import LIMITS
 from estimators.arrays import Floats
 
-#: A normal distribution's 95 %.
+#: Coverage factor of 95 % for a normal distribution.
 NORMAL: Final = 1.96
 
 
@@ -34,9 +34,9 @@ class DifferenceOnLine:
         payload_kg: calibrated payload.
         line_kg: uncertainty of the line.
         taken_kg: standard uncertainty absorbed by the line, in kg of m̂.
-        unlike_u_kg: standard uncertainty of its remainder, due to driving unlike the campaign.
-        shared_u_kg: part of that common to all payloads.
-        size_1: absolute slope.
+        unlike_u_kg: standard uncertainty by driving differently from the campaign.
+        shared_u_kg: part of `unlike_u_kg` that is common to all payloads.
+        size_1: magnitude of the slope.
     """
 
     payload_kg: Floats
@@ -57,7 +57,7 @@ def calibrate_mass_differences(
     payload_kinds_and_numbers: Sequence[tuple[str, int]],
     payload_kg: Floats,
 ) -> DifferenceOnLine:
-    """Calibrate payloads by a line.
+    """Calibrate payloads, as differences of two masses, by a line.
 
     Args:
         calibration: calibration of masses, or of payloads with a level.
@@ -125,8 +125,8 @@ class DifferenceGain:
 
     Attributes:
         slope_1: the gain.
-        variance_1: its variance, without errors of learnt means.
-        by_level_1: weight of the line's level over its mass; the remainder is that of the slope.
+        variance_1: variance of the gain, without errors of learnt means.
+        by_level_1: weight of the gain from the level of the line; the rest is that of its slope.
     """
 
     slope_1: float
@@ -147,7 +147,7 @@ def estimate_difference_gain_by_slope_and_level(
         return make_difference_gain_by_slope(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
-    # the line's own uncertainty at its centre, of c0 + c1 m
+    # uncertainty of the line c0 + c1 m at its centre
     own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
     means_kg = shared_errors.compute_shared_error_u_kg(
         shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)

@@ -53,7 +53,7 @@ def drive_trials_of_log(scenario: Scenario, load_kg: float, load_index: int) -> 
 
 
 def estimate_manoeuvre_duration_s(manoeuvre: Manoeuvre) -> float:
-    """Approximate duration of a manoeuvre, including its stop."""
+    """Approximate duration of a manoeuvre in s, including its stop."""
     match manoeuvre:
         case Rest():
             return 0.0  # a rest has two rows
@@ -71,15 +71,15 @@ class TrialDriver(MachineDriver):
         self.driven: list[DrivenManoeuvre] = []
         self._load_kg = load_kg
         self.mass_kg = RigidBody.make_loaded_body(scenario, load_kg).mass_kg
-        #: Whether a stand has the load of the start after it, or, as logs of before have it, the
-        #: one that the log began with.
+        #: Whether a standstill has the load of the next start; otherwise, as in earlier versions,
+        #: it has the load with which the log began.
         self._stands_loaded = bool(scenario.chassis.pitch_deg_kg or scenario.loading.spill_1_s)
         self._added_kg, self._lost_kg = 0.0, 0.0
 
     def drive_manoeuvre(
         self, trial: int, manoeuvre_number: int, manoeuvre: Manoeuvre, trial_start_s: float
     ) -> None:
-        """Drive one manoeuvre, from standing to standing."""
+        """Drive one manoeuvre, from standstill to standstill."""
         loading = self.scenario.loading
         added_kg = loading.added_load_kg(self.starts)
         if added_kg != self._added_kg:
@@ -153,7 +153,7 @@ class TrialDriver(MachineDriver):
         return ManoeuvreTimes("excite", start_s, start_s, None, braking_s, self.time_s)
 
     def _follow_target_speeds_by_pedal(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
-        """Follow target speeds by a pedal, with brakes and a rest at each stand.
+        """Follow target speeds by a pedal, with brakes and a rest at each stop.
 
         Raises:
             ScenarioError: the machine does not move.
@@ -208,7 +208,7 @@ class TrialDriver(MachineDriver):
         return None if self._swings or slow_s <= self._step_s else math.ceil(duration_s / slow_s)
 
     def end_log(self) -> None:
-        """End the log with a rest or, in motion, just after its last sample."""
+        """End the log with a rest or, if it ends in motion, just after its last sample."""
         rest_s = self.scenario.campaign.rest_s
         if self.state[plant.WHEEL] == 0.0:
             self.stand_still(rest_s + LIMITS.step_s, self.mass_kg)
@@ -224,11 +224,11 @@ class TrialDriver(MachineDriver):
 
 
 class TravelLeg(NamedTuple):
-    """Part of a travel from one stand, or the log's begin, to the next, or its end.
+    """Part of a travel from one stop, or the start of the log, to the next stop, or its end.
 
     Attributes:
         wanted_m_s: (n,) target speed at each step.
-        stand_s: duration of the following stand; None to drive on.
+        stand_s: duration of the following standstill; None to drive on.
     """
 
     wanted_m_s: Floats
@@ -238,7 +238,7 @@ class TravelLeg(NamedTuple):
 def draw_travel_legs(
     travel: Travel, generator: np.random.Generator, step_s: float
 ) -> Iterator[TravelLeg]:
-    """Yield the legs of a travel, of about its duration in total."""
+    """Yield the legs of a travel, with about its duration in total."""
     left_s = travel.duration_s
     speed = 0.0
     parts: list[Floats] = []

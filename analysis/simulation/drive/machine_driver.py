@@ -1,4 +1,4 @@
-"""Driver of the integrated plant, manoeuvre by manoeuvre, from standing to standing."""
+"""Driver of the integrated plant, manoeuvre by manoeuvre, from standstill to standstill."""
 
 import math
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ from estimators.errors import ScenarioError
 
 
 class DrivenStart(NamedTuple):
-    """Times of a start, and the masses filled in and fallen off."""
+    """Times of a start, and the masses that were filled in and that fell off."""
 
     times: ManoeuvreTimes
     filled_kg: float
@@ -43,16 +43,16 @@ class StartOrder:
     """Command to the operator for one start.
 
     Attributes:
-        sign: 1 ahead, -1 back.
+        sign: 1 forwards, -1 in reverse.
         throttle: fraction of full throttle.
-        start_s: duration of the throttle.
-        cruise_s: time at constant speed after it.
-        coast_s: time without throttle before the brakes.
+        start_s: duration of open throttle.
+        cruise_s: time at constant speed after that.
+        coast_s: time without throttle before braking.
         digging_N: resistance of the pile when the throttle is shut.
-        digging_s: time before that in which the resistance grows.
+        digging_s: time before the throttle is shut in which the resistance grows.
         fill_kg_s: growth of the load until the throttle is shut.
-        load_kg: load at the begin.
-        spill_1_s: fraction of the load that falls off in a second.
+        load_kg: load at the start.
+        spill_1_s: fraction of the load that falls off per second.
         distance_m: distance after which the machine stands again; None to cruise for `cruise_s`.
     """
 
@@ -84,7 +84,7 @@ class MachineDriver:
         self.scenario = scenario
         self.state = plant.make_state_at_rest()
         self.starts = 0
-        #: 1 or -1: whether the machine looks uphill or downhill where the ground slopes up.
+        #: 1 if the machine faces uphill where the ground slopes up, -1 if downhill.
         self.facing = 1.0
         self._machine = make_machine_and_ground_of_scenario(scenario)
         self._load_index = load_index
@@ -98,7 +98,7 @@ class MachineDriver:
             scenario.drivetrain.resonance_hz, scenario.chassis.squat_hz, scenario.starts.stick_hz
         )
         lag_s = scenario.campaign.valve_lag_s
-        #: Whether anything goes on in a machine that stands.
+        #: Whether a machine at standstill still moves internally.
         drivetrain, chassis = scenario.drivetrain, scenario.chassis
         self._swings = bool(drivetrain.resonance_hz or chassis.squat_hz or chassis.boom_kg)
         self._step_s = min(
@@ -107,7 +107,7 @@ class MachineDriver:
 
     @property
     def position_m(self) -> float:
-        """Position of the machine along the way."""
+        """Position of the machine along the way, in m."""
         return float(self.state[plant.POSITION])
 
     def reserve_rows(self, duration_s: float) -> None:
@@ -125,7 +125,7 @@ class MachineDriver:
         return ManoeuvreTimes("rest", begin_s, None, None, None, self.time_s)
 
     def turn_around(self, rate_rad_s: float, mass_kg: float) -> ManoeuvreTimes:
-        """Turn by half a turn on the spot, with a cosine yaw rate up to `rate_rad_s`."""
+        """Turn by 180° on the spot, with a cosine-shaped yaw rate up to `rate_rad_s`."""
         begin_s, duration_s = self.time_s, 2.0 * math.pi / abs(rate_rad_s)
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
         stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
@@ -140,14 +140,14 @@ class MachineDriver:
         phase = (rows[:, plant.TIME] - begin_s) / duration_s * 2.0 * math.pi
         turned = (phase - np.sin(phase)) / 2.0
         rows[:, plant.YAW_RATE] = rate_rad_s * (1.0 - np.cos(phase)) / 2.0
-        # what the brakes hold of the slope
+        # the part of the slope's force that the brakes hold
         rows[:, plant.BRAKED] *= np.cos(turned)
         rows[[0, -1], plant.YAW_RATE] = 0.0
         self.facing = -self.facing
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
     def drive_one_start(self, start_order: StartOrder, body: RigidBody) -> DrivenStart:
-        """Drive one start: throttle, cruise, coast if so ordered, brake.
+        """Drive one start: throttle, cruise, coast if ordered, brake.
 
         Returns:
             Times of the start, mass filled in and mass fallen off, in kg.
@@ -241,7 +241,7 @@ class MachineDriver:
         """Brake until the machine stands.
 
         Raises:
-            ScenarioError: it does not stop.
+            ScenarioError: the machine does not stop.
         """
         speed = float(self.state[plant.WHEEL])
         if speed == 0.0:
@@ -297,12 +297,12 @@ class MachineDriver:
         return rows[:kept]
 
     def uphill_gravity_m_s2(self) -> float:
-        """Component of gravity against the machine at its position."""
+        """Component of gravity against the machine's forward direction at its position, in m/s²."""
         slope_rad = self.scenario.terrain.compute_slope_rad(self.position_m)
         return self.facing * self._machine.gravity_m_s2 * math.sin(slope_rad)
 
     def make_body_with_cold_friction(self, body: RigidBody, time_s: float) -> RigidBody:
-        """Body with the remaining cold friction at a time."""
+        """Body with the friction that the machine has at a time while it warms up."""
         viscous, coulomb = self._cold_viscous_and_coulomb_fractions(time_s)
         return replace(
             body,
@@ -339,7 +339,7 @@ class MachineDriver:
         )
 
     def _cruise_duration_s(self, driven_m: float, distance_m: float, body: RigidBody) -> float:
-        """Cruise duration after which the machine stops at about the wanted distance, in s."""
+        """Cruise duration in s after which the machine stops at about the ordered distance."""
         speed = abs(float(self.state[plant.WHEEL]))
         campaign = self.scenario.campaign
         stop_m = speed * (campaign.valve_lag_s + 0.5 * speed / campaign.braking_m_s2)
@@ -357,7 +357,7 @@ class MachineDriver:
         return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
 
     def _driveline_spring_elongation_m(self, mass_kg: float) -> float:
-        """Stretch of the driveline's spring by the slope at the start of a log, in m."""
+        """Elongation of the driveline's spring by the slope at the start of a log, in m."""
         wheel_kg = self._machine.wheel_share * mass_kg + self._machine.rotating_kg
         body_kg = mass_kg * (1.0 - self._machine.wheel_share)
         reduced_kg = wheel_kg * body_kg / (wheel_kg + body_kg)
@@ -374,7 +374,7 @@ class MachineDriver:
         )
 
     def _cruise_force_newtons(self, stage: DriveStage, full_force_N: float) -> float:
-        """Drive force in N that keeps the speed on this slope, limited by the throttle."""
+        """Drive force in N that keeps the speed on the present slope, limited by the throttle."""
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_force_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
         viscous, coulomb = self._cold_viscous_and_coulomb_fractions(self.time_s)

@@ -1,8 +1,8 @@
 """Drive a shift cycle by cycle, with an operator drawn from the seed.
 
-The way runs from the dump (at 0) to the pile (at `haul_m`). A machine that looks along it faces the
-pile. Cycles: drive to the pile, dig, back out, turn, haul, dump, back out, turn; hauls in reverse
-do without the turns.
+The way runs from the dump (at 0) to the pile (at `haul_m`). A machine that faces along it faces the
+pile. Cycles: drive to the pile, dig, back out, turn, haul, dump, back out, turn; with hauls in
+reverse there are no turns.
 """
 
 import math
@@ -27,8 +27,8 @@ _DRIVE, _DIG, _CARRY, _DUMP = (0.15, -0.3), (0.0, 0.0), (0.25, -0.6), (0.95, 0.8
 class Cycle(NamedTuple):
     """True data of a cycle; times in s since the shift began, masses in kg.
 
-    `load_kg` is what was dug, of which some may have fallen off or been poured on the way;
-    `payload_kg` is what was dumped: the rest, less what was carried back.
+    `load_kg` is the mass that was dug; part of it may have fallen off or been poured on the way.
+    `payload_kg` is the mass that was dumped: the rest, minus the carry-back.
     """
 
     cycle: int
@@ -64,7 +64,7 @@ class Dump(NamedTuple):
 
 
 class Standstill(NamedTuple):
-    """A stand of the machine: kind is idle, break or refuelling."""
+    """A standstill of the machine; kind is idle, break or refuelling."""
 
     kind: str
     start_s: float
@@ -72,7 +72,7 @@ class Standstill(NamedTuple):
 
 
 class BoomAngle(NamedTuple):
-    """Angles at a time, interpolated linearly to the next."""
+    """Angles of boom and bucket at a time, interpolated linearly to the next."""
 
     time_s: float
     boom_rad: float
@@ -105,7 +105,7 @@ class ShiftDriver(MachineDriver):
 
     @property
     def is_shift_over(self) -> bool:
-        """Whether the shift is over and its last cycle finished."""
+        """Whether the duration of the shift has passed."""
         return self.time_s >= self.shift.duration_h * 3600.0
 
     def drive_cycle(self) -> None:
@@ -177,9 +177,9 @@ class ShiftDriver(MachineDriver):
         *,
         is_pouring: bool = False,
     ) -> None:
-        """Drive along the way (1) or against it (-1) to a place, in a few starts.
+        """Drive along the way (1) or against it (-1) to a position, in a few starts.
 
-        With `is_pouring` a part of the load is poured at the first stop.
+        With `is_pouring`, part of the load is poured out at the first stop.
         """
         count = max(int(operator.integers(1, max_starts + 1)), 1 + is_pouring)
         parts = operator.uniform(0.7, 1.3, count)
@@ -205,7 +205,7 @@ class ShiftDriver(MachineDriver):
             if distance_m > 2.0 * self.shift.back_m
             else LIMITS.short_throttle_s
         )
-        # what is carried back sticks
+        # the carry-back sticks in the bucket and does not fall off
         spill_1_s = self.shift.spill_1_s if self._load_kg > self._carried_kg else 0.0
         order = StartOrder(
             sign,
@@ -226,14 +226,14 @@ class ShiftDriver(MachineDriver):
     def _record_spill(
         self, spill_kind: str, mass_kg: float, start_s: float, start_m: float
     ) -> None:
-        """Record material that has left the bucket since a time and a place."""
+        """Record material that has left the bucket since a time and a position."""
         lost = Dump(
             self._cycle, spill_kind, start_s, self.time_s, start_m, self.position_m, mass_kg
         )
         self.dumps.append(lost)
 
     def _pour_part_of_load(self) -> None:
-        """Stand, and pour a part of the load halfway through the standstill."""
+        """Stand, and pour out part of the load halfway through the standstill."""
         half_s, loaded = self.shift.dump_s / 2.0, self._make_body_with_load()
         times = self.stand_still(half_s, loaded.mass_kg)
         self._record_boom_angles(_CARRY, at_s=times.start_s)
@@ -348,7 +348,7 @@ class ShiftDriver(MachineDriver):
         throttle: float | None = None,
         load_kg: float | None = None,
     ) -> None:
-        """Record a manoeuvre; `load_kg` is the load at its begin, by default the present one."""
+        """Record a manoeuvre; `load_kg` is the load at its start, by default the present one."""
         directions = {0.0: None, 1.0: "forward", -1.0: "reverse"}
         begin_kg = self._load_kg if load_kg is None else load_kg
         self.driven.append(

@@ -76,7 +76,7 @@ class ShiftSimulation:
     def simulate_logs(self) -> Iterator[SimulatedLog]:
         """Simulate the logs in order; the same scenario gives the same logs bit for bit.
 
-        To be called once: the driver goes on from where the last log ended.
+        Call it only once: the driver continues from where the last log ended.
         """
         start_ns = convert_to_whole_ns(self.scenario.log.start_unix_s)
         planned = _plan_spans_of_logs(self.scenario, self.shift)
@@ -94,7 +94,7 @@ class ShiftSimulation:
             yield self._simulate_log(index, self._spans[-1], heading_rad, start_ns)
 
     def collect_truth(self) -> ShiftTruth:
-        """Collect the true values after all logs were requested."""
+        """Collect the true values, once all logs have been requested."""
         start_ns = convert_to_whole_ns(self.scenario.log.start_unix_s)
         cycles = pl.DataFrame([each._asdict() for each in self._driver.cycles])
         starts = [span.start_s for span in self._spans]
@@ -196,7 +196,7 @@ class _PositionAndBoom(NamedTuple):
 def subtract_cycle_starts(
     manoeuvres: tuple[DrivenManoeuvre, ...], begins: Floats
 ) -> tuple[DrivenManoeuvre, ...]:
-    """Manoeuvres with their times relative to the begin of their cycle."""
+    """Manoeuvres with their times relative to the start of their cycle."""
     return tuple(
         each._replace(times=each.times.subtract_start_time(float(begins[each.trial])))
         for each in manoeuvres
@@ -204,7 +204,7 @@ def subtract_cycle_starts(
 
 
 def _plan_spans_of_logs(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
-    """Spans of the logs, and which are torn."""
+    """Spans of the logs, with the fraction torn off damaged ones."""
     drawn = make_random_generator(scenario.sensors.seed, 0, 0, "shift_recorder")
     length_s = shift.duration_h * 3600.0 / shift.logs
     spans: list[LogSpan] = []

@@ -1,6 +1,6 @@
-"""Simulated campaign: for each load one log of many trials, with the truth of each.
+"""Simulated campaign: for each load one log of many trials, with the true values of each.
 
-A trial is what a scenario calls a run: the manoeuvres of `campaign.manoeuvres`, once.
+A trial is called a run in a scenario: one pass through the manoeuvres of `campaign.manoeuvres`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,25 +27,24 @@ from estimators.errors import ScenarioError
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLog:
-    """The recorded topics of one load, and the truth about it.
+    """The recorded topics of one log, and its true values.
 
     Attributes:
         scenario: simulated scenario.
         load_kg: the load.
-        topics: `imu`, `torque` and `speed`, in a shift also others, as from
+        topics: frames `imu`, `torque` and `speed`, and in a shift others, by
             `simulate_topics_of_log`.
-        trials: a row per trial (none in a shift): `run` (its number), the unix times `start_ns` and
+        trials: a row per trial (none in a shift): `run` (its number), the Unix times `start_ns` and
             `end_ns`, `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without
             one), and the true `load_kg mass_kg friction_N_s_m coulomb_N rolling_N slope_deg
-            inertia_z_kg_m2 com_x_m com_y_m friction_z_N_m_s coulomb_z_N_m`: of machine and load,
-            about the origin, where its first start begins (without one, its first manoeuvre).
+            inertia_z_kg_m2 com_x_m com_y_m friction_z_N_m_s coulomb_z_N_m` of machine and load,
+            about the origin, when its first start (or else its first manoeuvre) begins.
         manoeuvres: a row per manoeuvre: `run`, `manoeuvre` (its number in the trial), `kind`, and
-            the unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has
-            not); `load_kg mass_kg friction_N_s_m coulomb_N rolling_N` where it begins,
-            `load_end_kg` where it ends, and of a start its `direction` and its share of full
-            `throttle`.
+            the Unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null if it has no such
+            part); `load_kg mass_kg friction_N_s_m coulomb_N rolling_N` at its start, `load_end_kg`
+            at its end, and for a start its `direction` and `throttle` (fraction of full throttle).
         timeline: motion without noise, at any time.
-        phase_s: time of each topic's first sample, since the log's begin.
+        phase_s: time of each topic's first sample since the start of the log.
         torn_share: fraction of the file that is torn off at its end.
     """
 
@@ -60,7 +59,7 @@ class SimulatedLog:
 
     @cached_property
     def noise_free_motion(self) -> pl.DataFrame:
-        """Motion without noise at `sensors.rate_hz`, from the log's begin on.
+        """Motion without noise at `sensors.rate_hz`, from the start of the log.
 
         The columns are `time_ns` (Unix) and the fields of `Channels`.
         """
@@ -72,15 +71,15 @@ class SimulatedLog:
 
     @property
     def origin_unix_ns(self) -> int:
-        """Unix time of the campaign's begin, from which times of its tables count."""
+        """Unix time of the start of the campaign, from which the times in its tables count."""
         return convert_to_whole_ns(self.scenario.log.start_unix_s)
 
 
 def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
     """Simulate a scenario: one log per load, in order, on one time line.
 
-    The same scenario gives the same logs bit for bit. Slope and Coulomb friction are in the motion
-    and the measurements as on site; the replay has to deal with them.
+    The same scenario gives the same logs bit for bit. Slope and Coulomb friction affect the motion
+    and the measurements as on site.
 
     Raises:
         ScenarioError: the machine cannot be driven as requested with one of the loads; raised
@@ -109,7 +108,7 @@ def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
 
 
 def _make_timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
-    """Time line of a load's log: one exact trial repeated if possible, else integrated."""
+    """Time line of a load's log: one exact trial repeated if possible, otherwise integrated."""
     if find_scenario_key_needing_integration(scenario) is None:
         return make_timeline_of_repeated_trial(
             scenario, load_kg, solve_motion(scenario, load_kg), start_ns

@@ -42,10 +42,10 @@ class RigidBody:
     friction_z_N_m_s: float
     coulomb_x_N: float
     coulomb_z_N_m: float
-    #: g sin(slope): uphill is where the machine looks at heading 0.
+    #: g sin(slope), positive if the machine faces uphill at heading 0.
     uphill_m_s2: float
     slope_rad: float
-    #: Of a slow machine where its motion begins: in proportion to the weight.
+    #: Rolling resistance at low speed where the motion begins, proportional to the weight.
     rolling_x_N: float
 
     @classmethod
@@ -77,7 +77,7 @@ class RigidBody:
 
     @property
     def com_x_m(self) -> float:
-        """Centre of mass ahead of the origin."""
+        """Centre of mass in m ahead of the origin."""
         return self.first_moment_x_kg_m / self.mass_kg
 
     @property
@@ -91,7 +91,7 @@ class RigidBody:
         Args:
             heading: heading in rad; the force along x is largest at 0.
         """
-        if isinstance(heading, float):  # numpy's are slow on single numbers
+        if isinstance(heading, float):  # the functions of numpy are slow on single numbers
             return self.uphill_m_s2 * math.cos(heading), -self.uphill_m_s2 * math.sin(heading)
         return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)
 
@@ -101,7 +101,7 @@ class RigidBody:
         rate: LongitudinalYawPair,
         heading: Values,
     ) -> LongitudinalYawPair:
-        """Force and torque that remain for acceleration and Coulomb friction.
+        """Applied force and torque minus viscous friction and gravity.
 
         Args:
             applied_force_and_torque: F and T, drive minus brakes.
@@ -146,7 +146,10 @@ class RigidBody:
         heading: Values,
         friction_signs: LongitudinalYawPair,
     ) -> LongitudinalYawPair:
-        """Drive F, T of a motion; `friction_signs` are those of Coulomb friction on each axis."""
+        """Force F and torque T that a motion requires.
+
+        `friction_signs` are the signs of Coulomb friction on each axis.
+        """
         left = self.subtract_friction_and_gravity(
             LongitudinalYawPair(0.0 * rate.x, 0.0 * rate.z), rate, heading
         )

@@ -28,7 +28,8 @@ class MotionState(NamedTuple):
 class MotionPhase(NamedTuple):
     """A part of a trial; times in s since the trial began.
 
-    `name` is a phase of motion, or None if it follows from the motion; `state` takes times (n,).
+    `name` is a phase of motion, or None if the phase follows from the motion; `state` computes the
+    state at times (n,).
     """
 
     name: str | None
@@ -38,10 +39,10 @@ class MotionPhase(NamedTuple):
 
 
 class ManoeuvreTimes(NamedTuple):
-    """Times of a manoeuvre in s since the trial began; None for those it lacks.
+    """Times of a manoeuvre in s since the trial began; None if it has no such part.
 
-    `drive_s` is when drive begins, `steady_s` when a start cruises, a spin holds its rate and an
-    arc its speed; `braking_s` when it ends in braking (or in the ramp down of an arc).
+    At `drive_s` the drive begins; at `steady_s` a start begins to cruise, a spin to hold its rate
+    and an arc its speed; at `braking_s` braking (or the ramp down of an arc) begins.
     """
 
     kind: str
@@ -73,39 +74,39 @@ class Channels(NamedTuple):
     phase: NDArray[np.str_]
     speed_x_m_s: Floats
     acc_x_m_s2: Floats
-    #: All force along x but friction and gravity.
+    #: Total force along x except friction and gravity.
     force_x_N: Floats
-    #: The part of it that torque sensors on all wheels would see.
+    #: The part of that force that torque sensors on all wheels would measure.
     measured_force_x_N: Floats
     yaw_rate_rad_s: Floats
     yaw_acc_rad_s2: Floats
-    #: All torque about the origin but friction and gravity, and what the sensors would see of it.
+    #: Total torque about the origin except friction and gravity, and the part that sensors measure.
     torque_z_N_m: Floats
     measured_torque_z_N_m: Floats
-    #: Of the origin, the slope's share of gravity included.
+    #: Specific force of the origin, including the component of gravity by the slope.
     specific_force_x_m_s2: Floats
     specific_force_y_m_s2: Floats
     heading_rad: Floats
-    #: Of the wheels' circumference without slip: the body's, unless the driveline is soft.
+    #: Circumferential speed of the wheels without slip: that of the body if the driveline is rigid.
     wheel_speed_x_m_s: Floats
-    #: How fast the force changes, which tyres that slip follow.
+    #: Rate of change of the force, which the slip of tyres follows.
     force_rate_x_N_s: Floats
-    #: Of the ground, uphill where the machine looks at heading 0.
+    #: Slope of the ground, positive if the machine faces uphill at heading 0.
     slope_rad: Floats
-    #: Of the body over the ground, nose up.
+    #: Pitch of the body relative to the ground, positive nose-up.
     squat_rad: Floats
-    #: Of the body, with squat and ground.
+    #: Pitch rate of the body, by squat and ground.
     nose_up_rate_rad_s: Floats
-    #: Of machine and load.
+    #: Mass of machine and load.
     mass_kg: Floats
 
 
 @dataclass(frozen=True)
 class SolvedMotion:
-    """One trial with one load, from standing to standing; the machine stands before and after.
+    """One trial with one load, from standstill to standstill, without noise.
 
     Attributes:
-        body: machine with its load: the values that estimators should find.
+        body: machine with its load: the true values of the parameters to estimate.
         brake_measured_share: fraction of the brakes that the torque sensors measure.
         phases: consecutive phases over all times.
         manoeuvres: times of each manoeuvre, in order.
@@ -118,7 +119,7 @@ class SolvedMotion:
 
     @property
     def duration_s(self) -> float:
-        """End of the last manoeuvre."""
+        """End of the last manoeuvre, in s since the trial began."""
         return self.manoeuvres[-1].end_s
 
     def sample_channels(self, time_s: Floats) -> Channels:
@@ -127,7 +128,7 @@ class SolvedMotion:
         rows = np.zeros((len(MotionState._fields), *time_s.shape))
         for phase in self.phases:
             inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
-            if inside.any():  # a short phase may fall between two samples
+            if inside.any():  # a short phase may lie between two samples
                 state = phase.state(time_s[inside])
                 name[inside] = _phase_names(state) if phase.name is None else phase.name
                 rows[:, inside] = np.stack(state)
@@ -157,7 +158,7 @@ class SolvedMotion:
 
 
 def _phase_names(state: MotionState) -> NDArray[np.str_]:
-    """Phases of motion (n,) of an excitation."""
+    """Names of the phases of motion (n,), derived from the state."""
     stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
     return np.select(
         [turns & stands, turns, stands, state.speed_x_m_s * state.acc_x_m_s2 >= 0.0],

@@ -1,4 +1,4 @@
-"""Time line of a log: trials and manoeuvres with their truth, and the motion at any time."""
+"""Time line of a log: trials and manoeuvres with true values, and the motion at any time."""
 
 import math
 from collections.abc import Callable
@@ -18,8 +18,8 @@ from estimators.arrays import Floats
 class DrivenManoeuvre(NamedTuple):
     """A manoeuvre as driven; times in s since its trial began.
 
-    `body` is that of machine and load where it begins, `load_end_kg` the load where it ends;
-    `direction` and `throttle` are None except for a start.
+    `body` is machine and load at its start, and `load_end_kg` the load at its end; `direction` and
+    `throttle` are None except for a start.
     """
 
     trial: int
@@ -72,7 +72,7 @@ class Timeline:
         return np.clip(found, 0, self.trial_ns.size - 1)
 
     def make_trial_table(self, slope_deg: float) -> pl.DataFrame:
-        """A row per trial, with its truth (`SimulatedLog.trials`)."""
+        """Table with a row per trial and its true values (`SimulatedLog.trials`)."""
         rows: list[dict[str, object]] = []
         for trial in range(self.trial_ns.size - 1):
             mine = [each for each in self.driven if each.trial == trial]
@@ -105,7 +105,7 @@ class Timeline:
         return pl.DataFrame(rows).cast(dict.fromkeys(times_ns, pl.Int64))
 
     def make_manoeuvre_table(self) -> pl.DataFrame:
-        """A row per manoeuvre (`SimulatedLog.manoeuvres`)."""
+        """Table with a row per manoeuvre (`SimulatedLog.manoeuvres`)."""
         rows: list[dict[str, object]] = []
         for each in self.driven:
             begin_ns, times = int(self.trial_ns[each.trial]), each.times
@@ -177,7 +177,7 @@ def make_continuous_timeline(
         trial_s: (trials + 1,) start of each trial, and end of the last, since the log began.
         manoeuvres: manoeuvres in order.
         motion: computes the channels at times in s since the log began.
-        start_ns: Unix time of the log's begin.
+        start_ns: Unix time of the start of the log.
     """
     trial_ns = start_ns + np.rint(trial_s * 1e9).astype(np.int64)
 
@@ -193,5 +193,5 @@ def _add_seconds_to_unix_ns(start_ns: int, seconds: float | None) -> int | None:
 
 
 def convert_to_whole_ns(seconds: float) -> int:
-    """Seconds as whole nanoseconds."""
+    """Convert seconds to whole nanoseconds."""
     return round(seconds * 1_000_000_000)

@@ -15,18 +15,18 @@ from analysis.simulation.scenario.scenario import Scenario
 from estimators.arrays import Floats
 from estimators.compiled import compiled_inline, compiled_without_refcounts
 
-#: What changes how fast: the force on the ground, the yaw rate, the acceleration, the mass.
+#: Rows of rates of change: of ground force, yaw rate, acceleration, mass.
 FORCE_RATE, TURN, JERK, FILLING = range(4)
-#: Their number.
+#: Number of these rows.
 SLOPES: Final = 4
-#: Rows that are passed one by one before the rest is searched.
+#: Number of rows that are tried one by one before a binary search.
 _NEAR: Final = 16
-#: Numbers of stages; the phase of one that is free follows from its motion.
+#: Kinds of stages; the phase of a free stage follows from its motion.
 REST, OPEN, STEADY, BRAKING, FREE, TURNING = range(6)
 
 
 class RowBuffer:
-    """Rows of a log, with the kind of stage of each."""
+    """Growing memory for the rows of a log, with the kind of stage of each row."""
 
     def __init__(self) -> None:
         self._rows = np.empty((1024, plant.COLUMNS))
@@ -36,7 +36,7 @@ class RowBuffer:
 
     @property
     def filled_rows(self) -> Floats:
-        """(n, 16) all rows, sharing the growing memory."""
+        """(n, 16) all rows, as a view of the memory."""
         return self._rows[: self._size]
 
     @property
@@ -45,13 +45,13 @@ class RowBuffer:
         return np.repeat(np.array(self._kinds, np.int8), self._counts)
 
     def provide_free_rows(self, count: int) -> Floats:
-        """(at least count, 16) free memory after the rows, to be filled and committed."""
+        """Free memory for `count` rows after the filled ones, (count, 16), to fill and commit."""
         if self._size + count > len(self._rows):
             self.reserve_rows(self._size + 2 * count)
         return self._rows[self._size : self._size + count]
 
     def reserve_rows(self, count: int) -> None:
-        """Reserve memory for more rows; untouched memory is free."""
+        """Reserve memory for more rows; unused memory costs nothing."""
         grown = np.empty((self._size + count, plant.COLUMNS))
         grown[: self._size] = self.filled_rows
         self._rows = grown
@@ -59,7 +59,7 @@ class RowBuffer:
     def drop_rows_before(self, before_s: float) -> float:
         """Drop rows before a time except the last, and return the heading change in them.
 
-        At least two rows are kept. Arrays handed out before keep their memory.
+        At least two rows are kept. Arrays returned before keep their memory.
         """
         time_s = self.filled_rows[:, plant.TIME]
         first = int(np.searchsorted(time_s, before_s, side="right")) - 1
@@ -77,7 +77,7 @@ class RowBuffer:
         return float(turned.sum())
 
     def commit_rows(self, count: int, stage_kind: int) -> None:
-        """Commit filled rows, all of one kind of stage."""
+        """Commit `count` filled rows, all of one kind of stage."""
         self._size += count
         self._kinds.append(stage_kind)
         self._counts.append(count)
@@ -89,7 +89,7 @@ class IntegratedLog:
 
     Attributes:
         scenario: driven scenario.
-        trial_s: (trials + 1,) begin of each trial, and end of the last, since the log began.
+        trial_s: (trials + 1,) start of each trial, and end of the last, since the log began.
         driven: manoeuvres in order.
         rows: (n, 16) rows from `plant`, times ascending; a repeated time marks a discontinuity.
         stage: (n,) kind of stage of each row.
@@ -146,7 +146,7 @@ class IntegratedLog:
     def _pitch_and_rate_of_fast_springs(
         self, mass_kg: Floats, acceleration: Floats, acceleration_rate: Floats
     ) -> tuple[Floats, Floats]:
-        """Pitch of springs that follow at once in rad, and its rate in rad/s, (n,) each."""
+        """Pitch in rad, and its rate in rad/s, (n,) each, on springs without dynamics."""
         chassis = self.scenario.chassis
         by_load = math.radians(chassis.squat_deg_s2_m_kg)
         standing = math.radians(chassis.pitch_deg_kg)
@@ -207,7 +207,7 @@ def _find_row_before(rows: Floats, time_s: float, first_candidate: int) -> int:
 
 @compiled_inline
 def _select_value_to_differentiate(row: Floats, column: int) -> float:
-    """Value at a row whose rate is the slope of a column."""
+    """Value at a row whose derivative is the given kind of rate."""
     if column == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
     if column == FILLING:
@@ -217,7 +217,7 @@ def _select_value_to_differentiate(row: Floats, column: int) -> float:
 
 @compiled_inline
 def differentiate_column_at_row(rows: Floats, row_index: int, column: int) -> float:
-    """Rate of a value at a row from both sides, without discontinuities."""
+    """Derivative of a value at a row: mean of both sides, except across discontinuities."""
     total, known = 0.0, 0.0
     for first in (row_index - 1, row_index):
         if first >= 0 and first + 1 < rows.shape[0]:

@@ -1,13 +1,13 @@
 """The machine on a straight line, integrated in fixed steps: Runge-Kutta of the fourth order.
 
-Wheels and body are two masses with a torsional spring between them, one where the driveline is
+Wheels and body are two masses with a torsional spring between them, or one mass if the driveline is
 rigid; motor and brakes follow their commands with a first-order lag; the body pitches. The x row of
-`body` with what a drivetrain adds to it:
+`body`, with the terms of a drivetrain:
 
     F η = (m_w + m_r) dv_w/dt + m_w g_x + b v_w + F_c sign(v_w) + S,   S = m_b (dv_b/dt + g_x)
 
-Friction grips: where the wheels stand they are held until more pulls than it can hold. Where they
-come to rest within a step, the step is shortened to end there.
+Friction sticks: wheels at rest are held until the force on them exceeds the largest holding force.
+If they come to rest within a step, the step is shortened to end there.
 """
 
 import math
@@ -25,28 +25,28 @@ from analysis.simulation.plant.resistance import (
 from estimators.arrays import Floats
 from estimators.compiled import compiled, compiled_inline
 
-#: The state: position, speed of wheels and body, stretch between them, forces, pitch.
+#: The state: position, speed of wheels and body, elongation between them, forces, pitch.
 POSITION, WHEEL, BODY, STRETCH, DRIVE, BRAKE, PITCH, PITCH_RATE = range(8)
 #: Length of the state.
 STATES: Final = 8
-#: Beside the derivatives of the state: forces and mass of the instant, and the ground's slope.
+#: Outputs after the derivatives of the state: present forces, mass and yaw rate.
 _PULL, _CAPACITY, _FORCE, _GROUND, _BRAKED, _MASS, _YAW_RATE = range(8, 15)
-#: Length of what a derivative gives.
+#: Length of the derivatives with these outputs.
 _OUT: Final = 15
-#: Columns of what is kept: time, the state, and so on.
+#: Columns of a recorded row: time, the state (in between), and further values.
 TIME, ACCELERATION, FORCE, GROUND, BRAKED, MASS, YAW_RATE, STANDS = (0, *range(9, 16))
-#: Their number.
+#: Number of columns of a row.
 COLUMNS: Final = 16
-#: Less friction, in N, is lost in rounding before it holds anything.
+#: Smaller friction, in N, is lost in rounding and holds nothing.
 _LEAST_GRIP: Final = 1e-6
-#: Above this speed, in m/s, a start that turns has reached its yaw rate.
+#: Speed in m/s above which a turning start has its full yaw rate.
 _TURNS_AT: Final = 0.1
 _HALVINGS: Final = 60
 
 
 @compiled_inline
 def limit_motor_force(commanded_N: float, speed_m_s: float, machine: MachineAndGround) -> float:
-    """Force of the motor in N: the commanded one, within its limits while it drives."""
+    """Force of the motor in N: the commanded force, limited in power and speed while it drives."""
     force_N = commanded_N
     if force_N * speed_m_s > 0.0:
         fast = abs(speed_m_s)
@@ -87,7 +87,7 @@ def compute_pedal_and_brake_force(
 
 @compiled_inline
 def _rotating_mass_kg(speed_m_s: float, machine: MachineAndGround) -> float:
-    """Equivalent rotating mass in the gear at a speed."""
+    """Equivalent rotating mass in kg in the gear at a speed."""
     for gear in range(machine.gears.shape[0]):
         if abs(speed_m_s) < machine.gears[gear, 0]:
             return machine.rotating_kg + machine.gears[gear, 1]
@@ -96,7 +96,7 @@ def _rotating_mass_kg(speed_m_s: float, machine: MachineAndGround) -> float:
 
 @compiled_inline
 def compute_total_mass_kg(time_s: float, stage: DriveStage) -> float:
-    """Mass of machine and load in kg at a time in s; some of it may fall in or off."""
+    """Mass of machine and load in kg at a time in s, while material fills in or falls off."""
     mass = stage.mass_kg + stage.fill_kg_s * (time_s - stage.begin_s)
     if stage.spill_1_s > 0.0:
         mass += stage.load_kg * math.expm1(-stage.spill_1_s * (time_s - stage.begin_s))
@@ -142,7 +142,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     capacity += compute_rolling_resistance_newtons(
         y[POSITION], wheel, turn, mass, slope, machine
     ) + compute_gentle_brake_force_newtons(t, grip, mass, gravity, machine, stage)
-    # material that stood takes up the body's speed
+    # material that was at rest is accelerated to the speed of the body
     filling = stage.fill_kg_s * body
     soft = machine.resonance_rad_s > 0.0
     share = machine.wheel_share if soft else 1.0
@@ -321,7 +321,7 @@ def integrate_stage_until_end_or_standstill(  # noqa: PLR0913, PLR0915 - one loo
                 made[BODY] = 0.0
             made[WHEEL] = 0.0
             t += least
-            # no progress: friction holds for the rest of this step
+            # no progress: friction sticks for the rest of this step
             blocked = least <= 1e-9 * step
             y[:] = made
             _fill_state_rates(t, y, grip, waits, machine, stage, wave, wave_step_s, k[0])

@@ -23,7 +23,7 @@ class MachineAndGround(NamedTuple):
     no_load_m_s: float
     efficiency: float
     rotating_kg: float
-    #: (n, 2) up to which speed each gear goes, in m/s, and what rotates in it, in kg.
+    #: (n, 2) highest speed of each gear in m/s, and its equivalent rotating mass in kg.
     gears: Floats
     wheel_share: float
     resonance_rad_s: float
@@ -56,12 +56,12 @@ class DriveStage(NamedTuple):
     mass_kg: float
     drive_N: float = 0.0
     brake_N: float = 0.0
-    #: 1: the brakes hold the machine, whatever pulls.
+    #: 1: the brakes hold the machine against any force.
     holds: float = 0.0
-    #: Direction in which a machine that stands may start; the brakes take what pulls the other way.
+    #: Direction in which a standing machine may start; brakes hold it against the other direction.
     one_way: float = 0.0
     fill_kg_s: float = 0.0
-    #: Of this load a part falls off a second, and takes its momentum with it.
+    #: Load of which the fraction `spill_1_s` falls off per second, with its momentum.
     load_kg: float = 0.0
     spill_1_s: float = 0.0
     coulomb_N: float = 0.0
@@ -75,17 +75,17 @@ class DriveStage(NamedTuple):
     stick_rad_s: float = 0.0
     turn_rad_s: float = 0.0
     scrub_N_s_rad: float = 0.0
-    #: Unseen brakes hold this deceleration, and the machine on its slope.
+    #: Deceleration by unmeasured brakes, which also hold the machine on its slope.
     gentle_m_s2: float = 0.0
     gentle_from_s: float = 0.0
-    #: A pedal that follows a wave of speeds: N for each m/s that is missing, within these limits.
+    #: Gain of a pedal that follows target speeds, in N per m/s of speed error, and its limits.
     pedal_N_s_m: float = 0.0
     most_drive_N: float = 0.0
     most_brake_N: float = 0.0
-    #: 1 ahead, -1 back; whether the motor brakes (1) or the brakes do (0).
+    #: Direction of the target speed: 1 forwards, -1 in reverse; braking by motor (1) or brakes (0).
     way: float = 1.0
     motor_brakes: float = 0.0
-    #: 1: ahead is along the way; -1: against it.
+    #: 1 if the machine faces along the way, -1 against it.
     facing: float = 1.0
 
 

@@ -6,13 +6,13 @@ from typing import Final
 from analysis.simulation.plant.plant_inputs import DriveStage, MachineAndGround
 from estimators.compiled import compiled_inline
 
-#: A loader's axles are about so far apart, in m: over it one ground passes into the other.
+#: Distance between a loader's axles in m, over which one ground passes into the other.
 _AXLES_APART_M: Final = 1.2
 
 
 @compiled_inline
 def cold_friction_fraction(time_s: float, cold_excess_fraction: float, warming_s: float) -> float:
-    """Remaining fraction of a cold machine's extra friction at a time."""
+    """Friction at a time over that of the cold machine, as the machine warms up."""
     if cold_excess_fraction == 0.0:
         return 1.0
     return 1.0 + cold_excess_fraction * math.expm1(-time_s / warming_s)
@@ -22,7 +22,7 @@ def cold_friction_fraction(time_s: float, cold_excess_fraction: float, warming_s
 def compute_coulomb_friction_newtons(
     time_s: float, turn_rad_s: float, machine: MachineAndGround, stage: DriveStage
 ) -> float:
-    """Coulomb friction at a time and yaw rate, in N: its limit at rest, its force in motion."""
+    """Coulomb friction at a time and yaw rate, in N: limit at rest, friction force in motion."""
     coulomb_N = stage.coulomb_N * cold_friction_fraction(
         time_s, machine.coulomb_warming, machine.warming_s
     )
@@ -45,7 +45,7 @@ def compute_gentle_brake_force_newtons(
     machine: MachineAndGround,
     stage: DriveStage,
 ) -> float:
-    """Force of unmeasured brakes in N, as an operator adapts it to the slope."""
+    """Force of unmeasured brakes in N, which an operator adapts to the slope."""
     if stage.gentle_m_s2 == 0.0 or grip == 0.0:
         return 0.0
     applied = -math.expm1(-(time_s - stage.gentle_from_s) / machine.lag_s)
@@ -61,12 +61,12 @@ def compute_rolling_resistance_newtons(
     slope_rad: float,
     machine: MachineAndGround,
 ) -> float:
-    """Rolling resistance in N; at standstill at most what holds the machine."""
+    """Rolling resistance in N; at standstill, the largest force that it can hold."""
     if machine.rolling == 0.0 and machine.second_ground_more == 0.0:
         return 0.0
     coefficient = machine.rolling
     if machine.second_ground_more != 0.0:
-        # how far the machine's middle is inside the first ground; negative: inside the second
+        # distance of the machine's middle inside the first ground; negative inside the second
         length_m = machine.ground_length_m
         place_m = (position_m + 0.5 * (length_m + _AXLES_APART_M)) % (2.0 * length_m) - length_m / 2
         inside_m = length_m / 2 - abs(place_m - length_m / 2)

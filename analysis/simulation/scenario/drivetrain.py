@@ -1,4 +1,4 @@
-"""Between motor and ground: drivetrain, brakes and rolling resistance; and the sprung body."""
+"""Drivetrain, brakes and rolling resistance between motor and ground, and the sprung body."""
 
 from typing import Self
 
@@ -204,5 +204,5 @@ class SimulatedRolling(BaseModel):
 
     @property
     def highest_coefficient(self) -> float:
-        """The coefficient of the heavier ground."""
+        """Rolling resistance coefficient of the ground with the higher resistance."""
         return self.coefficient + max(self.second_ground_more, 0.0)

@@ -210,7 +210,7 @@ class SimulatedDefects(BaseModel):
 
     @property
     def accelerometer_tilt_rad(self) -> float:
-        """How far the accelerometer is mounted nose up."""
+        """Angle in rad by which the accelerometer is mounted nose-up."""
         return math.radians(self.acc_tilt_deg)
 
 

@@ -1,4 +1,4 @@
-"""Manoeuvres of the machine, one after the other, from standing to standing but for a travel."""
+"""Manoeuvres of the machine, each from standstill to standstill, except a travel."""
 
 from typing import Annotated, Literal, Self, TypeAlias
 

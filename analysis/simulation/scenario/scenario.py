@@ -1,7 +1,7 @@
 """The scenario of a simulation; its defaults are the paper's campaign.
 
-Each value is judged here by itself; whether the machine can be driven as asked, by `limits`, when
-it is simulated.
+Values are checked one by one here; whether the machine can be driven as requested is checked by
+`limits` in the simulation.
 """
 
 import math
@@ -114,7 +114,7 @@ class SimulatedLoading(BaseModel):
     )
 
     def added_load_kg(self, start_index: int) -> float:
-        """The change of the load at a start of the log, counted from 0."""
+        """Change of the load in kg at a start of the log; starts count from 0."""
         late = 0 < self.change_before_start <= start_index
         return self.change_kg * float((self.alternating and start_index % 2 == 1) != late)
 
@@ -255,9 +255,9 @@ class SimulatedCampaign(BaseModel):
         return self.manoeuvres or (Rest(duration_s=self.standstill_s), start)
 
     def drive_fraction_at_throttle(self, throttle_fraction: float) -> float:
-        """The share of the full drive that a share of the full throttle gives, in steady state.
+        """Fraction of full drive force at a fraction of full throttle, in steady state.
 
-        Dead band, then linear up to full at full throttle.
+        0 within the dead band, then linear up to 1 at full throttle.
         """
         opened = max(abs(throttle_fraction) - self.valve_deadband_share, 0.0)
         return math.copysign(opened / (1.0 - self.valve_deadband_share), throttle_fraction)
@@ -296,7 +296,7 @@ class SimulatedTerrain(BaseModel):
 
     @property
     def slope_rad(self) -> float:
-        """The slope without hills, and with it the pitch: positive nose-up."""
+        """Slope without hills, and so the pitch, in rad; positive nose-up."""
         return math.radians(self.slope_deg)
 
     @property
@@ -309,12 +309,12 @@ class SimulatedTerrain(BaseModel):
     @overload
     def compute_slope_rad(self, position_m: Floats) -> Floats: ...
     def compute_slope_rad(self, position_m: float | Floats) -> float | Floats:
-        """The slope at one or (n,) places, from where a log begins."""
+        """Slope in rad at one or (n,) positions in m, counted from where a log begins."""
         phase = self.hill_wavenumber_rad_m * position_m + math.radians(self.hills_phase_deg)
         return self.slope_rad + math.radians(self.hills_deg) * np.sin(phase)
 
     def slope_gradient_rad_m(self, position_m: Floats) -> Floats:
-        """How much the slope changes along the way, at (n,) places."""
+        """Change of the slope per metre along the way, in rad/m, at positions (n,)."""
         phase = self.hill_wavenumber_rad_m * position_m + math.radians(self.hills_phase_deg)
         return math.radians(self.hills_deg) * self.hill_wavenumber_rad_m * np.cos(phase)
 
@@ -346,14 +346,14 @@ class Scenario(BaseModel):
 
     @property
     def full_throttle_force_and_torque(self) -> tuple[float, float]:
-        """Full throttle: the force of both sides in N, their torque when they oppose in N·m."""
+        """Force in N of both sides at full throttle, and their torque in N·m in opposition."""
         full_N = self.campaign.throttle_force_N
         return full_N, full_N * self.machine.track_width_m / 2.0
 
     def limit_force_and_torque_to_valves(
         self, force_N: float, torque_N_m: float
     ) -> tuple[float, float]:
-        """Force and torque that both valves give for those asked, but for their lag."""
+        """Force in N and torque in N·m that the valves of both sides allow, without their lag."""
         width_m, full_N = self.machine.track_width_m, self.campaign.throttle_force_N / 2.0
         valve, turning_N = self.campaign.drive_fraction_at_throttle, torque_N_m / width_m
         left = full_N * valve((force_N / 2.0 - turning_N) / full_N)

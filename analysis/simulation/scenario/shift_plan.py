@@ -1,4 +1,4 @@
-"""A shift of a loader: from pile to dump and back, again and again, with what interrupts it."""
+"""A shift of a loader: repeated cycles from pile to dump and back, with interruptions."""
 
 from typing import Literal, Self, TypeAlias
 

@@ -53,7 +53,7 @@ class Waveform(ABC, BaseModel):
         return lowest + (highest - lowest) * shape
 
     def kink_times_s(self, duration_s: float) -> list[float]:
-        """The peaks and troughs before `duration_s`, where it is not smooth."""
+        """Times in s of the peaks and troughs before `duration_s`, where the wave is not smooth."""
         half = self.period_s / 2.0
         first = math.ceil(-self.peak_s / half)
         last = math.floor((duration_s - self.peak_s) / half)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Floats
 
-#: A stream's number is its place here: append, never insert.
+#: Names of the streams; the index is the number of a stream: append, never insert.
 _STREAMS: Final = (
     "torque_left_N_m",
     "torque_right_N_m",
@@ -86,7 +86,7 @@ def make_random_generator(
         seed: seed of the scenario.
         load_index: index of the log in the campaign.
         trial_or_start: number of the trial or start.
-        stream: name from the list above.
+        stream: name of the stream, one of `_STREAMS`.
     """
     key = (load_index, trial_or_start, _STREAMS.index(stream))
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
@@ -99,7 +99,7 @@ class RandomStreams:
     Attributes:
         seed: seed of the scenario.
         load_index: index of the log in the campaign.
-        trial: (n,) trial of each sample, ascending; the rest at the end counts as one.
+        trial: (n,) trial of each sample, ascending; the rest at the end counts as a trial.
     """
 
     seed: int
@@ -115,7 +115,7 @@ class RandomStreams:
     def draw_gauss_markov_drift(
         self, stream: str, std: float, correlation_samples: float
     ) -> Floats:
-        """Stationary first-order Gauss-Markov process (n,), e-folding in `correlation_samples`."""
+        """Stationary first-order Gauss-Markov process (n,), decaying in `correlation_samples`."""
         if not std:
             return np.zeros(self.trial.size)
         from scipy.signal import lfilter

@@ -53,13 +53,13 @@ def record_topic(
     timeline: Timeline,
     readings: dict[str, Floats],
 ) -> pl.DataFrame:
-    """A topic as recorded: with stamps, losses and order of the messages.
+    """Record the readings of a topic, with stamps, losses and swapped messages.
 
     Args:
         scenario: scenario with clocks and losses.
         topic: name of the topic.
-        at_ns: (n,) unix times of the measurements.
-        random_streams: random numbers of those samples.
+        at_ns: (n,) Unix times of the measurements.
+        random_streams: random numbers for these samples.
         timeline: time line of the log.
         readings: columns of readings, (n,) each.
     """
@@ -114,7 +114,7 @@ def swap_messages_with_next(
     """Times (n,) with the selected messages swapped with their successors."""
     swapped = time_ns.copy()
     for index in np.flatnonzero(is_swapped[:-1]):
-        # one that has gone back already goes no further
+        # a message that was moved back already is not moved again
         if swapped[index] == time_ns[index]:
             swapped[[index, index + 1]] = time_ns[[index + 1, index]]
     return swapped
@@ -127,7 +127,7 @@ def mark_dropped_samples(
     log, rate = scenario.log, scenario.sensors.rate_hz
     if not log.blackout_every_s:
         return np.zeros(at_ns.shape, np.bool_)
-    # the same stretches in all topics, whatever their rates
+    # the same stretches in all topics, independent of their rates
     grid_ns = make_sample_times_ns(timeline, rate, 0.0)
     common = RandomStreams(
         random_streams.seed, random_streams.load_index, timeline.assign_trial_numbers(grid_ns)

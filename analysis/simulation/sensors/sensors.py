@@ -1,7 +1,7 @@
 """Simulated instruments: readings of a motion with noise, delay, bias and defects.
 
-Every channel of every trial draws from its own stream of random numbers, so that one more trial,
-load or channel leaves all others as they were.
+Every channel of every trial draws from its own stream of random numbers, so that an additional
+trial, load or channel does not change the others.
 """
 
 import math
@@ -36,7 +36,7 @@ _EARTH_M: Final = 6_371_008.8
 def simulate_topics_of_log(
     scenario: Scenario, timeline: Timeline, load_index: int
 ) -> dict[str, pl.DataFrame]:
-    """Measure a motion by the simulated instruments.
+    """Simulate the instruments' readings of a motion, by topic.
 
     Args:
         scenario: scenario with noise, bias, wheels, slope and defects.
@@ -64,7 +64,7 @@ def simulate_topics_of_log(
 
 
 class WhiteNoise(NamedTuple):
-    """White noise of a channel, and its resolution."""
+    """Standard deviation of a channel's white noise, and its resolution."""
 
     std: float
     lsb: float
@@ -136,7 +136,7 @@ def _compute_true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str,
     force_z = zero + terrain.gravity_m_s2 * np.cos(slope)
     if defects.acc_without_gravity:
         ahead, left, force_z = motion.acc_x_m_s2, omega * motion.speed_x_m_s, zero
-    # at the IMU's place on the turning machine, in a field of gravity that a slope tilts
+    # at the position of the IMU on the turning machine, with gravity tilted by the slope
     force_x = ahead - omega * omega * x - turn * y
     force_y = left - omega * omega * y + turn * x
     nose_up = motion.squat_rad + defects.accelerometer_tilt_rad
@@ -162,7 +162,7 @@ def _compute_true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str,
 
 
 def draw_vibration(scenario: Scenario, seconds: Floats, random_streams: RandomStreams) -> Floats:
-    """Narrow-band noise (n,): a carrier with two Gauss-Markov amplitudes."""
+    """Draw narrow-band noise (n,): a carrier with two Gauss-Markov amplitudes, in m/s²."""
     defects = scenario.defects
     samples = topic_rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
     turn = 2.0 * math.pi * defects.vibration_hz * seconds
@@ -176,7 +176,7 @@ def draw_vibration(scenario: Scenario, seconds: Floats, random_streams: RandomSt
 def _simulate_torque_readings(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], random_streams: RandomStreams
 ) -> dict[str, Floats]:
-    """Torques of both sides, whose noise adds up to that of their sum."""
+    """Readings of the torques of both sides; their noises add up to that of the force."""
     sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
     times_s = (sensors.force_delay_s, defects.force_lag_s)
@@ -256,7 +256,7 @@ def compute_true_wheel_speeds(scenario: Scenario, motion: Channels) -> dict[str,
             speed = speed + np.abs(speed) * force / (machine.slip_stiffness_N / 2)
             if relaxing:
                 speed = speed + relaxing * motion.force_rate_x_N_s / machine.slip_stiffness_N
-        # a machine file's radius makes of the wheels' rate another speed
+        # the speed is the wheel rate times the radius of the machine file, which is wrong
         signals[f"speed_{side}_m_s"] = speed / (1.0 + machine.wheel_radius_excess)
     return signals
 
@@ -264,7 +264,7 @@ def compute_true_wheel_speeds(scenario: Scenario, motion: Channels) -> dict[str,
 def _swap_sides_if_defective(
     scenario: Scenario, name: str, readings: dict[str, Floats]
 ) -> dict[str, Floats]:
-    """Exchange left and right if the scenario has them swapped."""
+    """Swap left and right if the scenario has this defect."""
     left, right = name.format("left"), name.format("right")
     if scenario.defects.sides_swapped:
         return {left: readings[right], right: readings[left]}
@@ -303,7 +303,7 @@ def low_pass_signals(
     step_ns = max(round(min(LIMITS.filter_step_s, lag_s / LIMITS.filter_steps_per_lag) * 1e9), 1)
     grid_ns = np.arange(at_ns[0], at_ns[-1] + 2 * step_ns, step_ns)
     keeps = math.exp(-step_ns * 1e-9 / lag_s)
-    # exact for a signal that is a straight line from step to step
+    # exact for a signal that is linear within each step
     mean = (1.0 - keeps) * lag_s / (step_ns * 1e-9)
     taken = [1.0 - mean, mean - keeps]
     since_s, grid_s = (at_ns - grid_ns[0]) * 1e-9, (grid_ns - grid_ns[0]) * 1e-9

@@ -1,8 +1,8 @@
 """An arc at constant speed and yaw rate: prescribed motion, with its drive and brakes.
 
-The ramps from and to standing are the polynomial of the fifth degree between 0 and 1 whose rate and
-whose rate's rate begin and end at 0. Force along the motion comes from the drive, force against it
-from the brakes, each axis by itself.
+The ramps from and to standstill are the polynomial of fifth degree from 0 to 1 whose first and
+second derivatives are 0 at both ends. On each axis, force along the motion comes from the drive and
+force against it from the brakes.
 """
 
 import numpy as np
@@ -66,7 +66,7 @@ def make_arc_phases_and_times(
 
 
 def _zero_force_against_motion(force_or_torque: Values, rate: Values) -> Values:
-    """The part of a ramp in which force and rate have one sign."""
+    """Force or torque where it acts along the motion; 0 where it acts against it."""
     return np.where(force_or_torque * rate >= 0.0, force_or_torque, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Solve a trial exactly: its manoeuvres in order, each from standing to standing."""
+"""Solve a trial exactly: its manoeuvres in order, each from standstill to standstill."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -39,7 +39,7 @@ _STILL = LongitudinalYawPair(0.0, 0.0)
 def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
     """Solve one trial with one load, without noise.
 
-    Solve once and sample often: Monte Carlo trials add noise to the same motion.
+    Monte Carlo trials add noise to the same motion, so it is solved once and sampled often.
 
     Args:
         scenario: scenario with machine, ground and the manoeuvres of a trial (`campaign.trial`).
@@ -79,7 +79,7 @@ class _TrialSolver:
     def solve_manoeuvre(
         self, manoeuvre: Manoeuvre, start_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
-        """Consecutive phases of one manoeuvre that begins at standstill with a heading."""
+        """Solve one manoeuvre from standstill at a heading: consecutive phases, and its times."""
         match manoeuvre:
             case Rest():
                 end_s = start_s + manoeuvre.duration_s
@@ -115,7 +115,7 @@ class _TrialSolver:
     def _solve_straight_or_spin(
         self, manoeuvre: Start | Spin, axis: int, sign: float, start_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
-        """Open the throttle until `steady_s`, keep the speed or yaw rate, brake."""
+        """Solve a start or a spin: open throttle, constant speed or yaw rate, braking."""
         campaign = self.scenario.campaign
         full = self.scenario.full_throttle_force_and_torque[
             axis
@@ -183,7 +183,7 @@ class _TrialSolver:
     def _solve_excitation(
         self, manoeuvre: Excite, start_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
-        """Follow the waveforms through both sides' valves, then brake."""
+        """Solve an excitation: waveforms through the valves of both sides, then braking."""
         force, torque = manoeuvre.force, manoeuvre.torque
         end_s = start_s + manoeuvre.duration_s
         waves: list[ForceWave | TorqueWave] = [wave for wave in (force, torque) if wave]
@@ -234,7 +234,7 @@ def _make_constant_drive_command(axis: int, value: float) -> Callable[[float], t
 
 @dataclass(frozen=True)
 class DrivenMotion:
-    """The machine under commands; the drive keeps an axis that is not free still."""
+    """The machine under commands; the drive prevents motion on an axis that is not free."""
 
     body: RigidBody
     valve_lag_s: float
@@ -252,8 +252,8 @@ class DrivenMotion:
 
         Args:
             phase_name: name of the phases.
-            start_s: where this begins, since the start of the trial.
-            end_s: where it ends, likewise.
+            start_s: start of the integration, since the trial began.
+            end_s: end of the integration, since the trial began.
             state: (7,) v, drive and brake force, ω, drive and brake torque, heading.
             commands: the commands.
 
@@ -300,7 +300,7 @@ class DrivenMotion:
     def _find_consistent_stiction(
         self, state: Floats, free_axes: tuple[bool, bool], released_axes: Sequence[int] = ()
     ) -> StictionMotion:
-        """Grip of friction in `state`, just after it has released the `released_axes` axes."""
+        """Consistent state of friction in `state`, just after it released `released_axes`."""
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
             rate = float(state[RATES[axis]])

@@ -11,17 +11,17 @@ from analysis.simulation.motion.solved_motion import MotionPhase, MotionState
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from estimators.arrays import Floats
 
-#: Of the state v, drive, brake; ω, drive, brake, heading: what belongs to x and what to z.
+#: Parts of the state for x (v, drive, brake) and for z (ω, drive, brake, heading).
 _ROWS: Final = (slice(0, 3), slice(3, 7))
-#: Places of the two rates in the state.
+#: Indices of v and ω in the state.
 RATES: Final = (0, 3)
 
 
 class Commands(NamedTuple):
     """Commands of the operator.
 
-    `drive` takes a time in s since the trial began and gives force and torque; it has kinks at
-    `kinks_s`. `brake` is constant.
+    `drive` gives force and torque at a time in s since the trial began, with kinks at `kinks_s`;
+    `brake` is constant.
     """
 
     drive: Callable[[float], tuple[float, float]]
@@ -68,7 +68,7 @@ class StictionMotion:
         return x, z
 
     def holding_force_required(self, state: Floats) -> tuple[float, float]:
-        """Force and torque in the state (7,) that sticking friction must hold."""
+        """Force and torque that sticking friction must balance in the state (7,)."""
         net = self.net_force_and_torque(state)
         acceleration = self.accelerations(net)
         mc_y = self.body.first_moment_y_kg_m
@@ -77,8 +77,8 @@ class StictionMotion:
     def friction_sign_inconsistency(self, state: Floats) -> float:
         """Violation of the friction law by the friction signs, for axes at rest in the state (7,).
 
-        It is 0 if sticking friction holds no more than it can, and sliding friction opposes the
-        motion that begins. The inertia is positive definite, so exactly one pair of signs is
+        It is 0 if sticking friction does not exceed its limit, and sliding friction opposes the
+        motion that begins. As the inertia is positive definite, exactly one pair of signs is
         consistent.
         """
         pull, acceleration = (
@@ -163,7 +163,7 @@ class StictionMotion:
         )
 
         def state_rates(time_s: float, part: Floats) -> list[float]:
-            # plain numbers: called ten thousands of times
+            # plain numbers, since it is called tens of thousands of times
             moving: list[float] = part.tolist()
             x = moving[:3] if free_x else still[:3]
             z = moving[-4:] if free_z else still[3:]

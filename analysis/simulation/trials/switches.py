@@ -1,4 +1,4 @@
-"""Settings beyond exact trials, for which a log is integrated as a whole."""
+"""Settings that exact trials do not support, for which a log is integrated as a whole."""
 
 from typing import Final
 
@@ -8,7 +8,7 @@ from analysis.simulation.scenario.manoeuvres import Excite, Manoeuvre, Rest, Sta
 from analysis.simulation.scenario.scenario import Scenario
 from estimators.errors import ScenarioError
 
-#: Keys of other sections by which not all trials are alike, or one is not the same throughout.
+#: Keys of other sections by which trials differ, or conditions change within a trial.
 _CHANGES_ALONG: Final = {
     "terrain": ("hills_deg",),
     "machine": ("friction_warming", "coulomb_warming", "air_N_s2_m2", "spring_N_m"),
@@ -49,7 +49,7 @@ def refuse_settings_without_plant_support(scenario: Scenario) -> None:
     """Raise an error for settings that the integrated plant does not support.
 
     Raises:
-        ScenarioError: the key and the fault.
+        ScenarioError: a setting is not supported; the message names the key and the fault.
     """
     if scenario.drivetrain.relaxation_length_m and not scenario.machine.slip_stiffness_N:
         raise ScenarioError(

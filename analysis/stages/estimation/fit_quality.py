@@ -18,7 +18,7 @@ class UngatedFit(NamedTuple):
 
 
 def has_enough_moving_samples(A: Floats, is_moving: Bools) -> bool:
-    """Whether enough samples move for a decision."""
+    """Whether the moving samples are enough for the fit to decide a check."""
     return bool(is_moving.sum() >= LIMITS.samples_per_parameter * A.shape[1])
 
 
@@ -66,11 +66,12 @@ def compute_fraction_of_braked_samples_with_opposing_force(
 ) -> float:
     """Fraction of the samples braked by the drive whose force opposes the motion.
 
-    Braked by it are those that slow down by more than friction, by what the samples that speed up
-    say of mass and friction, and that have a force of some size. Where no more than half of them
-    have one, no sensor sees the brakes, and offset and losses decide the sign of what is left. All
-    that slow down are judged where mass and friction explain less than half of what speeds up, and
-    whatever their force where nearly nothing does.
+    Mass and friction are fitted to the samples that speed up. A sample is braked if it slows down
+    by more than friction alone would, and it is judged if its force is not small. If no more than
+    half of the braked samples have such a force, no sensor measures the brakes, and offset and
+    losses decide the sign of small forces. If the fit explains less than half of the variance of
+    the force, every sample that slows down counts as braked; if too few samples speed up for a
+    fit, small forces are judged as well.
 
     Args:
         A: (n, 2) acceleration and speed of an axis.
@@ -105,13 +106,13 @@ def compute_fraction_of_braked_samples_with_opposing_force(
 
 
 def fit_slope_with_noisy_x(x: Floats, y: Floats, is_used: Bools, x_noise: float = 0.0) -> float:
-    """Slope of y on x about their means, over the known samples.
+    """Slope of y on x about their means, over the finite samples; NaN if there are too few.
 
     Args:
-        x: (n,).
-        y: (n,).
+        x: (n,) abscissae.
+        y: (n,) ordinates.
         is_used: (n,) samples to use.
-        x_noise: noise variance of x, whose attenuation is corrected.
+        x_noise: variance of the noise of x; the attenuation that it causes is corrected.
     """
     is_used = is_used & np.isfinite(x) & np.isfinite(y)
     if is_used.sum() < LIMITS.samples_per_parameter:

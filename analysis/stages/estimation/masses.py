@@ -39,7 +39,7 @@ def summarise_masses(
     machine: Machine,
     noise: pl.DataFrame | None = None,
 ) -> pl.DataFrame:
-    """Summarise the log, a row per method, before anything is withheld.
+    """Summarise the whole log in the frame `masses`, a row per method; nothing is withheld yet.
 
     Windowed methods give the weighted mean of their accepted windows, recursive ones their last
     state, `pooled` one fit over every accepted sample.
@@ -47,7 +47,7 @@ def summarise_masses(
     Args:
         excitation: frame with the regressors.
         gated: frame with the accepted windows.
-        estimates: `estimates` frames by method.
+        estimates: frame `estimates` of each method.
         machine: machine file with settings and empty mass.
         noise: noise of the columns, if known.
     """
@@ -73,11 +73,11 @@ def summarise_masses(
 def withhold_masses(
     masses: pl.DataFrame, verdict: Verdict, contradicted_methods: Collection[str]
 ) -> pl.DataFrame:
-    """Remove the numbers that the verdict withholds.
+    """Set the numbers that the verdict withholds to null.
 
     Args:
         masses: the frame `masses`.
-        verdict: the verdict, which withholds the x axis, the z axis or both.
+        verdict: the verdict, which may withhold the x axis, the z axis or both.
         contradicted_methods: methods whose mass the log contradicts.
     """
     about_x = {*(name for pair in X.parameters for name in pair), "payload_kg"}
@@ -154,7 +154,7 @@ def estimate_log_parameters_and_stds_by_method(
 def list_reasons_for_no_answer(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
 ) -> list[str]:
-    """Reasons why this log has no answer, a sentence each."""
+    """Reasons why an axis of the log has no estimate, a sentence each."""
     found = (
         explain_why_gate_accepted_nothing(excitation, gated, settings),
         explain_why_spins_are_unused(excitation, settings),

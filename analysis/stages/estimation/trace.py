@@ -76,7 +76,7 @@ def _trace_methods(
     noise: AxisNoise,
     load_start_rows: Sequence[int],
 ) -> dict[str, Trace]:
-    """Traces of every method over one axis."""
+    """Trace of each method over one axis, by name of the method."""
     A, f = make_regressor_and_force(axis, excitation, settings)
     window = settings.gate.window_samples
 
@@ -127,7 +127,7 @@ def trace_each_load_separately(
     window_arguments: tuple[Any, ...],
     load_start_rows: Sequence[int],
 ) -> Trace:
-    """Run a recursion over each load separately; no window reaches across a change."""
+    """Run a recursive method over each load separately; no window spans a change of load."""
     window, accepted, options = window_arguments
     bounds = [0, *load_start_rows, f.size]
     parts: list[Trace] = []
@@ -145,7 +145,7 @@ def trace_each_load_separately(
 
 
 def _make_estimates_frame(traces: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
-    """Frame `estimates` of one method: rows of all axes in order of time."""
+    """Frame `estimates` of one method, with the rows of all axes in order of time."""
     parts = [
         pl.DataFrame({"t_ns": t_ns[rows.index], **make_trace_columns(axis, rows)}).with_columns(
             **({"axis": pl.lit(axis.letter, pl.String)} if len(traces) > 1 else {})

@@ -1,13 +1,13 @@
-"""Digging starts: starts against a growing resistance, as of a bucket driven into a pile.
+"""Digging starts: starts against a growing resistance, as when a bucket is driven into a pile.
 
-Their force does not only accelerate what is weighed, and the bucket fills while they last, so they
-are no estimates of a mass; together they would bend what all starts share. A resistance that is
-there from the beginning (soft ground, a slope without a pitch) is not meant: only one that grows.
+Part of their force acts against the pile, and the bucket fills meanwhile, so they give no estimate
+of a mass; together they would bias the terms that all starts share. A resistance that is constant
+from the beginning (soft ground, a slope without a pitch) does not count, only one that grows.
 
-Hills, gears, springs and gravity make resistances grow as well. They make them fall as often, or
-grow whichever way the machine goes, and it drives on; a pile never pushes, lies before the bucket,
-ends in a stand or a reverse, and nobody drives into it as fast as on a road. Machines without a
-bucket say `machine.digs = false`.
+Hills, gears, springs and gravity make resistances grow as well. But such resistances fall as often,
+or grow in both directions of travel, and the machine drives on; a pile never pushes, lies in front
+of the bucket, ends in a standstill or a reversal, and is not entered at road speed. The setting for
+machines without a bucket is `machine.digs = false`.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFr
 
     A start lasts as long as the force drives, even if the pile slows the machine down. Mass,
     friction and constant have wide priors, so that a short start with an even acceleration, which
-    could be a heavy machine as well, is not taken for digging.
+    a heavy machine could make as well, is not mistaken for digging.
 
     Args:
         excitation: frame with force, regressor, speed and phases.
@@ -50,13 +50,13 @@ def find_digging_starts(excitation: pl.DataFrame, machine: Machine) -> pl.DataFr
 
 @dataclass(frozen=True, slots=True)
 class _PileContact:
-    """A start whose resistance significantly changes.
+    """A start during which the resistance changes significantly.
 
     Attributes:
         row: row of `digging`: first and last sample in ns, growth and its standard deviation in N.
-        way: 1 forwards, -1 in reverse.
-        stops: whether a stand, a reversal or the end of the log follows, from a speed at which
-            piles are entered.
+        way: direction of travel: 1 forwards, -1 in reverse.
+        stops: whether a standstill, a reversal or the end of the log follows, and the speed before
+            it was one at which piles are entered.
     """
 
     row: tuple[int, int, float, float]
@@ -67,7 +67,7 @@ class _PileContact:
 def find_starts_with_changed_resistance(
     excitation: pl.DataFrame, machine: Machine
 ) -> list[_PileContact]:
-    """Starts whose resistance significantly changes by the size of a pile's, in order of time."""
+    """Starts whose resistance changes significantly and by as much as a pile's, in time order."""
     A, force = make_regressor_and_force(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
@@ -76,7 +76,7 @@ def find_starts_with_changed_resistance(
     driving &= whole
     t_ns = excitation["t_ns"].to_numpy()
     found: list[_PileContact] = []
-    # a force that reads zero throughout digs nowhere
+    # without any force there is no digging
     if (
         np.count_nonzero(driving) >= LIMITS.start_min_samples
         and (largest_N := find_robust_maximum_force(force[driving])) > 0.0
@@ -96,7 +96,7 @@ def find_starts_with_changed_resistance(
             ]
         )
         drives = driving | against
-        # nor does a hole tell that it drives on
+        # in a gap it is not known that the machine drives on
         stood = np.abs(speed) <= machine.settings.phases.standstill_speed_m_s
         stands = (stood | np.isnan(speed)) & ~drives
         ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
@@ -127,17 +127,17 @@ def find_starts_with_changed_resistance(
 def select_pile_contacts(candidates: list[_PileContact]) -> list[_PileContact]:
     """Select starts driven into a pile; none if resistance also varies without piles."""
     grows = [each for each in candidates if each.row[2] > 0.0]
-    # the bucket is where most of them go: a log may have its signs turned round
+    # most starts go towards the bucket: the signs of a log may be reversed
     bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1
     piles = [each for each in grows if each.way == bucket and each.stops]
-    # backwards out of a pile, what holds the bucket lets go
+    # as the machine backs out of a pile, the resistance of the bucket falls
     let_go = sum(each.way != bucket and each.row[2] < 0.0 for each in candidates)
     against = len(candidates) - len(piles) - let_go
     return piles if against < LIMITS.pile_contradiction_fraction * len(piles) else []
 
 
 def find_next_row_or_infinity(rows: Ints, after_row: int) -> float:
-    """First of the rows after `after_row`; infinite if there is none."""
+    """First of the ascending `rows` that is greater than `after_row`; infinite if none is."""
     place = int(np.searchsorted(rows, after_row, "right"))
     return float(rows[place]) if place < rows.size else np.inf
 
@@ -172,7 +172,7 @@ def add_column_of_digging_starts(aligned: pl.DataFrame, digging: pl.DataFrame) -
 
 
 def mark_digging_samples(t_ns: Ints, digging: pl.DataFrame, margin: int = 0) -> Bools:
-    """Samples within a digging start or `margin` samples of one, (n,)."""
+    """Flags of the samples within a digging start, or at most `margin` samples from one, (n,)."""
     dug = np.zeros(t_ns.size, np.bool_)
     for start, end in digging.select("start_t_ns", "end_t_ns").iter_rows():
         first, last = np.searchsorted(t_ns, [start, end])
@@ -181,14 +181,17 @@ def mark_digging_samples(t_ns: Ints, digging: pl.DataFrame, margin: int = 0) -> 
 
 
 def find_robust_maximum_force(force: Floats) -> float:
-    """Largest value without outliers."""
+    """Quantile `LIMITS.reached_quantile` of the magnitudes: a maximum that outliers do not set."""
     return float(np.quantile(np.abs(force), LIMITS.reached_quantile))
 
 
 def split_driving_at_pauses_and_turns(
     is_driving: Bools, speed: Floats, settings: Settings
 ) -> list[Ints]:
-    """Row numbers of each short enough stretch of driving one way, across short holes."""
+    """Row numbers of each stretch of driving one way that lasts no longer than a start may.
+
+    Short pauses do not end a stretch; stretches too short for a start are left out.
+    """
     rows = np.flatnonzero(is_driving)
     hole = max(1, round(LIMITS.start_pause_s * settings.align.rate_hz))
     turns = np.diff(np.sign(speed[rows])) != 0
@@ -208,7 +211,7 @@ def estimate_resistance_growth_and_std(
 ) -> tuple[float, float]:
     """Growth of the resistance over a start, and its standard deviation, in N.
 
-    The most likely beginning of the growth is used.
+    The growth may begin at several points of the start; the most likely of them is used.
 
     Args:
         motion: (samples, 2) acceleration and speed.
@@ -227,7 +230,7 @@ def estimate_resistance_growth_and_std(
         information = weight * design.T @ design + np.diag(known)
         right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])
         covariance = np.linalg.inv(information)
-        # the sum of squares that this ramp leaves is less by as much
+        # the reduction of the sum of squared residuals by this ramp, up to a constant
         taken = float(right @ covariance @ right)
         if taken > likeliest:
             likeliest, growth = taken, float(covariance[3] @ right)

@@ -22,20 +22,20 @@ from estimators.numerics.mutual_information import (
 
 Codes = NDArray[np.uint8]
 
-#: The code of a phase that is not known; the others are their places in `PHASES`.
+#: The code of an unknown phase; the code of any other is its index in `PHASES`.
 UNKNOWN: Final = 255
 _BRAKING, _STANDSTILL = PHASES.index("braking"), PHASES.index("standstill")
 
 
 def make_phase_code_mask(*phases: str) -> Bools:
-    """Mask of the codes (256,) of the given phases."""
+    """Mask (256,) that is True at the codes of the given phases."""
     found = np.zeros(256, np.bool_)
     found[[PHASES.index(name) for name in phases]] = True
     return found
 
 
 _TURNING: Final = make_phase_code_mask(*TURNS)
-#: What a window of the z axis may hold: in place the machine spins or stands.
+#: Phases that a window of the z axis may contain: those in which the machine does not travel.
 _IN_PLACE: Final = make_phase_code_mask("spinning", "standstill")
 
 
@@ -77,13 +77,14 @@ def flag_rows_that_exclude_windows_by_reason(
         force: (rows,) force or yaw torque.
         is_braking: (rows,) whether travel or spin slows down.
         is_slipping: (rows,) whether the wheels slip.
-        settings: settings of the gate, which say what is refused.
+        settings: settings of the gate, which say what excludes a window.
 
     Returns:
-        By reason, (rows,) each. `standstill` flags what moves: it is the reason where no row does.
+        Flags (rows,) by reason. `standstill` flags the rows in motion: a window without any has
+        this reason.
     """
     limit = settings.saturation_force_N if axis is X else settings.saturation_torque_z_N_m
-    # a mean of clipped samples is the limit but for rounding
+    # the mean of clipped samples equals the limit except for rounding
     clipped = np.abs(force) >= (np.inf if limit is None else limit * (1.0 - 1e-9))
     braking = is_braking if settings.exclude_braking else np.zeros_like(is_braking)
     moving = phase != _STANDSTILL
@@ -101,7 +102,7 @@ def flag_rows_that_exclude_windows_by_reason(
 
 
 def mark_braking_rows(phase: Codes) -> Bools:
-    """Whether each row brakes, by its phase, (rows,)."""
+    """Flags of the rows with the phase braking, (rows,)."""
     return phase == _BRAKING
 
 
@@ -113,14 +114,14 @@ def decide_window_acceptance(
     estimate_information: Callable[[Ints], Floats],
     settings: GateSettings,
 ) -> GateDecision:
-    """Decide about windows.
+    """Accept or reject each window, with the reason.
 
     Args:
         axis: straight motion or spins.
         statistics: statistics of each window, NaN for a window with a missing sample.
-        is_warming_up: (windows,) whether the log has had no whole window yet.
-        holds_row_by_reason: whether each window holds a row flagged `gap` or as in `row_flags`, in
-            that order.
+        is_warming_up: (windows,) whether the log has fewer rows so far than a window.
+        holds_row_by_reason: (windows,) by reason, whether each window contains a row flagged `gap`
+            or by `flag_rows_that_exclude_windows_by_reason`, in order of precedence.
         estimate_information: computes the mutual information of some windows by nearest neighbours,
             in nat.
         settings: the index and its threshold.
@@ -133,7 +134,7 @@ def decide_window_acceptance(
             why: ~held if why == "standstill" else held for why, held in holds_row_by_reason.items()
         },
         "no_variance": np.isnan(rho),
-        # (10) takes rho squared: either sign informs it
+        # (10) uses rho squared: either sign is information
         "negative_dependence": (rho < 0) & (settings.index != "gaussian"),
     }
     ksg = None
@@ -146,7 +147,7 @@ def decide_window_acceptance(
             std_max = settings.threshold_std_kg if axis is X else settings.threshold_std_kg_m2
             poor = ~(predicted_std <= std_max)
         case "ksg":
-            # costly, so only where nothing else refuses the window
+            # costly, so only where nothing else rejects the window
             left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
             ksg = np.full(rho.size, np.nan)
             if left.size:

@@ -1,4 +1,4 @@
-"""Manoeuvres: stretches that a window may lie in, and what each says when pooled."""
+"""Manoeuvres: stretches that a window may lie in, and the pooled estimate of each."""
 
 import numpy as np
 import polars as pl
@@ -59,7 +59,7 @@ def estimate_each_manoeuvre_by_pooling(
     Args:
         excitation: frame with the regressor and the phases.
         gated: frame `gate` with the accepted windows.
-        settings: window, what is refused.
+        settings: settings with the window and the phases that are rejected.
         noise: noise of the columns, if known.
     """
     turns = TURNS if Z not in list_axes_allowed_by_channels(excitation) else ("arc", "turning")
@@ -82,7 +82,7 @@ def estimate_each_manoeuvre_by_pooling(
                 schema_overrides={"segment_id": pl.Int64},
             )
         )
-    # no manoeuvre is pooled on two axes: x takes none that turns, z none that does not
+    # no manoeuvre is pooled on two axes: x uses none that turns, z only those that turn
     estimates = pl.concat(parts, how="diagonal")
     spinning = pl.col("phase") == "spinning"
     table = (
@@ -121,7 +121,7 @@ def estimate_each_manoeuvre_by_pooling(
             .alias("reason"),
         )
         .with_columns(
-            # a stretch that is refused for what it is says so
+            # the reason of a stretch that is rejected for its phase is that phase
             pl.when(pl.col("samples_accepted") > 0)
             .then("reason")
             .otherwise(pl.col("phase").replace_strict(refused_for, default=pl.col("reason")))

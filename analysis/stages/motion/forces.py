@@ -13,11 +13,11 @@ from estimators.arrays import Floats
 
 
 def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame:
-    """Make `excitation`: what the estimators are fed, and the phase of motion.
+    """Make the frame `excitation`: the input of the estimators, and the phase of motion.
 
     Args:
         smoothed: `aligned` after the moving mean.
-        machine: wheel radius, track width, force share; which acceleration.
+        machine: machine file with wheel radius, track width, force share and settings.
 
     Returns:
         `excitation`.
@@ -47,7 +47,7 @@ def compute_excitation(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame
 
 
 def compute_longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
-    """Equation (17), (rows,) in N: (τ_r + τ_l) / r over the share of the measured wheels."""
+    """Force (rows,) in N by (17): (τ_r + τ_l) / r, divided by the share of the measured wheels."""
     if "force_x_N" in smoothed.columns:
         force = get_column_values(smoothed, "force_x_N") / body.force_share
     else:
@@ -62,7 +62,10 @@ def compute_longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
 
 
 def compute_yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
-    """Equation (18), (rows,) in N·m: (τ_r - τ_l) / r · L/2 over the share; None when unknown."""
+    """Yaw torque (rows,) in N·m by (18): (τ_r - τ_l) / r · L/2, divided by the force share.
+
+    None if the channels or the track width are missing.
+    """
     if "torque_z_N_m" in smoothed.columns:
         return get_column_values(smoothed, "torque_z_N_m") / body.force_share
     sides = {"torque_right_N_m", "torque_left_N_m"}
@@ -79,9 +82,9 @@ def compute_yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
 def compute_regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     """Acceleration that multiplies the mass in (7), (rows,) in m/s².
 
-    Gravity moves to the left of (4): the accelerometer's specific force has it already, an
-    acceleration from the wheels needs + g·sin(pitch), pitch nose-up (flat ground where no pitch
-    is given).
+    Gravity is moved to the left side of (4): the accelerometer's specific force includes it, while
+    g·sin(pitch) is added to an acceleration from the wheels, with the pitch positive nose-up and 0
+    where none is given.
     """
     if machine.settings.forces.acceleration == "specific_force":
         return get_column_values(smoothed, "specific_force_x_m_s2")
@@ -95,8 +98,8 @@ def compute_regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> 
 def compute_lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     """Specific force of the origin to the left, (rows,) in m/s².
 
-    The accelerometer's, where it is chosen and has that axis: it knows a skid-steer's sideways
-    slip. Otherwise ω v, which is right for wheels that do not slip, + g·sin(roll).
+    Measured by the accelerometer if that is chosen and has a y axis: it includes the sideways slip
+    of a skid-steer. Otherwise ω v + g·sin(roll), which holds for wheels that do not slip sideways.
     """
     measured = "specific_force_y_m_s2" in smoothed.columns
     if machine.settings.forces.acceleration == "specific_force" and measured:

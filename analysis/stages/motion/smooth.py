@@ -9,7 +9,7 @@ from analysis.model.settings import SmoothSettings
 
 
 def smooth_by_trailing_mean(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
-    """Average each sample with the ones before it, `samples` in all.
+    """Replace each sample by the mean of it and the ones before it, `samples` in all.
 
     The mean never reaches across a gap: a row is null until its whole mean is inside one gap-free
     stretch. Every column is averaged equally, the Coulomb sign included, since a column filtered
@@ -33,7 +33,7 @@ def smooth_by_trailing_mean(aligned: pl.DataFrame, settings: SmoothSettings) -> 
 
 
 def compute_trailing_mean(signal: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """Mean (rows,) of each sample and the `samples` - 1 before it; NaN if any of them is."""
+    """Mean (rows,) of each sample and the `samples` - 1 before it; NaN if any of these is NaN."""
     # each output is its own sum: a running sum would carry a NaN, and rounding, to the end
     total = np.convolve(signal, np.ones(samples))[: signal.size] if signal.size else signal
     mean = total / samples

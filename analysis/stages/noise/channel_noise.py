@@ -1,10 +1,10 @@
 """Noise of every column of the equations, from standstill and motion of the log.
 
-At standstill nothing but noise happens, so its covariances are seen whole. While the machine moves,
-vibration adds to it, and only fast changes are noise for certain: where their power exceeds that at
-standstill, the noise is larger by that. A column that reads exactly one value at standstill (a
-quantised speed) has its noise from fast changes alone; slow ones, which the motion hides, follow
-from what was done to the channel: white noise stays level, a derivative's falls towards 0 Hz.
+At standstill a column shows noise only, so all its covariances can be estimated. In motion,
+vibration is added, and only fast changes are certain to be noise: where their power exceeds that at
+standstill, the noise is scaled up by the ratio. The noise of a column that is constant at
+standstill (a quantised speed) is estimated from fast changes alone; slow noise, which the motion
+hides, follows from the channel's processing: white noise is level, a derivative's falls to 0 Hz.
 """
 
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ from analysis.stages.noise.noise_spectra import (
 from analysis.stages.signals.mounting import Series
 from estimators.arrays import Bools, Floats, Ints
 
-#: Where a noise comes from that the grid does not show, in words.
+#: Description of each source of noise other than the grid itself.
 _INSTEAD: Final[Mapping[str, str]] = {
     "samples": "estimated from the raw samples and propagated through filter and derivative, "
     "because the grid is too coarse to show it",
@@ -69,11 +69,11 @@ class NoiseSamples:
 
     Attributes:
         x: (rows, columns) values; NaN if missing.
-        quiet: stretches of standstill, away from stops and starts.
+        quiet: first and end row of each standstill, away from stops and starts.
         moving: (rows,) whether the machine moves.
-        still_blocks: ends of the blocks in `quiet`.
-        moving_blocks: ends of the blocks in motion.
-        every_block: ends of the blocks of all samples.
+        still_blocks: last rows of the blocks in `quiet`.
+        moving_blocks: last rows of the blocks in motion.
+        every_block: last rows of the blocks over all samples.
         rate_hz: rate of the grid.
     """
 
@@ -87,12 +87,12 @@ class NoiseSamples:
 
     @property
     def min_relative_frequency(self) -> float:
-        """Lowest frequency at which everything is noise, over the rate."""
+        """Lowest frequency, over the rate, from which all changes are noise."""
         return choose_relative_noise_band(self.rate_hz)[0]
 
     @property
     def max_relative_frequency(self) -> float:
-        """Top of the band above it, whose level extends to lower frequencies, over the rate."""
+        """Upper end, over the rate, of the noise band whose level extends to lower frequencies."""
         return choose_relative_noise_band(self.rate_hz)[1]
 
 
@@ -108,7 +108,7 @@ def estimate_channel_noise(
         aligned: the grid.
         excitation: frame with the phases.
         machine: machine file with the columns' sources; its noise settings override the log.
-        channels: raw readings by channel, for noise hidden by the grid; None if none is.
+        channels: raw readings by channel, for noise that the grid hides; None without them.
 
     Returns:
         `noise`: a row per pair of columns and lag.
@@ -142,7 +142,7 @@ def estimate_channel_noise(
 
 
 def list_noise_source_notes(noise: pl.DataFrame) -> list[str]:
-    """Notes on columns whose noise the grid hides, with the source used instead.
+    """Notes on columns whose noise does not come from the grid, with the source used instead.
 
     Args:
         noise: frame from `estimate_channel_noise`.
@@ -163,7 +163,7 @@ def replace_noise_hidden_by_grid(
     machine: Machine,
     channels: Mapping[str, Series],
 ) -> None:
-    """Replace noise that the grid hides by that of the channels' own samples."""
+    """Replace noise that the grid hides by that of the channels' own samples, in place."""
     beyond = [source == "differences" for source in sources]
     unseen = (
         np.array(
@@ -220,7 +220,7 @@ def compute_equation_columns_by_name(aligned: pl.DataFrame, machine: Machine) ->
 def _select_standing_and_moving_samples(
     columns: Floats, stands: Bools, is_moving: Bools, is_known: Bools, rate_hz: float
 ) -> NoiseSamples:
-    """Settled standstills and moving samples, for the noise."""
+    """Select the settled part of each standstill, and the samples in motion."""
     after, before = (
         round(LIMITS.settle_after_stop_s * rate_hz),
         round(LIMITS.settle_before_start_s * rate_hz),
@@ -268,12 +268,12 @@ def estimate_covariances_and_sources(
                     samples.x[:, column], samples.every_block, samples.min_relative_frequency
                 )
             if power is not None:
-                # one that mostly keeps its reading has the noise of rounding at least
+                # a column whose reading mostly stays the same has at least the noise of rounding
                 level = fit_spectrum_to_fast_band(power[0], column_responses[column], samples)
                 spectra[column, column] = np.maximum(
                     level, estimate_rounding_variance(samples, column)
                 )
-    # what is differentiated, and its derivative, have one noise
+    # a column and its derivative share one noise
     at = list_spectrum_frequencies()
     for column, how in enumerate(column_responses):
         of = how.derivative_of
@@ -308,14 +308,14 @@ def estimate_covariances_and_sources(
 
 
 def estimate_rounding_variance(samples: NoiseSamples, column: int) -> float:
-    """Variance below which a column's changes are rounding."""
+    """Variance up to which a column's changes count as rounding."""
     return (
         LIMITS.rounding_range_fraction * float(np.nanmax(np.abs(samples.x[:, column]), initial=0.0))
     ) ** 2
 
 
 def has_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column: int) -> bool:
-    """Whether a column shows its noise at standstill, where most pieces have several values."""
+    """Whether a column varies at standstill, with several values in most pieces."""
     least = estimate_rounding_variance(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in pieces]
     many = [
@@ -330,9 +330,9 @@ def has_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column:
 def fit_spectrum_to_fast_band(
     block_power: Floats, column_response: ColumnResponse, samples: NoiseSamples
 ) -> Floats:
-    """Spectrum of a column from its fast changes, (frequencies,).
+    """Noise spectrum (frequencies,) of a column, at `list_spectrum_frequencies`.
 
-    The frequencies are `list_spectrum_frequencies`.
+    Below the fast band it is extrapolated from the level in the band.
     """
     at, wanted = list_block_frequencies_per_sample(), list_spectrum_frequencies()
     response = column_response.compute_power_response(at)
@@ -346,7 +346,7 @@ def fit_spectrum_to_fast_band(
 def estimate_noise_growth_in_motion(
     samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None
 ) -> Floats:
-    """Power in motion over that at standstill, at least 1, at `list_spectrum_frequencies`."""
+    """Ratio, at least 1, of power in motion to standstill, at `list_spectrum_frequencies`."""
     at, wanted = list_block_frequencies_per_sample(), list_spectrum_frequencies()
     resting = compute_mean_block_spectrum(
         samples.x[:, column], samples.still_blocks, samples.min_relative_frequency
@@ -358,7 +358,7 @@ def estimate_noise_growth_in_motion(
         still > LIMITS.growth_stop_band_fraction * np.nanmax(still)
     )
     ratio = np.where(told, moving[0] / np.where(told, still, 1.0), np.nan)
-    # half-overlapping blocks are worth three quarters; so are neighbouring frequencies two thirds
+    # half-overlapping blocks count three quarters, and neighbouring frequencies two thirds
     error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
     band = told & (at <= samples.max_relative_frequency)
     below = float(np.median(ratio[band])) if band.any() else 1.0
@@ -372,7 +372,7 @@ def estimate_noise_growth_in_motion(
 def override_noise_by_settings(
     covariances: Floats, sources: list[str], axis: Mapping[str, str], settings: NoiseSettings
 ) -> None:
-    """Replace the noise by white noise where the settings give one."""
+    """Replace the noise of each column whose standard deviation is set by white noise, in place."""
     for column, name in enumerate(axis.values()):
         std = getattr(settings, name)
         if std is not None:
@@ -394,7 +394,7 @@ def _make_noise_frame(
             "second": np.array(column_names)[second],
             "lag": lag,
             "covariance": covariances.ravel(),
-            # a pair is from the log where both are
+            # a pair of columns comes from the log if both do
             "source": np.array(NOISE_SOURCES)[np.maximum(rank[first], rank[second])],
         }
     )

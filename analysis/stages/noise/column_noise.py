@@ -19,7 +19,7 @@ from estimators.methods.method_limits import LIMITS as METHOD_LIMITS
 from estimators.methods.tls import TlsOptions
 from estimators.numerics.small_systems import factor_packed_ldl, invert_factored_systems
 
-#: Ratios for TLS where neither log nor settings tell the noise: what the paper's sensors have.
+#: Noise ratios for TLS if neither log nor settings give the noise: those of the paper's sensors.
 _USUAL: Final[Mapping[str, TlsOptions]] = {
     "x": TlsOptions((0.01, 0.005, 0.001), 60.0),
     "z": TlsOptions((0.026, 0.001), 45.0),
@@ -85,8 +85,8 @@ class ColumnNoise:
 class DerivativeNoise:
     """Noise if the acceleration is the derivative of the speed.
 
-    The mean of n samples is the difference of two speeds over n steps; covariances at short lags do
-    not add up to that.
+    The mean of n samples is then the difference of two speeds over n steps; a sum of covariances at
+    short lags does not give its noise.
     """
 
     columns: ColumnNoise
@@ -105,7 +105,7 @@ class DerivativeNoise:
 
 
 def find_nearest_semidefinite_matrix(covariance: Floats) -> Floats:
-    """Nearest positive semidefinite matrix, since sums of estimated lags may be negative."""
+    """Nearest positive semidefinite matrix: sums of estimated covariances may be indefinite."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     of_unit, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -121,7 +121,7 @@ def collect_axis_noise(
 
     Args:
         axis: x or z axis.
-        settings: settings with samples of the mean, and noise.
+        settings: settings with the length of the moving mean, and noise.
         noise: frame `noise` of the log; without it the settings must give all columns.
     """
     known = ColumnNoise.select_axis_noise(axis, noise, settings.noise)
@@ -146,7 +146,7 @@ def collect_axis_noise(
 
 
 def _make_tls_options_by_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
-    """Default noise ratios, overridden by the settings."""
+    """Noise ratios of an axis for TLS: the default, overridden by the settings."""
     usual = _USUAL[axis.letter]
     given = [getattr(settings, name) for name in NOISE_COLUMNS[axis.letter].values()]
     both = zip(given, (*usual.noise_A[:2], usual.noise_f), strict=True)
@@ -157,7 +157,10 @@ def _make_tls_options_by_settings(axis: Axis, settings: NoiseSettings) -> TlsOpt
 def compute_column_stds_after_moving_mean(
     settings: Settings, noise: pl.DataFrame | None = None
 ) -> dict[str, float]:
-    """Noise of each column after the moving mean, by name; the default if unknown."""
+    """Noise standard deviation of each column after the moving mean, by name.
+
+    The default where the noise is unknown.
+    """
     stds: dict[str, float] = {}
     for axis in (X, Z):
         usual = _make_tls_options_by_settings(axis, settings.noise)
@@ -183,10 +186,11 @@ def estimate_attenuation_errors_of_windows(
     settings: Settings,
     noise: AxisNoise,
 ) -> Floats:
-    """Signed errors of windows that their residuals do not show, (rows, p).
+    """Signed errors of the windows' estimates by attenuation, (rows, p), which no residual shows.
 
-    Column noise attenuates estimates. Methods that take the regressor as exact keep the full
-    attenuation as error; the others correct it with a noise known to about half.
+    Noise in the columns attenuates the estimates. Methods that treat the regressor as exact have
+    the full attenuation as an error; methods that correct it know the noise only roughly, and have
+    a fraction of it.
 
     Args:
         method: a windowed or recursive method.
@@ -208,9 +212,10 @@ def estimate_attenuation_errors_of_windows(
 def estimate_window_stds_by_column_noise(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: AxisNoise
 ) -> Floats:
-    """Standard deviations of windows by column noise alone, (rows, p); 0 if unknown.
+    """Standard deviations of the windows' estimates by column noise alone, (rows, p); 0 if unknown.
 
-    The residuals of a window may be tiny by chance, or if the force is a function of the speed.
+    They are a lower bound: the residuals of a window may be tiny by chance, or because the force is
+    a function of the speed.
     """
     if noise.moving_mean_covariance is None or noise.long_sum_variance is None:
         return np.zeros_like(theta)
@@ -218,7 +223,7 @@ def estimate_window_stds_by_column_noise(
     grams = np.ascontiguousarray(solve_windows(A, f, window, index).grams.T)
     bread = invert_factored_systems(*factor_packed_ldl(grams, p, p))
     each = np.ascontiguousarray(theta.T)
-    # slow columns add up what lasts; no sample has less than its own
+    # slow noise adds up over a window; the variance is at least that of a single sample
     variance = np.maximum(
         compute_residual_noise_variance(each, noise.moving_mean_covariance),
         compute_residual_noise_variance(each, noise.long_sum_variance),

@@ -1,9 +1,9 @@
 """Noise of the grid's columns, from that of the channels before any filter.
 
 A low-pass may leave no band in which the grid shows noise alone; the channels' own samples have
-one. Their noise is taken for white, and goes through what is done to the channels: white noise in
-their place is filtered, differentiated and put onto the grid by the very stages that do it to them,
-and what comes out is looked at. No formula has to know of holes, jitter, means and lines between.
+one. Their noise is assumed white and propagated by simulation: white noise takes the place of the
+channels, the stages of the replay filter, differentiate and align it, and its covariances are
+estimated on the grid. No formula for gaps, jitter, means and interpolation is needed.
 """
 
 import math
@@ -34,7 +34,7 @@ from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from estimators.arrays import Floats, Ints
 from estimators.errors import DataError
 
-#: The variance of second differences of white noise of variance 1.
+#: Variance of the second differences of white noise with variance 1.
 _SECOND_DIFFERENCES: Final = 6.0
 Complexes = NDArray[np.complex128]
 
@@ -45,9 +45,9 @@ class ColumnResponse:
 
     Attributes:
         derivatives: number of differentiations.
-        derivative_of: index of the column that it is the derivative of; -1 for none.
+        derivative_of: index of the column whose derivative this column is; -1 for none.
         filtered: whether the low-pass is applied.
-        cutoff: cutoff of the low-pass, over the rate.
+        cutoff: cutoff frequency of the low-pass, over the rate.
         causal: whether filter and derivative use past samples only.
         rate_hz: rate of the grid.
     """
@@ -74,7 +74,7 @@ class ColumnResponse:
         return power
 
     def compute_derivative_response(self, frequency_over_rate_1: Floats) -> Complexes:
-        """Transfer function of one derivative, at frequencies over the rate."""
+        """Transfer function of one differentiation, at frequencies over the rate."""
         if self.causal:
             return np.asarray(
                 self.rate_hz * (1.0 - np.exp(-2j * np.pi * frequency_over_rate_1)), np.complex128
@@ -118,7 +118,7 @@ def flag_columns_with_noise_hidden_by_grid(
         if not mine:
             found.append(False)
             continue
-        # taken at the slowest one's stamps, averaged over its steps
+        # the regressor is taken at its slowest channel's stamps, averaged over that one's steps
         mixed = min(beside) * SIGNAL_LIMITS.other_rate_ratio < min(
             max(beside), max(rate_hz, PAPER_HZ)
         )
@@ -142,10 +142,10 @@ def simulate_noise_covariances_on_grid(
     Args:
         channels: raw readings by channel.
         machine: machine file with the processing of channels.
-        columns: computes the (rows, columns) from a grid.
+        columns: function that computes the columns (rows, columns) from a grid.
 
     Returns:
-        None if the log is too short for a grid.
+        The covariances; None if the log is too short for a grid.
     """
     settings = machine.settings.align
     std = {
@@ -172,7 +172,7 @@ def simulate_noise_covariances_on_grid(
 def select_stamps_of_simulated_rows(
     channels: Mapping[str, mounting.Series], rate_hz: float
 ) -> dict[str, Ints]:
-    """Stamps of each channel, up to the simulated rows after the last one has begun."""
+    """Stamps of each channel, up to `LIMITS.simulated_rows` after all channels have begun."""
     begin = max(int(t[0]) for t, _ in channels.values())
     end = begin + math.ceil(LIMITS.simulated_rows / rate_hz * 1e9)
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in channels.items()}
@@ -196,7 +196,7 @@ def repeat_short_log_stamps(
 
 
 def sum_lagged_products_and_counts(x: Floats) -> tuple[Floats, Floats]:
-    """Sum lagged products of columns, without their means.
+    """Sum the lagged products of columns about their means.
 
     Args:
         x: (n, columns) samples; a row with a NaN counts nowhere.
@@ -206,7 +206,7 @@ def sum_lagged_products_and_counts(x: Floats) -> tuple[Floats, Floats]:
     """
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)
-    # an offset of a derived channel is no noise
+    # an offset of a derived channel is not noise
     x = np.where(known[:, None], x - x.sum(axis=0) / max(int(known.sum()), 1), 0.0)
     n = next_fast_len(len(x) + LAGS, real=True)
     spectra = np.fft.rfft(x, n, axis=0)

@@ -9,7 +9,7 @@ from analysis.model.windows import find_flagged_runs
 from analysis.stages.noise.noise_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
-#: Covariances are given for lags below this.
+#: Number of lags, from 0, at which covariances are given.
 LAGS: Final = 64
 #: What a limit leaves to say of where the noise is from.
 RESIDUALS: Final = "residuals"
@@ -17,14 +17,14 @@ SPREAD: Final = "spread"
 
 
 class BlockSpectrum(NamedTuple):
-    """Mean power (frequencies,) at `list_block_frequencies_per_sample`, and number of blocks."""
+    """Mean power (frequencies,) at `list_block_frequencies_per_sample`, and the block count."""
 
     power: Floats
     block_count: int
 
 
 def choose_relative_noise_band(rate_hz: float) -> tuple[float, float]:
-    """Lowest frequency that is all noise, and top of the band above it, over the rate."""
+    """Lower and upper end of the frequency band that contains noise only, over the rate."""
     # faster noise leaks into the lowest frequencies of a block
     fast = min(
         max(LIMITS.fast_hz / rate_hz, LIMITS.leak_periods / LIMITS.block_samples),
@@ -34,7 +34,7 @@ def choose_relative_noise_band(rate_hz: float) -> tuple[float, float]:
 
 
 def find_true_runs(flags: Bools) -> list[tuple[int, int]]:
-    """First and end row of every run of True."""
+    """First row of every run of True, and the row after its last."""
     first, last = find_flagged_runs(flags)
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
@@ -42,12 +42,12 @@ def find_true_runs(flags: Bools) -> list[tuple[int, int]]:
 def trim_stretch_to_settled_rows(columns: Floats, begin: int, end: int) -> tuple[int, int]:
     """Trim a stretch at both ends to where the short means of all columns are level.
 
-    In a slow start the speed still counts as standstill for up to a second.
+    The first second of a slow start may still count as standstill.
 
     Args:
         columns: (rows, columns), finite from `begin` to `end`.
-        begin: first row.
-        end: end row.
+        begin: first row of the stretch.
+        end: row after its last.
     """
     for _ in range(LIMITS.trim_rounds):
         if end - begin < LIMITS.piece_min_samples:
@@ -75,7 +75,7 @@ def trim_stretch_to_settled_rows(columns: Floats, begin: int, end: int) -> tuple
 def cut_into_detrended_pieces(
     columns: Floats, quiet_stretches: list[tuple[int, int]]
 ) -> list[Floats]:
-    """Cut stretches into pieces (n, columns) without their linear trends; many are sampled.
+    """Cut stretches into pieces (n, columns) without linear trends, at most about `max_pieces`.
 
     Args:
         columns: (rows, columns), finite in the stretches.
@@ -104,8 +104,8 @@ def detrend_piece(piece: Floats) -> Floats:
 def estimate_lag_covariances(pieces: list[Floats]) -> Floats:
     """E[x_i(t) x_j(t + lag)] over detrended pieces, (columns, columns, LAGS).
 
-    Pieces in which any column varies far more than usual are left out. What the straight lines took
-    with them, 2/n of the power at zero frequency, is put back.
+    Pieces in which any column varies far more than usual are left out. The part removed by the
+    detrending, 2/n of the power at zero frequency, is added again.
     """
     power = np.array([(part**2).mean(axis=0) for part in pieces])
     usual = np.median(power, axis=0)
@@ -130,7 +130,7 @@ def estimate_lag_covariances(pieces: list[Floats]) -> Floats:
 
 
 def estimate_density_at_zero_frequency(covariances: Floats) -> Floats:
-    """Sum of the covariances over all lags, tapered, (columns, columns), no variance negative."""
+    """Tapered sum of the covariances over all lags, (columns, columns), variances at least 0."""
     taper = 1.0 - np.arange(1, LIMITS.correlated_lags) / LIMITS.correlated_lags
     later = covariances[:, :, 1 : LIMITS.correlated_lags] @ taper
     total = covariances[:, :, 0] + later + later.T
@@ -140,7 +140,7 @@ def estimate_density_at_zero_frequency(covariances: Floats) -> Floats:
 
 
 def choose_overlapping_block_ends(flags: Bools) -> Ints:
-    """Last rows (blocks,) of half-overlapping blocks inside runs of True; many are sampled."""
+    """Last rows (blocks,) of half-overlapping blocks inside runs of True, about `max_blocks`."""
     rows = np.arange(flags.size)
     # the last row before the run
     begun = np.maximum.accumulate(np.where(flags, -1, rows))
@@ -153,16 +153,16 @@ def choose_overlapping_block_ends(flags: Bools) -> Ints:
 def compute_mean_block_spectrum(
     x: Floats, block_ends: Ints, min_frequency: float
 ) -> BlockSpectrum | None:
-    """Power of noise by the frequency of a block, and number of blocks; None if they are too few.
+    """Mean noise power of the blocks at each frequency, and their number; None if too few.
 
-    It is of second differences, so that smooth signals do not leak, divided by their response, so
-    that unit white noise has 1 everywhere (0 Hz is undefined). Blocks with much more fast power
-    than most contain a throttle step or a stop, and are left out.
+    Second differences are used, so that smooth signals do not leak, and their response is divided
+    out, so that white noise of variance 1 has power 1 everywhere (0 Hz is undefined). Blocks with
+    much more fast power than most contain a throttle step or a stop, and are left out.
 
     Args:
         x: (rows,), finite in the blocks.
-        block_ends: `choose_overlapping_block_ends`.
-        min_frequency: lowest frequency over the rate at which blocks are judged.
+        block_ends: last rows of the blocks, by `choose_overlapping_block_ends`.
+        min_frequency: frequency over the rate from which power counts as fast.
     """
     if block_ends.size < LIMITS.min_blocks:
         return None
@@ -197,7 +197,7 @@ def list_block_frequencies_per_sample() -> Floats:
 
 
 def average_over_neighbouring_frequencies(power: Floats, neighbours: int) -> Floats:
-    """Mean (frequencies,) of each one and up to `neighbours` neighbours on either side."""
+    """Mean power (frequencies,) of each frequency and up to `neighbours` on either side of it."""
     kernel = np.ones(2 * neighbours + 1)
     known = np.isfinite(power)
     total = np.convolve(np.where(known, power, 0.0), kernel, "same")
@@ -277,8 +277,9 @@ def compute_noise_std_limits_by_motion(columns: Floats, is_moving: Bools) -> tup
         is_moving: (rows,) whether the machine moves.
 
     Returns:
-        The spread of each column; and the residual of force = m a + b v + c v|v| + d sign(v) + e
-        over the column's coefficient, infinite for a coefficient of 0.
+        The standard deviation of each column; and the residual of the force, for
+        force = m a + b v + c v|v| + d sign(v) + e, divided by the column's coefficient: infinite
+        for the speed, and if m is not positive.
     """
     columns = columns[is_moving]
     spread = columns.std(axis=0) if len(columns) else np.full(columns.shape[1], np.inf)
@@ -300,16 +301,16 @@ def limit_noise_covariances_in_place(
     is_moving: Bools,
     derivative_of: list[int],
 ) -> None:
-    """Reduce the covariances of columns whose noise exceeds its limit, in place.
+    """Reduce the covariances of columns whose noise exceeds its upper limit, in place.
 
-    The covariances of the columns that these are the derivative of are reduced with them.
+    If such a column is a derivative, those of the column that it derives from are reduced as well.
 
     Args:
         covariances: (columns, columns, LAGS) covariances.
         sources: source of each column's noise; noise seen at standstill is not changed.
         columns: (rows, columns) values.
         is_moving: (rows,) whether the machine moves.
-        derivative_of: the column that each is the derivative of, -1 for none.
+        derivative_of: for each column, index of the column whose derivative it is; -1 for none.
     """
     spread, left = compute_noise_std_limits_by_motion(columns, is_moving)
     std = np.sqrt(np.maximum(np.diagonal(covariances[:, :, 0]), 0.0))

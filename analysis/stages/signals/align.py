@@ -25,27 +25,27 @@ class AlignedGrid(NamedTuple):
 
 
 def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machine) -> AlignedGrid:
-    """Put every channel on one grid: on the line between the samples before and after.
+    """Interpolate every channel linearly on one uniform grid.
 
-    Neighbours are no further apart than `gap_periods` of their channel's own median period (or of
-    the grid's, if that is longer); a row between others is a gap. A topic faster than the grid is
-    averaged over a grid step instead, and a regressor with a slow channel is taken at that one's
-    stamps first. The grid runs from the latest first sample to the earliest last one; where a
-    channel lacks more than a minute at an end that another has, it is a gap to that end. Of a gap
-    longer than 60 s only the ends are kept. Hints (boom, bucket, latitude, longitude) have no say
-    in this; they are missing where they have no neighbours.
+    Two samples are interpolated if they are no further apart than `gap_periods` of their channel's
+    median period (or of the grid's, if that is longer); rows between others are a gap. A topic
+    faster than the grid is averaged over a grid step instead, and a regressor with a slow channel
+    is first taken at that channel's stamps. The grid runs from the latest first sample to the
+    earliest last one; if a channel lacks more than a minute at an end of the log that another has,
+    the grid extends to that end, with a gap. The inside of gaps longer than 60 s is left out. Hints
+    (boom, bucket, latitude, longitude) do not affect the grid; they are null where not known.
 
-    With `filter.causal` a row holds the motion `align.latency_s` before it, or that of the newest
-    instant that every channel of the regressor is known of by then, alike on all of them; another
-    channel of which that is not known yet has its newest value.
+    With `filter.causal` a row holds the motion of `align.latency_s` earlier. If a channel of the
+    regressor is not known yet for that instant, all are taken at the newest instant at which all
+    are known; any other channel that is not known yet has its newest value.
 
     Args:
-        channels: by name: unix_ns, strictly ascending, the channel's column, and with
-            `filter.causal` known_ns if it differs.
+        channels: frame by channel, with unix_ns (strictly ascending), the channel's column, and
+            with `filter.causal` known_ns if it differs.
         machine: machine file with channels, IMU mounting and rate.
 
     Returns:
-        Frame `aligned`, and when it begins.
+        Frame `aligned`, and the Unix time of its first row.
 
     Raises:
         DataError: the channels do not overlap in time, or the grid would not fit into memory.
@@ -64,7 +64,7 @@ def align_channels_on_grid(channels: Mapping[str, pl.DataFrame], machine: Machin
 
 
 class GridOrigin(NamedTuple):
-    """Begin of the grid, and delay of its rows.
+    """Start of the grid, and delay of its rows.
 
     Attributes:
         start_ns: Unix time of the instant in the first row.
@@ -78,7 +78,7 @@ class GridOrigin(NamedTuple):
 def find_origin_of_causal_grid(
     channels: Mapping[str, pl.DataFrame], machine: Machine
 ) -> GridOrigin:
-    """Origin of a grid, from the first seconds of the channels in a causal replay.
+    """Origin of the grid of a causal replay, from the first seconds of its channels.
 
     Raises:
         DataError: the channels do not overlap in time yet.
@@ -99,15 +99,15 @@ def align_known_rows_on_causal_grid(
     *,
     is_log_complete: bool,
 ) -> pl.DataFrame:
-    """Rows of a causal grid that are known by now, equal to those of `align` for the whole log.
+    """Rows of a causal grid that are known by now, the same as in the frame of the whole log.
 
     Args:
         channels: newest part of each channel, as in `align`.
         machine: machine file with channels, IMU mounting and rate.
         origin: origin of the grid.
-        after_ns: first `t_ns` to return.
-        is_log_complete: whether no further samples will come; otherwise a row waits until every
-            channel has a sample known no earlier.
+        after_ns: `t_ns` of the first row to return.
+        is_log_complete: whether no further samples will come; otherwise a row is returned only once
+            every channel has a sample that arrived at its time or later.
 
     Returns:
         `aligned`, rows from `after_ns` on.
@@ -131,13 +131,13 @@ def align_known_rows_on_causal_grid(
 def _make_channel_and_regressor_series(
     channels: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, ChannelSeries], dict[str, ChannelSeries]]:
-    """All channels, and the same with the regressors' at the stamps of their slowest."""
+    """All channels at their own stamps, and again with each regressor's at its slowest stamps."""
     raw = {n: rates.make_channel_series(n, frame, machine) for n, frame in channels.items()}
     return raw, _average_fast_channels_to_slowest(raw, machine)
 
 
 def select_required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
-    """Channels that the grid must contain."""
+    """Channels without the hints, which the grid does not depend on."""
     return {name: each for name, each in series.items() if name not in HINTS}
 
 
@@ -190,7 +190,7 @@ def list_alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine)
 def _average_fast_channels_to_slowest(
     raw: Mapping[str, ChannelSeries], machine: Machine
 ) -> dict[str, ChannelSeries]:
-    """Average fast channels to the slowest one of their equation."""
+    """Average the channels of each regressor over the steps of its slowest channel."""
     series = dict(raw)
     for each in rates.list_rate_limited_regressors(raw, machine):
         series |= rates.resample_to_slowest_channel(raw, each)
@@ -198,7 +198,7 @@ def _average_fast_channels_to_slowest(
 
 
 def find_common_span_ns(required_channels: Mapping[str, ChannelSeries]) -> tuple[int, int]:
-    """Latest first stamp and earliest last stamp."""
+    """Latest first stamp and earliest last stamp of the channels, in Unix ns."""
     spans = {
         name: (int(s.t_ns[0]), int(s.t_ns[-1])) for name, s in sorted(required_channels.items())
     }
@@ -215,10 +215,10 @@ def find_common_span_ns(required_channels: Mapping[str, ChannelSeries]) -> tuple
 def extend_to_ends_of_log_ns(
     span_ns: tuple[int, int], required_channels: Mapping[str, ChannelSeries]
 ) -> tuple[int, int]:
-    """Extend a span to an end of the log of which some channels lack over a minute.
+    """Extend the common span to an end of the log if a channel lacks over a minute there.
 
     Args:
-        span_ns: start and end.
+        span_ns: start and end of the span that all channels cover.
         required_channels: channels at their own stamps.
     """
     first = [int(each.t_ns[0]) for each in required_channels.values()]
@@ -231,7 +231,7 @@ def extend_to_ends_of_log_ns(
 
 
 def is_missing_end_of_log(missing_ns: int) -> bool:
-    """Whether readings that other channels have at an end of the log count as missing."""
+    """Whether a channel that lacks `missing_ns` at an end of the log has a gap there."""
     return LIMITS.longest_gap_s * 1e9 < missing_ns <= LIMITS.missing_end_max_s * 1e9
 
 
@@ -250,10 +250,11 @@ def choose_grid_latency_ns(series: Mapping[str, ChannelSeries], machine: Machine
 
 
 class KnownInstants:
-    """Instants that rows represent if only earlier arrivals may be used.
+    """Instants that the rows of a causal grid represent.
 
-    A row at the time t represents t - latency. If a channel of the regressor is not known by then,
-    all are taken at the newest instant known of all.
+    A row at time t uses only samples that have arrived by t, and represents t - latency. If a
+    channel of the regressor is not known for that instant, all are taken at the newest instant at
+    which all are known.
     """
 
     def __init__(
@@ -272,7 +273,7 @@ class KnownInstants:
             self.shared = np.minimum(self.shared, self.newest[name])
 
     def newest_known_instants_and_staleness(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
-        """Instants (rows,) of a channel, and whether its newest sample is too old."""
+        """Instants (rows,) to take a channel at, and whether its newest sample is too old."""
         each = self.series[name]
         newest = self.newest[name]
         usual = self.grid - max(0, round(each.typical_lag_ns) - self.latency_ns)
@@ -283,9 +284,9 @@ class KnownInstants:
 def find_long_gaps_ns(
     required_channels: Mapping[str, ChannelSeries], longest_s: float, start_ns: int, end_ns: int
 ) -> list[tuple[int, int]]:
-    """Begin and end in ns of the gaps of each channel that are longer than these seconds.
+    """Start and end in ns of each channel's gaps that are longer than `longest_s`.
 
-    `start_ns` and `end_ns` are those of the grid.
+    `start_ns` and `end_ns` are the ends of the grid.
     """
     return sorted(
         # in integers: a float holds unix time to a quarter of a microsecond only
@@ -297,7 +298,7 @@ def find_long_gaps_ns(
 
 
 def pad_stamps_to_span(t_ns: Ints, start_ns: int, end_ns: int) -> Ints:
-    """Stamps with the ends of the span around them, where these lie outside."""
+    """Stamps, with the start and the end of the span added if they lie outside the stamps."""
     before = [start_ns] if start_ns < t_ns[0] else []
     after = [end_ns] if end_ns > t_ns[-1] else []
     if not before and not after:
@@ -333,7 +334,7 @@ def _list_long_gap_notes(series: Mapping[str, ChannelSeries]) -> list[str]:
 def _list_channels_without_readings(
     required: Mapping[str, ChannelSeries], opened_ns: int, closed_ns: int, span_ns: tuple[int, int]
 ) -> tuple[str, ...]:
-    """Channels with a gap that covers all but a tenth of a time."""
+    """Channels with a gap that covers nearly all of the time from `opened_ns` to `closed_ns`."""
     least_ns = LIMITS.same_gap_1 * (closed_ns - opened_ns)
     return tuple(
         name
@@ -348,7 +349,7 @@ def _list_channels_without_readings(
 def _describe_long_gap(
     names: Sequence[str], channel_count: int, minutes: float, from_s: float
 ) -> str:
-    """Say which channels have no readings in a gap, for how long, and from when on."""
+    """Sentence on a gap: the channels without readings, its duration and its start."""
     are_all = len(names) == channel_count
     return (
         f"no readings{'' if are_all else ' of ' + ', '.join(names)} for "
@@ -365,14 +366,14 @@ def make_grid_without_long_gaps(
     step_ns: float,
     first_point_number: int = 0,
 ) -> Ints:
-    """Grid points (rows,) in ns from start to end, without the inside of long holes.
+    """Grid points (rows,) in ns from start to end, without the inside of long gaps.
 
-    `first_point_number` is the number of the first point.
+    Points are numbered from `start_ns`; the first one returned is `first_point_number`.
     """
     pieces: list[tuple[int, int]] = []
     gaps = find_long_gaps_ns(required_channels, LIMITS.longest_gap_s, start_ns, end_ns)
     for opened, closed in gaps:
-        # a row behind the last sample, and the last one before the next
+        # the first row after the last sample, and the last one before the next sample
         left = int((opened - start_ns) // step_ns) + 1
         right = int((closed - start_ns) // step_ns) - 1
         if right <= max(left, first_point_number):

@@ -1,8 +1,8 @@
 """Rows that a logger wrote twice: they repeat earlier ones to the last digit.
 
 Noise does not repeat. A hash of each row's noisy readings, summed over a window of rows, is equal
-at two places only where the same buffer was written again. Windows begin at rows that their own
-hash chooses, so that a copy has the same ones as its original wherever it begins.
+at two places only if the same buffer was written twice. The hash of a row decides whether a window
+begins at it, so that a copy has the same windows as its original wherever it begins.
 """
 
 from collections.abc import Mapping
@@ -45,7 +45,7 @@ def find_copied_rows_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> dict[st
 def drop_copied_rows(
     raw_frames: Mapping[str, pl.DataFrame], copies_by_topic: Mapping[str, list[Copy]]
 ) -> dict[str, pl.DataFrame]:
-    """Drop the rows of each topic that repeat earlier ones: what they replaced was not recorded."""
+    """Drop the rows of each topic that repeat earlier ones; the rows in their place are lost."""
     found = dict(raw_frames)
     for topic, copies in copies_by_topic.items():
         kept = np.ones(raw_frames[topic].height, np.bool_)
@@ -56,7 +56,7 @@ def drop_copied_rows(
 
 
 def list_copied_row_notes(copies_by_topic: Mapping[str, list[Copy]]) -> list[str]:
-    """Notes on topics with rows that are left out."""
+    """Notes on topics whose copied rows are left out."""
     return [
         f"{topic}: {sum(end - begin + 1 for begin, end, _ in copies):,} rows repeat earlier ones "
         "to the last digit and are left out, as rows that were not recorded"
@@ -65,7 +65,7 @@ def list_copied_row_notes(copies_by_topic: Mapping[str, list[Copy]]) -> list[str
 
 
 def find_copied_stretches(stamps_ns: Ints, columns: list[Floats]) -> list[Copy]:
-    """Stretches whose rows equal earlier ones.
+    """Find the stretches of rows that equal earlier rows.
 
     Args:
         stamps_ns: (n,) stamps in ns.
@@ -96,7 +96,7 @@ def find_copied_stretches(stamps_ns: Ints, columns: list[Floats]) -> list[Copy]:
 
 
 def select_readings_with_noise(frame: pl.DataFrame) -> list[Floats]:
-    """Readings of the channels with noise, which no two stretches share."""
+    """Readings of the columns with noise, which differ between any two stretches."""
     found: list[Floats] = []
     for name in frame.columns:
         if name in _STAMPS or not frame.schema[name].is_numeric():
@@ -108,7 +108,7 @@ def select_readings_with_noise(frame: pl.DataFrame) -> list[Floats]:
 
 
 def _do_readings_turn_back_like_noise(readings: Floats) -> bool:
-    """Whether readings turn back as often as noise does."""
+    """Whether readings reverse their change as often as noise does."""
     if readings.size > LIMITS.noise_blocks * LIMITS.noise_block_rows:
         blocks = readings[
             : readings.size // LIMITS.noise_block_rows * LIMITS.noise_block_rows

@@ -36,7 +36,7 @@ UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
 def derive_channels_in_si(
     measured: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[dict[str, pl.DataFrame], list[str]]:
-    """Compute every channel of the machine file from the measured ones.
+    """Filter the measured channels, and derive the others of the machine file from them.
 
     If any channel is differentiated, the same zero-phase low-pass (causal if so set) is applied to
     every force and motion channel at its own rate, before derivatives: a filter on one regressor
@@ -48,8 +48,8 @@ def derive_channels_in_si(
         machine: machine file with channels and settings.
 
     Returns:
-        Frames by channel, and `direction_x_1`, with unix_ns and the channel's column, plus known_ns
-        with `filter.causal`; and notes.
+        Frame by channel, including `direction_x_1`, with unix_ns and the channel's column, and with
+        known_ns if `filter.causal` is set; and notes.
     """
     settings = machine.settings
     notes: list[str] = []
@@ -71,10 +71,10 @@ def derive_channels_in_si(
         else:
             continue
         series[name] = _zero_unresolved_samples(name, t, x * channel.scale + channel.offset)
-    # of what arithmetic alone needed, a causal grid takes when it was known
+    # of channels that only arithmetic needs, a causal grid uses the arrival times alone
     whole, series = series, {name: each for name, each in series.items() if name in _SI}
     t, speed = series["speed_x_m_s"]
-    # the sign of a standing machine's noise is a regressor of pure noise
+    # at standstill the sign of the speed would be pure noise
     moves = np.abs(speed) > settings.forces.direction_deadband_m_s
     series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
     columns = {n: [pl.Series("unix_ns", t), pl.Series(n, x)] for n, (t, x) in series.items()}
@@ -131,8 +131,8 @@ def compute_arithmetic_channel(
 ) -> mounting.Series:
     """Compute a channel from others at the stamps of the slowest, with interpolation.
 
-    A gear among them does not set the stamps: it is held between equal readings. Samples without a
-    value are left out, as where a divisor is near zero or a gear changes.
+    A gear does not count as the slowest channel: it is constant between equal readings. Samples
+    without a value, as where a divisor is near zero or a gear changes, are left out.
     """
     tree, settings = parse_derivation_in_si(name, machine), machine.settings
     own = {each: series[each] for each in iter_channel_names(tree) if each not in BODY_NUMBERS}
@@ -168,7 +168,7 @@ def compute_arithmetic_channel(
 def read_measured_channels(
     stamped_topics: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, mounting.Series], list[Loss]]:
-    """Read every channel of a topic: SI units, finite values, one sample per stamp.
+    """Read every measured channel: in SI units, finite, one sample per stamp.
 
     Args:
         stamped_topics: frames by topic with unix_ns and fields; optional topics may be missing.
@@ -192,7 +192,7 @@ def read_measured_channels(
                 else read_field_of_channel(name, channel, stamped_topics[topic], losses)
             )
         except NoReadingError as error:
-            # a hint that holds nothing is one that is not there
+            # a hint without readings counts as absent
             if name not in HINTS:
                 raise
             losses.append(Loss(source=name, what=str(error).removeprefix(f"{name}: ")))
@@ -200,7 +200,7 @@ def read_measured_channels(
 
 
 def share_equal_stamp_arrays(channels: Mapping[str, mounting.Series]) -> dict[str, mounting.Series]:
-    """The same channels, where those of equal stamps keep one array of them."""
+    """The same channels, with equal arrays of stamps replaced by one shared array."""
     out: dict[str, mounting.Series] = {}
     for name, (t, x) in channels.items():
         out[name] = next((each for each, _ in out.values() if np.array_equal(each, t)), t), x
@@ -288,7 +288,7 @@ def select_usable_readings(
     t = frame["unix_ns"].to_numpy()
     delay_ns = round(channel.delay_s * 1e9)
     if t.size > 1 and (np.abs(readings) <= LIMITS.largest_si).all() and (np.diff(t) > 0).all():
-        # nothing to leave out: what a follower has at nearly every look
+        # nothing to leave out: the usual case of a follower
         return t - delay_ns, set_values_below_resolution_to_zero(readings)
     finite = np.isfinite(readings)
     if not finite.any():
@@ -297,7 +297,7 @@ def select_usable_readings(
     limit = f"beyond {LIMITS.largest_si:g} {find_unit_in_name(name)}, which cannot be a reading"
     if not told.any():
         raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
-    # of a message each number was sent
+    # in messages, as opposed to a table, every missing reading was lost
     lost = int((~finite).sum()) if channel.topic else filters.count_lost_readings(t, finite)
     counts = ((lost, "missing or not finite"), (int((finite & ~told).sum()), limit))
     for count, why in counts:
@@ -327,7 +327,7 @@ def select_usable_readings(
 
 
 def _zero_unresolved_samples(name: str, t_ns: filters.Ints, x: filters.Floats) -> mounting.Series:
-    """A derived channel with unresolved samples filled; an error if it is empty."""
+    """A derived channel with values below the resolution set to 0; a DataError if it is empty."""
     if t_ns.size == 0:
         raise DataError(
             f"{name}: no stretch of the log without gaps is long enough to derive this channel"
@@ -336,7 +336,7 @@ def _zero_unresolved_samples(name: str, t_ns: filters.Ints, x: filters.Floats) -
 
 
 def set_values_below_resolution_to_zero(values: filters.Floats) -> filters.Floats:
-    """Values (n,) with those below any sensor's resolution set to 0: filters ring down long."""
+    """Values (n,) with those below any sensor's resolution set to 0: filters ring for long."""
     return np.where(np.abs(values) < LIMITS.smallest_si, 0.0, values)
 
 
@@ -345,7 +345,7 @@ def average_two_channels(
 ) -> mounting.Series:
     """Mean of two channels at the stamps of one, with the other interpolated.
 
-    The slower one's stamps are used if interpolation would low-pass it, else the first one's.
+    The stamps are those of `b` if it is much slower, so that it is not interpolated, else of `a`.
     """
     period_ns = filters.compute_median_period_ns
     if period_ns(b[0]) > LIMITS.other_rate_ratio * period_ns(a[0]):
@@ -365,8 +365,8 @@ def find_known_times_of_samples_ns(
 
     Args:
         channels: channels as read.
-        picked_channels: the same after the low-pass filter, if one is used.
-        series: these in machine axes, and the derived channels.
+        picked_channels: the same channels after the low-pass filter, if one is used.
+        series: the same in machine axes, and the derived channels.
         machine: machine file with delays and derived channels.
     """
     filtered = {

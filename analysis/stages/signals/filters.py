@@ -12,11 +12,11 @@ from estimators.arrays import Bools, Floats, Ints
 
 
 def compute_median_period_ns(t_ns: Ints) -> float:
-    """Median period of ascending stamps in ns; NaN below two samples."""
+    """Median period of ascending stamps in ns; NaN with fewer than two samples."""
     if t_ns.size < 2:
         return float("nan")
     steps = np.diff(t_ns)
-    # of steps that are mostly equal, as a grid's, `np.median` takes fifteen times as long
+    # for mostly equal steps, as of a grid, `np.median` takes fifteen times as long
     few = np.sort(steps[: LIMITS.common_step_steps])
     usual = few[few.size // 2]
     below, equal = np.count_nonzero(steps < usual), np.count_nonzero(steps == usual)
@@ -25,9 +25,10 @@ def compute_median_period_ns(t_ns: Ints) -> float:
 
 
 def compute_gap_threshold_ns(t_ns: Ints, settings: AlignSettings) -> float:
-    """Longest step in ns that is not a gap: `gap_periods` of the topic's or grid's period.
+    """Longest step in ns that is not a gap: `gap_periods` times the topic's or the grid's period.
 
-    Log times come in bursts, so the topic's own period would make every pause a gap.
+    The longer of the two counts: log times come in bursts, and by the topic's own short period
+    every pause would be a gap.
     """
     return settings.gap_periods * float(
         np.fmax(compute_median_period_ns(t_ns), 1e9 / settings.rate_hz)
@@ -58,7 +59,7 @@ def apply_low_pass(
     Returns:
         Stamps and filtered samples.
     """
-    # late: it takes as long to import as all else that a run imports, and few logs need it
+    # imported late: it takes as long as all other imports of a run, and few logs need it
     from scipy.signal import butter
 
     period = compute_median_period_ns(t_ns)
@@ -71,8 +72,8 @@ def apply_low_pass(
     stretches = [stretch for stretch in stretches if stretch[0].size > settle]
     if not stretches:
         return t_ns[:0], signal[:0]
-    # all of one length at once: bursts have thousands of stretches, and a call costs more than 20
-    # samples
+    # filter all stretches of one length at once: bursts have thousands of them, and a call costs
+    # as much as 20 samples
     indices_by_length: defaultdict[int, list[int]] = defaultdict(list)
     for index, (t, _) in enumerate(stretches):
         indices_by_length[t.size].append(index)
@@ -86,10 +87,10 @@ def apply_low_pass(
 
 
 def _filter_rows(sos: Floats, rows: Floats, padding: int) -> Floats:
-    """Filter each row of (stretches, samples) forwards, and backwards too if it is padded.
+    """Filter each row of (stretches, samples) forwards, and also backwards if `padding` is not 0.
 
-    Each row is padded by its point reflection at either end, as `scipy.signal.sosfiltfilt` does,
-    which would solve for the filter's steady state again in every call.
+    Each row is padded by its point reflection at either end, as by `scipy.signal.sosfiltfilt`,
+    which is not used since it solves for the filter's steady state in every call.
     """
     from scipy.signal import sosfilt, sosfilt_zi
 
@@ -109,7 +110,7 @@ def _filter_rows(sos: Floats, rows: Floats, padding: int) -> Floats:
 def compute_low_pass_power_gain(frequency_over_cutoff_1: Floats, *, causal: bool) -> Floats:
     """Fraction of power that the low-pass passes, at frequencies over its cutoff.
 
-    It holds well below half the rate.
+    Valid for frequencies well below half the sampling rate.
     """
     one_pass = 1.0 / (1.0 + frequency_over_cutoff_1 ** (2 * LIMITS.low_pass_order))
     return one_pass if causal else one_pass**2
@@ -118,16 +119,16 @@ def compute_low_pass_power_gain(frequency_over_cutoff_1: Floats, *, causal: bool
 def differentiate_signal(
     t_ns: Ints, signal: Floats, max_gap_ns: float, *, causal: bool
 ) -> tuple[Ints, Floats]:
-    """Slopes between the neighbours of each sample, within stretches, as those of the sample.
+    """Derivative at each sample: the slope between its two neighbours in the same stretch.
 
-    They have no delay where stamps are even or scatter, and one of up to half an interval beside a
-    sample that is missing. A parabola through three samples has none, but gives the shorter
-    interval the larger weight: of even readings at 20 Hz whose stamps scatter by 10 ms, its slopes
-    are 5 % too large.
+    It has no delay if the stamps are even or scatter, and one of up to half an interval beside a
+    missing sample. The slope of a parabola through three samples has no delay, but weights the
+    shorter interval more: for even readings at 20 Hz whose stamps scatter by 10 ms, it is 5 % too
+    large.
 
-    If `causal`, the ends of a stretch have no derivative: it would be one-sided, and the end is not
-    known yet on board. All others use three samples only, so they do not depend on where the log
-    begins.
+    If `causal`, the ends of a stretch have no derivative: it would be one-sided, and on board the
+    end is not known yet. Otherwise the ends have one-sided slopes. As only neighbours are used, the
+    result does not depend on where the log begins.
     """
     times: list[Ints] = []
     rates: list[Floats] = []
@@ -162,7 +163,7 @@ def interpolate_linearly(
 
 
 def compute_interpolation_ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
-    """Time at which the interpolation at each instant is known: arrival of its later sample.
+    """Time in ns at which the interpolation at each instant is known: arrival of the later sample.
 
     Args:
         t_ns: (n,) stamps, ascending.
@@ -185,7 +186,7 @@ def _resample_uniformly(t_ns: Ints, signal: Floats, period_ns: float) -> tuple[I
 
 
 def count_lost_readings(t_ns: Ints, is_reading: Bools) -> int:
-    """Count the rows of a table without a reading that a gap among the readings shows.
+    """Count the lost readings of a table's column: empty cells in gaps between its readings.
 
     A table that merges channels of several rates has empty cells where a channel was not measured.
 
@@ -196,7 +197,7 @@ def count_lost_readings(t_ns: Ints, is_reading: Bools) -> int:
     missing, kept = int((~is_reading).sum()), t_ns[is_reading]
     if not missing or kept.size < 2:
         return missing
-    # a quarter of the steps at least lacks none, whatever was lost
+    # at least a quarter of the steps lack no reading, whatever was lost
     usual_ns = float(np.quantile(np.diff(kept), 0.25))
     if not usual_ns > 0.0:
         return missing

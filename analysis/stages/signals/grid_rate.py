@@ -1,8 +1,8 @@
 """Default grid rate, window and moving mean, from the log's slowest channel.
 
-The paper's log comes at 100 Hz, and so are its settings in samples. They stand for times: 10
-samples for 0.1 s, 320 for 3.2 s. Rows between the samples of a slower log say nothing new, and the
-uncertainty would count them.
+The paper's log has a rate of 100 Hz, and its settings are numbers of samples at that rate. They
+stand for durations: 10 samples for 0.1 s, 320 for 3.2 s. Grid rows between the samples of a slower
+log add no information, but the uncertainty would count them.
 """
 
 import math
@@ -15,7 +15,7 @@ from analysis.stages.signals import mounting, rates
 from analysis.stages.signals.piecewise_constant import mark_piecewise_constant_channels
 from analysis.stages.signals.signal_limits import LIMITS
 
-#: The paper's rate, in Hz: the highest that is chosen, and that of a log that is not much slower.
+#: The paper's rate, in Hz: the highest that is chosen, also for logs that are only a little slower.
 PAPER_HZ: Final[float] = AlignSettings.model_fields["rate_hz"].default
 #: The paper's window and moving mean, in s.
 _WINDOW_S: Final[float] = GateSettings.model_fields["window_samples"].default / PAPER_HZ
@@ -25,9 +25,9 @@ _MEAN_S: Final[float] = SmoothSettings.model_fields["samples"].default / PAPER_H
 def choose_grid_rate_by_log(
     channels: Mapping[str, mounting.Series], machine: Machine
 ) -> tuple[Machine, list[str]]:
-    """Set the grid rate, window and moving mean that the machine file leaves open.
+    """Set the grid rate, window and moving mean where the machine file does not give them.
 
-    Channels that are constant between steps are marked.
+    Channels that are constant between steps are marked as such.
 
     Args:
         channels: channels from `read_measured_channels`.
@@ -87,5 +87,5 @@ def find_slowest_channel_and_rate_hz(
         for name in names
     }
     slowest = max(sorted(periods), key=lambda name: periods[name])
-    # six digits: a clock is no better, and the grid of an even log falls on its samples
+    # six digits: no clock is better, and so the grid of an even log falls on its samples
     return slowest, float(f"{1e9 / periods[slowest]:.6g}")

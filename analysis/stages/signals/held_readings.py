@@ -1,8 +1,9 @@
-"""Readings that a logger holds: one of a slow sensor in several rows of a faster table.
+"""Held readings: a reading of a slow sensor that a logger repeats in rows of a faster table.
 
-Rows in between say nothing new, and a derivative over them is that of stairs. A coarse speed
-repeats itself as well, and one of a machine that stands. While a channel changes by several steps
-of its resolution at once, neither does: a run of equal readings is then one reading that was held.
+Repeated rows add no information, and the derivative over them is that of a staircase. A coarsely
+quantised speed repeats as well, and so does that of a standing machine. While a channel changes by
+several steps of its resolution at once, neither happens: a run of equal readings is then one
+reading that was held.
 """
 
 from collections.abc import Mapping
@@ -19,17 +20,17 @@ from estimators.arrays import Floats, Ints
 
 @dataclass(frozen=True, slots=True)
 class HeldReadings:
-    """How a channel's readings are held.
+    """Repetition of a channel's held readings.
 
     Attributes:
-        rows: mean number of rows of a reading.
+        rows: mean number of rows that repeat one reading.
     """
 
     rows: float
 
     @classmethod
     def from_readings(cls, readings: Floats, rate_hz: float) -> Self | None:
-        """Find how long readings (n,) in rows at a rate are held; None if they are not."""
+        """Find for how many rows, at `rate_hz`, readings (n,) are held; None if they are not."""
         first = find_first_rows_of_runs(readings)
         changes = np.abs(np.diff(readings[first]))
         if (
@@ -55,10 +56,11 @@ class HeldReadings:
         return cls(rows) if is_even and is_slow else None
 
     def find_rows_of_new_readings(self, held_values: Floats) -> Ints:
-        """Rows (readings,) at which a reading was taken, of held readings (n,).
+        """Rows (readings,) of held readings (n,) at which the sensor took a new one.
 
-        The first row of each run, and of a long one those at multiples of the mean distance, or a
-        stand would be a gap. None depends on what comes later.
+        These are the first row of each run of equal readings and, in a long run, rows at multiples
+        of the mean distance, since a standstill would otherwise be a gap. No row depends on later
+        ones.
         """
         first = find_first_rows_of_runs(held_values)
         since = np.arange(held_values.size) - np.repeat(
@@ -98,7 +100,7 @@ def drop_rows_with_held_readings(
 def list_held_reading_notes(
     channels: Mapping[str, mounting.Series], held_channels: Mapping[str, HeldReadings]
 ) -> list[str]:
-    """Notes on channels that are held, as they were read."""
+    """Notes on channels with held readings."""
     rates_hz = {
         name: 1e9 / filters.compute_median_period_ns(channels[name][0]) for name in held_channels
     }

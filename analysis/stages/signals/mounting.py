@@ -1,4 +1,4 @@
-"""Transform the IMU's axes and position to the machine's."""
+"""Transform the IMU's readings to the machine's axes and origin."""
 
 from collections.abc import Iterable, Mapping
 
@@ -83,7 +83,10 @@ def rotate_imu_to_machine_axes(
 def list_axes_rotated_together(
     name: str, channel_names: Iterable[str], imu: ImuMounting
 ) -> tuple[str, ...]:
-    """Axes that are rotated together with an axis, including itself; none without rotation."""
+    """Channels of the axes that are rotated together with this one, itself included.
+
+    Empty if the IMU is not rotated.
+    """
     for triple in (_SPECIFIC_FORCE, _RATES):
         if name in triple and is_imu_rotated(imu):
             return tuple(each for each in triple if each in set(channel_names))
@@ -101,10 +104,10 @@ def _interpolate_series_at_stamps(
 def transfer_acceleration_to_origin(
     columns: Mapping[str, Floats], imu: ImuMounting
 ) -> dict[str, Floats]:
-    """Transfer the accelerometer from its position to the origin, in machine axes.
+    """Transfer the accelerometer's readings from its position to the origin, in machine axes.
 
-    The planar effect of the lever arm is subtracted: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z
-    x, as far as yaw rate and acceleration are known.
+    The planar effect of the lever arm is removed: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z x,
+    as far as yaw rate and yaw acceleration are known.
     """
     out = dict(columns)
     x, y, _ = imu.position_m

@@ -1,7 +1,7 @@
 """Guess of the IMU's orientation: roll and pitch from gravity, yaw from driving.
 
-Gravity cannot tell a tilted sensor from sloping ground, so angles are rounded to what the ground
-leaves of them, and a tilt that a slope may be is not sure.
+Gravity cannot distinguish a tilted sensor from sloping ground, so angles are rounded to steps that
+a slope hardly changes, and a tilt that a slope could explain is uncertain.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class MountingGuess:
         yaw_deg: rounded yaw; None if the log does not determine it.
         tilt_deg: angle between gravity and the sensor's z axis, not rounded.
         yaw_std_deg: standard deviation of the unrounded yaw; NaN without one.
-        stood: whether gravity was measured at standstill; otherwise it is the mean of the drive.
+        stood: whether gravity was measured at standstill; otherwise it is the mean over the log.
     """
 
     roll_deg: float
@@ -49,7 +49,7 @@ class MountingGuess:
 
     @property
     def has_no_rotation(self) -> bool:
-        """Whether the sensor's axes may be the machine's."""
+        """Whether all rounded angles are 0, so that the sensor's axes may be the machine's."""
         return not (self.roll_deg or self.pitch_deg or self.yaw_deg)
 
 
@@ -76,7 +76,7 @@ def estimate_imu_mounting(
         return None
     x, y, z = gravity / size
     tilt_deg = float(np.degrees(np.arccos(np.clip(z, -1.0, 1.0))))
-    # with the x axis upright, roll is the yaw's business
+    # with the x axis vertical, roll and yaw are the same rotation
     upright = np.hypot(y, z) < np.sin(np.deg2rad(LIMITS.tilt_step_deg / 2))
     roll_deg = 0.0 if upright else float(np.degrees(np.arctan2(y, z)))
     pitch_deg = float(np.degrees(np.arctan2(-x, z if upright else np.hypot(y, z))))
@@ -106,7 +106,7 @@ def estimate_imu_mounting(
 def estimate_gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
     """Angle in degrees between gravity at standstill and the machine's +z axis.
 
-    If the accelerometer has an x axis only, a lower bound of that angle.
+    A lower bound of that angle if the accelerometer has an x axis only.
 
     Args:
         frame: `aligned` or `excitation`, in machine axes.
@@ -177,8 +177,8 @@ def estimate_imu_yaw_and_std_deg(
 ) -> tuple[float, float]:
     """Yaw and its standard deviation in degrees; NaN if driving does not determine it.
 
-    The horizontal specific force is regressed on the change of wheel speed over the same spans; its
-    direction is the machine's x axis.
+    The horizontal specific force is regressed on the change of wheel speed over the same spans; the
+    direction of the coefficients is the machine's x axis.
     """
     stamps, v = speed
     first = max(int(t_ns[0]), int(stamps[0]))

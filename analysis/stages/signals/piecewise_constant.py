@@ -13,7 +13,7 @@ from estimators.arrays import Floats, Ints
 
 
 def mark_piecewise_constant_channels(channels: Mapping[str, Series], machine: Machine) -> Machine:
-    """The machine with the channels marked that this log has constant between steps.
+    """Mark the channels that are constant between steps in this log.
 
     Args:
         channels: stamps and readings by channel.
@@ -30,7 +30,7 @@ def mark_piecewise_constant_channels(channels: Mapping[str, Series], machine: Ma
 
 
 def is_piecewise_constant(channel_name: str, readings: Floats) -> bool:
-    """Whether a channel is a pure number with few values that seldom changes.
+    """Whether a channel is a dimensionless number that has few values and seldom changes.
 
     Args:
         channel_name: name of the channel, with its unit.
@@ -51,7 +51,7 @@ def drop_values_between_steps(
 ) -> Floats:
     """Values (rows,) at ascending instants, NaN where the signal changes about the instant.
 
-    When it changed between two readings is not known, and what lies between them is neither.
+    It is not known when the signal changed between two readings, and no value in between is true.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.

@@ -30,7 +30,7 @@ class ChannelSeries:
         longest_ns: longest step that is not a gap.
         period_ns: mean of the steps that are not gaps.
         width_ns: averaging time of a value; 0 if values are interpolated.
-        is_piecewise_constant: whether it has no value between two unlike readings.
+        is_piecewise_constant: whether the channel has no value between two different readings.
     """
 
     t_ns: Ints
@@ -60,7 +60,7 @@ class ChannelSeries:
         )
 
     def find_newest_known_instant_ns(self, now_ns: Ints) -> Ints:
-        """Latest instant (rows,) whose value is known at each time; far past before any."""
+        """Latest instant (rows,) in ns whose value is known at each time; -2⁶² if none is yet."""
         last = np.searchsorted(self.known_ns, now_ns, side="right") - 1
         return np.where(last >= 0, self.t_ns[last] - self.width_ns // 2, np.int64(-(2**62)))
 
@@ -111,7 +111,7 @@ def compute_mean_step_up_to_max_gap_ns(t_ns: Ints, max_gap_ns: float, step_ns: f
 
 
 def wrap_angle_of_channel(channel_name: str, angle: Floats) -> Floats:
-    """Wrap an angle again that `make_channel_series` has unwrapped."""
+    """Wrap an angle that `make_channel_series` has unwrapped; other channels stay as they are."""
     if channel_name not in _WHOLE_TURN:
         return angle
     turn = _WHOLE_TURN[channel_name]
@@ -119,7 +119,10 @@ def wrap_angle_of_channel(channel_name: str, angle: Floats) -> Floats:
 
 
 def list_channel_sets_of_equations(machine: Machine) -> list[frozenset[str]]:
-    """Sets of channels that share an equation: straight motion (7), spins (8), or both."""
+    """Sets of channels that share an equation: straight motion (7) and spins (8).
+
+    One set if the two have a channel in common; without a yaw equation, straight motion only.
+    """
     channels = set(machine.channels)
     kinematic = machine.settings.forces.acceleration == "kinematic"
     acceleration = "acc_x_m_s2" if kinematic else "specific_force_x_m_s2"
@@ -150,7 +153,7 @@ class ReducedRegressor:
         names: channels of the regressor.
         slowest: slowest channel.
         rate_hz: rate of the slowest channel.
-        derived: channels that are differences over two steps of a slow channel.
+        derived: channels that are derivatives of a slow channel, over two of its steps.
         span_ns: averaging span of the other channels about each stamp: two steps of the slow
             channel if one is derived, otherwise one step of the slowest channel.
     """
@@ -162,7 +165,7 @@ class ReducedRegressor:
     span_ns: int
 
     def __str__(self) -> str:
-        """Note for the reader of the answer."""
+        """Note for readers of the answer on this reduction."""
         return (
             f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of "
             f"{_join_channel_names(self.names)} are resampled at its stamps, averaged over "
@@ -174,10 +177,10 @@ class ReducedRegressor:
 def list_rate_limited_regressors(
     series: Mapping[str, ChannelSeries], machine: Machine
 ) -> list[ReducedRegressor]:
-    """Regressors in which one channel is slower than another, or a derivative is slow.
+    """Regressors in which one channel is slower than another, or is the derivative of a slow one.
 
-    Interpolation low-passes that channel but not the others. A grid coarser than all channels
-    avoids that.
+    Interpolation would low-pass the slow channel but not the others. On a grid coarser than all
+    channels this does not happen.
     """
     step_ns = 1e9 / machine.settings.align.rate_hz
     found: list[ReducedRegressor] = []
@@ -211,8 +214,8 @@ def resample_to_slowest_channel(
 ) -> dict[str, ChannelSeries]:
     """Take all channels of a regressor at the stamps of its slowest channel.
 
-    All are means over the same span, since single samples of a fast channel would contain its
-    vibration. A difference over two steps is such a mean already.
+    Each is averaged over the same span, since single samples of a fast channel would contain its
+    vibration. A derivative over two steps is such a mean already.
     """
     slowest = series[regressor.slowest]
     at_ns = slowest.t_ns
@@ -228,7 +231,7 @@ def resample_to_slowest_channel(
         known.append(series[name].find_known_times_ns(at_ns + wait_ns))
     kept = ~np.isnan(np.stack(list(values.values()))).any(axis=0)
     if kept.sum() < 2:
-        # they share no time: for `align` to say
+        # the channels do not overlap in time: `align` raises the error
         return {}
     known_ns = np.max(known, axis=0)[kept]
     return {
@@ -240,9 +243,9 @@ def resample_to_slowest_channel(
 def average_curved_signal(series: ChannelSeries, instants_ns: Ints, span_ns: int) -> Floats:
     """Mean (rows,) over a span about each instant of a signal that curves between samples.
 
-    With the curvature x'', the line through samples lies T²/12 x'' too high on average, and the
-    middle lies span²/24 x'' below the mean: this mixture of both is right (of three samples over a
-    span of two steps, Simpson's rule).
+    With the curvature x'', the line between samples lies T²/12 x'' too high on average, and the
+    value at the instant lies span²/24 x'' below the mean: the weighted mean of both used here has
+    no such error (for three samples over a span of two steps it is Simpson's rule).
     """
     line = average_about_instants(series.t_ns, series.x, instants_ns, span_ns, series.longest_ns)
     share = span_ns**2 / (2 * series.period_ns**2 + span_ns**2)

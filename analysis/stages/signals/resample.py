@@ -31,10 +31,10 @@ def interpolate_in_stretches(
 def average_about_instants(
     t_ns: Ints, signal: Floats, instants_ns: Ints, width_ns: int, max_gap_ns: float
 ) -> Floats:
-    """Average the linear interpolation over a width about each instant, exactly integrated.
+    """Average the linear interpolation over a width about each instant, by exact integration.
 
-    Near a gap, the first and the last sample the width shrinks on both sides equally, so that
-    nothing is delayed. Values are known where `interpolate_in_stretches` knows them.
+    Near a gap, the first and the last sample, the width shrinks equally on both sides, so that no
+    delay arises. Values are NaN where those of `interpolate_in_stretches` are.
 
     Args:
         t_ns: (n,) stamps, strictly ascending.

@@ -1,7 +1,7 @@
 """Speeds that a sensor gives only above a threshold, and as 0 below it.
 
-Pulses of a slow wheel are too far apart, and a receiver calls slow motion standing. The step from 0
-to the threshold is no acceleration: beside it the speed is not known.
+The pulses of a slow wheel are too far apart, and a GNSS receiver reports slow motion as standstill.
+The step between 0 and the threshold is no acceleration: on either side of it the speed is unknown.
 """
 
 from collections.abc import Mapping
@@ -19,14 +19,14 @@ SPEEDS: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s")
 
 
 def estimate_zero_speed_threshold_m_s(readings_m_s: Floats) -> float:
-    """Threshold below which a speed (n,) reads 0; 0 if it has none."""
+    """Threshold in m/s below which a speed (n,) reads 0; 0 if it has none."""
     moves = readings_m_s != 0.0
     steps_m_s = np.abs(np.diff(readings_m_s))
     at_edges = moves[1:] != moves[:-1]
     inside = moves[1:] & moves[:-1]
     if np.count_nonzero(at_edges) < LIMITS.threshold_min_edges or not inside.any():
         return 0.0
-    # beside a reading of 0 the step is the reading
+    # the step from a reading of 0 equals the next reading
     least_m_s = float(np.quantile(steps_m_s[at_edges], LIMITS.threshold_edge_quantile))
     usual_m_s = float(np.quantile(steps_m_s[inside], LIMITS.threshold_step_quantile))
     below = float(np.mean(np.abs(readings_m_s[moves]) < least_m_s - usual_m_s))
@@ -38,7 +38,7 @@ def estimate_zero_speed_threshold_m_s(readings_m_s: Floats) -> float:
 
 
 def find_zero_speed_thresholds_m_s(channels: Mapping[str, mounting.Series]) -> dict[str, float]:
-    """Thresholds in m/s of the speed channels that have one, and whose drives outlast a gap.
+    """Thresholds in m/s of the speed channels that have one and whose drives are long enough.
 
     Args:
         channels: channels from `read_measured_channels`.
@@ -52,7 +52,7 @@ def find_zero_speed_thresholds_m_s(channels: Mapping[str, mounting.Series]) -> d
 
 
 def compute_median_drive_duration_s(t_ns: Ints, speed: Floats) -> float:
-    """Median duration of the runs of readings that are not 0, in s; 0 without any."""
+    """Median duration in s of the runs of nonzero readings; 0 if there are none."""
     first, last = find_flagged_runs(speed != 0.0)
     return float(np.median(t_ns[last] - t_ns[first])) / NS_PER_S if first.size else 0.0
 
@@ -60,7 +60,7 @@ def compute_median_drive_duration_s(t_ns: Ints, speed: Floats) -> float:
 def drop_zero_readings_beside_motion(
     channels: Mapping[str, mounting.Series], thresholds: Mapping[str, float]
 ) -> dict[str, mounting.Series]:
-    """Drop the readings of 0 beside motion, so that the step to the threshold is a gap."""
+    """Drop the readings of 0 just before and after motion, so that the step becomes a gap."""
     out = dict(channels)
     for name in thresholds:
         t, x = channels[name]
@@ -74,7 +74,7 @@ def drop_zero_readings_beside_motion(
 
 
 def compute_time_to_nearest_motion_ns(t_ns: Ints, speed: Floats) -> Floats:
-    """Time from each reading (n,) to the nearest that is not 0, in ns."""
+    """Time from each reading to the nearest nonzero one, (n,) in ns."""
     moving_ns = t_ns[speed != 0.0]
     place = np.searchsorted(moving_ns, t_ns)
     before_ns = t_ns - moving_ns[(place - 1).clip(0)]

@@ -3,9 +3,9 @@
 Header stamps that scatter while log time is regular were assigned late. Such samples are placed by
 log time less its median delay, which keeps them in the header's clock.
 
-The drift of each topic's clock against the recorder's is measured, and nothing is corrected by it.
+The drift of each topic's clock against the recorder's is measured, but nothing is corrected for it.
 A header stamp is its log time less a latency, plus the drift of the two clocks. Queues and pauses
-of the recorder only ever add to the latency, so the line is laid through the least ones.
+of the recorder can only add to the latency, so the line is fitted to the lowest latencies.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats
 
-#: Clocks that start at boot count from 0: what lies before 1990 is no date.
+#: Clocks that start at boot count from 0: a time before 1990 is not a date.
 FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
 _SCHEMA: Final = {
     "topic": pl.String,
@@ -31,7 +31,7 @@ _SCHEMA: Final = {
 
 
 class StampedTopics(NamedTuple):
-    """Samples in time.
+    """Samples by topic with a time, and the clock that it comes from.
 
     Attributes:
         frames: by topic: unix_ns (ascending) and the fields.
@@ -54,7 +54,7 @@ def assign_timestamps(raw_frames: Mapping[str, pl.DataFrame]) -> StampedTopics:
     headers = {
         topic: are_header_stamps_usable(topic, frame, losses) for topic, frame in raw_frames.items()
     }
-    # how far log time lies after the stamps that would place each topic
+    # delay of log time behind the stamps that would place the samples of each topic
     behind_ns = {
         t: compute_median_log_delay_ns(frame) if headers[t] else 0.0
         for t, frame in raw_frames.items()
@@ -78,7 +78,7 @@ def assign_timestamps(raw_frames: Mapping[str, pl.DataFrame]) -> StampedTopics:
         column = "header_stamp_ns" if headers[topic] else "log_time_ns"
         of_table = topic == "table" or topic.startswith("table/")
         labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
-        # of a shift each copy is hundreds of megabytes
+        # each copy of a shift's frame is hundreds of megabytes
         kept = frame.filter(pl.col(column).is_not_null()) if frame[column].has_nulls() else frame
         scatter = measure_relative_sampling_jitter(frame) if headers[topic] else None
         if scatter is not None:
@@ -128,7 +128,7 @@ def measure_relative_sampling_jitter(frame: pl.DataFrame) -> tuple[float, float]
         frame: log_time_ns and header_stamp_ns of a topic, in recorded order.
 
     Returns:
-        None if header stamps are regular enough, or log time is hardly more regular.
+        The two scatters; None if header stamps are regular enough, or log time is hardly better.
     """
     both = frame.select("log_time_ns", "header_stamp_ns").drop_nulls()
     if both.height < LIMITS.scatter_min_stamps:
@@ -181,7 +181,7 @@ def are_header_stamps_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]
 
 
 def compute_median_log_delay_ns(frame: pl.DataFrame) -> float:
-    """Median of log time less header stamp."""
+    """Median delay of log time behind the header stamp, in ns; 0 if unknown."""
     behind = (frame["log_time_ns"] - frame["header_stamp_ns"]).median()
     return float(behind) if isinstance(behind, int | float) else 0.0
 
@@ -226,13 +226,13 @@ def measure_clock_drifts_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> pl.
 
 
 def find_largest_relative_clock_drift(drifts: pl.DataFrame) -> RelativeDrift | None:
-    """The two topics whose clocks differ most, in standard deviations.
+    """The two topics whose clock drifts differ most, in standard deviations.
 
     Args:
         drifts: frame from `measure_clock_drifts_by_topic`.
 
     Returns:
-        None if fewer than two topics have a drift.
+        The drift between them; None if fewer than two topics have a drift.
     """
     rows = drifts.sort("drift_ppm", descending=True).to_dicts()
     pairs = [
@@ -263,7 +263,7 @@ def fit_minimum_latency_slope_and_std(
     slope = estimate_median_slope(
         *compute_part_middles_and_quantiles(time_s, latency_s, members, 0.5, 0.0)
     )
-    # anew without the slope: within a part it would choose the early or the late ones
+    # choose again without the slope, which would prefer early or late samples within a part
     t, y = compute_part_middles_and_quantiles(
         time_s, latency_s, members, LIMITS.drift_latency_quantile, slope
     )
@@ -284,7 +284,10 @@ def compute_part_middles_and_quantiles(
     quantile: float,
     slope: float,
 ) -> tuple[Floats, Floats]:
-    """Middle of each part in s, and quantile of its distances from a line through 0, (parts,)."""
+    """Middle time of each part, and its latency there at a quantile, (parts,) each, in s.
+
+    The quantile is taken of the distances from a line through 0 with the given slope.
+    """
     t = np.array([(time_s[each].min() + time_s[each].max()) / 2 for each in part_samples])
     off = latency_s - slope * time_s
     return t, np.array([np.quantile(off[each], quantile) for each in part_samples]) + slope * t
