@@ -8,6 +8,8 @@ from replay.recognise.drives import GEAR_QUESTION, RADIUS_QUESTION
 from replay.recognise.proposals import SIDES, LogColumn, Recognition
 
 _TURNING: Final = ("speed", "angular speed")
+#: In the name of a speed over ground by satellites, which is mostly a magnitude and late.
+_SATELLITES: Final = ("gnss", "gps")
 
 
 def propose_speed_of_drives(columns: Sequence[LogColumn], recognition: Recognition) -> None:
@@ -83,9 +85,9 @@ def propose_speed_from_encoders(encoders: Sequence[LogColumn], recognition: Reco
     return True
 
 
-def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
-    """Propose speeds from revolutions of both sides or one wheel; return whether there are any."""
-    wheels = [
+def _list_turning_wheels(columns: Sequence[LogColumn]) -> list[LogColumn]:
+    """Columns with the revolutions or angular speed of wheels."""
+    return [
         c
         for c in columns
         if c.quantity in _TURNING
@@ -93,7 +95,30 @@ def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recogni
         and c.name_meaning.part != "motor"
         and (c.name_meaning.side or c.name_meaning.part == "wheel")
     ]
-    wheels = _choose_both_sides_or_first(wheels)
+
+
+def add_question_on_unsigned_speed(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+    """Ask whether the machine reverses if its speed is from satellites and wheels have one too."""
+    speed = next(
+        (
+            each.source_text
+            for each in recognition.channels
+            if each.column == "speed_x_m_s" and each.field and not each.is_comment
+        ),
+        "",
+    )
+    wheels = _list_turning_wheels(columns)
+    if wheels and any(word in speed.lower() for word in _SATELLITES):
+        recognition.add_question_of_subject(
+            "column",
+            f"whether '{speed}' is negative in reverse, and on time; the wheels' speed is: "
+            f"channels.speed_x_m_s of '{wheels[0].source_text}', scale = \"wheel_radius_m\"",
+        )
+
+
+def propose_speed_from_wheels(columns: Sequence[LogColumn], recognition: Recognition) -> bool:
+    """Propose speeds from revolutions of both sides or one wheel; return whether there are any."""
+    wheels = _choose_both_sides_or_first(_list_turning_wheels(columns))
     if not wheels:
         return False
     channels = (

@@ -26,7 +26,7 @@ from replay.recognise.correlations import (
 )
 from replay.recognise.drives import add_question_on_gear_ratios, propose_force_of_drives
 from replay.recognise.proposals import AXLES, LogColumn, Recognition
-from replay.recognise.speeds import propose_speed_of_drives
+from replay.recognise.speeds import add_question_on_unsigned_speed, propose_speed_of_drives
 
 #: Column that may fill a channel, the reason, and its unit.
 Claim = tuple[LogColumn, str, str | None]
@@ -98,6 +98,8 @@ def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recogniti
     add_proposals_for_columns_without_unit(columns, recognition)
     propose_force_of_drives(columns, recognition)
     propose_speed_of_drives(columns, recognition)
+    add_question_on_unsigned_speed(columns, recognition)
+    _propose_pitch(columns, recognition)
     add_question_on_gear_ratios(columns, recognition)
     _add_question_if_list_order_gives_side(recognition)
     return add_correlations_with_slope_as_remarks(reader, columns, recognition)
@@ -176,6 +178,24 @@ def _add_question_on_other_driven_wheels(
         )
 
 
+def _propose_pitch(columns: Sequence[LogColumn], recognition: Recognition) -> None:
+    """Propose a pitch as a comment, since no log shows its sign."""
+    for column in columns:
+        said = column.name_meaning
+        if "pitch_rad" in recognition.filled_or_proposed_channels or said.is_no_reading:
+            return
+        if "pitch" in column.field.lower() and _is_angle(column) and not said.is_linkage:
+            reason = (
+                f"{column.source_text}: uncomment if it is positive nose up and 0 on level ground; "
+                "without a pitch, slopes count as friction"
+            )
+            recognition.propose_source_of_derived_channel(column, "pitch_rad", column.unit, reason)
+
+
+def _is_angle(column: LogColumn) -> bool:
+    return column.unit in ("deg", "rad")
+
+
 def _add_question_if_list_order_gives_side(recognition: Recognition) -> None:
     """Ask whether the first element of a list of two is the left one."""
     firsts = [
@@ -237,7 +257,7 @@ def _match_yaw_rate_channel(column: LogColumn) -> str | None:
 
 
 def _match_angle_channel(name: str, column: LogColumn) -> str | None:
-    return name if column.unit in ("deg", "rad") else None
+    return name if _is_angle(column) else None
 
 
 def _is_column_in_degrees(column: LogColumn) -> bool:

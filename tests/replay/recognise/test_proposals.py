@@ -512,3 +512,21 @@ def test_a_side_with_two_wheels_beside_a_side_with_one_is_a_question(tmp_path: P
     columns = {"torque_left": A, "torque_front_right": A, "torque_rear_right": A}
     channels, _ = proposed(tmp_path, speed__kmh=V, **columns)
     assert not {"torque_left_N_m", "torque_front_left_N_m"} & set(channels)
+
+
+def test_a_pitch_is_proposed_as_a_comment_since_no_log_shows_its_sign(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, force__N=A, speed__kmh=V, pitch__deg=A, bucket_pitch=A)
+    assert channels["pitch_rad"].is_comment
+    assert (channels["pitch_rad"].field, channels["pitch_rad"].unit) == ("pitch [deg]", "deg")
+    assert "positive nose up" in channels["pitch_rad"].reason
+    assert questions == []
+
+
+@pytest.mark.parametrize(("name", "asks"), [("gnss_speed_m_s", True), ("speed_m_s", False)])
+def test_a_speed_by_satellites_beside_that_of_a_wheel_is_a_question(
+    tmp_path: Path, name: str, asks: bool
+) -> None:
+    columns = {name: V, "wheel_speed_rad_s": V / 0.4}
+    channels, questions = proposed(tmp_path, force__N=A, **columns)
+    assert channels["speed_x_m_s"].field == name
+    assert any("negative in reverse" in question for question in questions) == asks
