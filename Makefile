@@ -22,7 +22,7 @@ demo: $(RUN_STAMP) ## simulate the calibration campaign and a shift as real logs
 	$(BIN)/payscope demo -o demo --force
 
 # types beside the compilation and the tests, so that no processor waits; what they say comes last
-test: lint ## everything that must hold: lint, strict types, tests
+test: lint ## lint, strict types and the tests but those that are heavy
 	@mkdir -p $(MADE)
 	@$(MAKE) --no-print-directory types >$(MADE)/types.txt 2>&1 & types=$$!; \
 	$(MAKE) --no-print-directory tests; tests=$$?; \
@@ -38,7 +38,7 @@ lint: $(TEST_STAMP) ## ruff's rules and format
 types: $(TEST_STAMP) ## strict types
 	$(BIN)/basedpyright
 
-tests: $(TEST_STAMP) ## the tests alone, in parallel; a file's tests share its fixtures
+tests: $(TEST_STAMP) ## the tests but the heavy ones, in parallel; a file's tests share its fixtures
 	$(BIN)/payscope warm-up
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow and not heavy"
 
