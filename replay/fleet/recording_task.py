@@ -155,13 +155,11 @@ def replay_and_store_result(task: ReplayTask) -> TaskOutcome:
             download_log(task.log) as path,
         ):
             made = _make_outcome_of_task(task, path)
-    except LimitError as error:
-        return TaskOutcome("failed", str(error))
     except MemoryError:
         return TaskOutcome("failed", "ran out of memory")
     except FileNotFoundError as error:
         return TaskOutcome("failed", f"{error.filename or error}: is no longer there")
-    except PayscopeError as error:
+    except (LimitError, PayscopeError) as error:
         return TaskOutcome("failed", str(error))
     whole_s = time.perf_counter() - began
     return replace(
