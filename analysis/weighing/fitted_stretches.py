@@ -51,13 +51,15 @@ def count_standstills_so_far(excitation: pl.DataFrame) -> Ints:
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def mark_slow_parts_of_drives(speed: Floats) -> Bools:
-    """Samples of the slow part between two fast parts of a drive, (n,).
+def mark_slow_parts_of_drives(speed: Floats, stop_count_of_sample: Ints) -> Bools:
+    """Samples of the slow parts between two fast parts of a drive, (n,).
 
-    A load may change there on the move: under a chute, or while it is dumped.
+    A load may change there on the move: under a chute, or while it is dumped. None is marked if
+    the machine stops in each of them.
 
     Args:
         speed: (n,) in m/s.
+        stop_count_of_sample: (n,) number of earlier stops.
     """
     size = np.abs(speed)
     top_m_s = float(np.quantile(size, LIMITS.driving_speed_quantile))
@@ -65,10 +67,12 @@ def mark_slow_parts_of_drives(speed: Floats) -> Bools:
     paced = np.flatnonzero(pace)
     first = paced[np.flatnonzero(np.diff(pace[paced], prepend=0))]
     slow = np.zeros(speed.size, np.bool_)
+    drives_on = False
     for begin, end in pairwise(first[1:]):
         if pace[begin] < 0:
             slow[begin : paced[np.searchsorted(paced, end) - 1] + 1] = True
-    return slow
+            drives_on |= stop_count_of_sample[begin - 1] == stop_count_of_sample[end]
+    return slow & drives_on
 
 
 def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:

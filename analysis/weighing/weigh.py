@@ -347,7 +347,7 @@ def _fit_and_choose_where_loads_change(
     if not _has_enough_samples(whole):
         return None
     fit = fit_load_states(whole)
-    slow = mark_slow_parts_of_drives(whole.speed)
+    slow = mark_slow_parts_of_drives(whole.speed, count_standstills_so_far(source.excitation))
     if fit.mass_count == 1 and slow.any() and not whole.has_single_load:
         on_the_move = replace(source, slow=slow)
         moving = on_the_move.select_motion(braking=True)

@@ -12,6 +12,7 @@ from analysis.stages.motion.phases import (
     classify_motion_phases,
     compute_sign_of_yaw_rate_change,
     compute_trailing_speed_rate,
+    mark_samples_held_downhill,
     mark_speed_falls_beyond_noise,
     mark_stopping_samples,
 )
@@ -221,3 +222,42 @@ class TestFallsBeyondNoise:
     def test_beside_a_hole_every_fall_may_be_braking(self):
         found = self.found(self.CRUISE, np.full(1, np.nan), self.CRUISE)
         assert found[3000:3006].all()
+
+
+class TestDescents:
+    """A drive of 12 s at a constant speed, of which gravity pulls along the way for 4 s."""
+
+    def held(self, force_N: float, grade_m_s2: float = 0.6, pulls_s: float = 4.0, way: float = 1.0):
+        rows = np.arange(1_200)
+        pulls = (rows >= 400) & (rows < 400 + 100 * pulls_s)
+        excitation = build_frame(
+            "excitation",
+            {
+                "t_ns": rows * 10_000_000,
+                "force_x_N": way * np.where(pulls, force_N, 3_000.0),
+                "speed_x_m_s": np.full(rows.size, way * 3.0),
+                "regressor_acc_x_m_s2": way * np.where(pulls, -grade_m_s2, 0.1),
+            },
+        )
+        return mark_samples_held_downhill(excitation, Settings()), pulls
+
+    @pytest.mark.parametrize("way", [1.0, -1.0])
+    def test_one_with_an_idle_drive_may_be_held_by_brakes(self, way):
+        found, pulls = self.held(0.0, way=way)
+        assert found[pulls][20:].all()
+        assert not found[~pulls][:400].any()
+
+    def test_one_that_the_motor_holds_or_drives_is_left(self):
+        assert not self.held(1_000.0)[0].any()
+
+    def test_a_grade_that_rolling_resistance_takes_is_none(self):
+        assert not self.held(0.0, grade_m_s2=0.2)[0].any()
+
+    def test_a_moment_is_none(self):
+        assert not self.held(0.0, pulls_s=0.8)[0].any()
+
+    def test_of_a_log_of_no_force_nothing_is_marked(self):
+        excitation = build_frame(
+            "excitation", {"t_ns": np.arange(5), "force_x_N": np.full(5, np.nan)}
+        )
+        assert not mark_samples_held_downhill(excitation, Settings()).any()
