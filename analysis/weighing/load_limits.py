@@ -81,8 +81,8 @@ class LoadLimits:
     several_loads_min_probability: float = 0.2
     #: Loads that a fit of one load hides are taken below this probability of one.
     hidden_loads_max_single_probability: float = 1e-6
-    #: Loads that change on the move are taken below this: of one load it was 0.88 and more in 40
-    #: logs of six machines, of ten loads below 1e-5.
+    #: Loads that change on the move are taken below this: of one load it was 0.88 and more in 24
+    #: logs of five machines, of ten loads below 1e-5.
     on_the_move_max_single_probability: float = 1e-3
     #: Reversals from heavier to lighter or back from which a load returns, about to the kilogram.
     load_return_reversals: int = 2
