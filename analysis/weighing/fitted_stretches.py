@@ -12,7 +12,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import get_column_values
 from analysis.model.settings import Settings
-from analysis.model.windows import flag_rows_near_flagged_rows
+from analysis.model.windows import find_flagged_runs, flag_rows_near_flagged_rows
 from analysis.stages.gating.gate import mark_possible_braking, mark_samples_for_pooling
 from analysis.stages.gating.segments import assign_manoeuvre_numbers_to_samples
 from analysis.stages.motion.phases import (
@@ -48,7 +48,7 @@ def integrate_path_positions_and_length_m(
 def count_standstills_so_far(excitation: pl.DataFrame) -> Ints:
     """Number of stands so far, (n,); unknown motion counts as a stand."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
-    return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
+    return count_runs_so_far(stands)
 
 
 def mark_slow_parts_of_drives(speed: Floats, stop_count_of_sample: Ints) -> Bools:
@@ -75,12 +75,11 @@ def mark_slow_parts_of_drives(speed: Floats, stop_count_of_sample: Ints) -> Bool
     return slow & drives_on
 
 
-def count_gaps_so_far(has_value: Bools, min_gap_samples: int) -> Ints:
-    """Number of gaps of at least `min_gap_samples` samples up to each sample, (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], has_value, [True]]).astype(np.int8)))
-    first, end = edges[::2], edges[1::2]
-    begun = np.zeros(has_value.size, np.int64)
-    begun[first[end - first >= min_gap_samples]] = 1
+def count_runs_so_far(is_flagged: Bools, min_samples: int = 1) -> Ints:
+    """Number of runs of at least `min_samples` flagged samples begun up to each sample, (n,)."""
+    first, last = find_flagged_runs(is_flagged)
+    begun = np.zeros(is_flagged.size, np.int64)
+    begun[first[last - first + 1 >= min_samples]] = 1
     return np.cumsum(begun)
 
 

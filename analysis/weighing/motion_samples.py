@@ -24,7 +24,7 @@ from analysis.weighing.fitted_stretches import (
     assign_one_way_run_numbers,
     clear_stretch_numbers_at_noise_speed,
     compute_index_in_stretch,
-    count_gaps_so_far,
+    count_runs_so_far,
     extend_manoeuvres_to_break_away,
     find_manoeuvre_direction_of_samples,
     find_stretch_spans,
@@ -333,7 +333,7 @@ def collect_motion_samples(
         count_rows_in_duration(LIMITS.longest_manoeuvre_s, settings.align.rate_hz),
     )
     longest_hole = count_rows_in_duration(LIMITS.record_break_s, settings.align.rate_hz)
-    long_gap_count = count_gaps_so_far(known, longest_hole)
+    long_gap_count = count_runs_so_far(~known, longest_hole)
     group = split_stretches_at_manoeuvres(group, manoeuvre)
     return MotionSamples(
         np.where(known, acceleration, 0.0),

@@ -16,7 +16,11 @@ from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
 from analysis.weighing.braking_comparison import compare_mass_with_braking_to_driving
 from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
-from analysis.weighing.fitted_stretches import count_standstills_so_far, mark_slow_parts_of_drives
+from analysis.weighing.fitted_stretches import (
+    count_runs_so_far,
+    count_standstills_so_far,
+    mark_slow_parts_of_drives,
+)
 from analysis.weighing.gain_by_direction import (
     DirectionGain,
     estimate_force_gain_by_driving_direction,
@@ -39,10 +43,7 @@ from analysis.weighing.joint_fit import (
 )
 from analysis.weighing.joint_result import JointFit, find_term_index
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
-from analysis.weighing.load_search import (
-    fit_with_searched_load_states,
-    is_single_load_excluded,
-)
+from analysis.weighing.load_search import fit_with_searched_load_states, is_single_load_excluded
 from analysis.weighing.missing_terms import (
     ForceCurvature,
     MissingTerm,
@@ -54,6 +55,7 @@ from analysis.weighing.motion_samples import (
     Bools,
     ColumnNoiseModel,
     Floats,
+    Ints,
     MotionSamples,
     collect_motion_samples,
 )
@@ -204,7 +206,7 @@ def weigh(
 class _MotionSource:
     """Frames of a log, of which the motion that is fitted is selected.
 
-    `slow` (n,) are the parts of drives where a load may change; None if it changes at stands alone.
+    `stops` (n,) counts earlier stops; `slow` (n,) flags where a load may change on the move, if so.
     """
 
     aligned: pl.DataFrame
@@ -212,14 +214,13 @@ class _MotionSource:
     gated: pl.DataFrame
     machine: Machine
     noise: ColumnNoiseModel
+    stops: Ints
     slow: Bools | None = None
 
     def select_motion(self, *, braking: bool) -> MotionSamples:
         """Motion with or without braking, where braking counts as driving."""
         frames = self.aligned, self.excitation, self.gated
-        stops = count_standstills_so_far(self.excitation)
-        if self.slow is not None:
-            stops += np.cumsum(np.diff(self.slow, prepend=False) & self.slow)
+        stops = self.stops if self.slow is None else self.stops + count_runs_so_far(self.slow)
         found = collect_motion_samples(*frames, self.machine, self.noise, stops, braking=braking)
         return align_paths_of_bench_records(
             found if self.slow is None else found.exclude_samples(self.slow)
@@ -241,7 +242,8 @@ def _weigh_with_priors(
         return None
     rate_hz = settings.align.rate_hz
     columns = DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
-    source = _MotionSource(aligned, excitation, gated, machine, columns)
+    stops = count_standstills_so_far(excitation)
+    source = _MotionSource(aligned, excitation, gated, machine, columns, stops)
 
     def fit_load_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
         fitted = JointFitInputs.prepare_from_motion(motion, columns, priors, begin)
@@ -347,8 +349,8 @@ def _fit_and_choose_where_loads_change(
     if not _has_enough_samples(whole):
         return None
     fit = fit_load_states(whole)
-    slow = mark_slow_parts_of_drives(whole.speed, count_standstills_so_far(source.excitation))
-    if fit.mass_count == 1 and slow.any() and not whole.has_single_load:
+    is_one = fit.mass_count == 1 and not whole.has_single_load
+    if is_one and (slow := mark_slow_parts_of_drives(whole.speed, source.stops)).any():
         on_the_move = replace(source, slow=slow)
         moving = on_the_move.select_motion(braking=True)
         if _has_enough_samples(moving):

@@ -182,9 +182,10 @@ def _propose_pitch(columns: Sequence[LogColumn], recognition: Recognition) -> No
     """Propose a pitch as a comment, since no log shows its sign."""
     for column in columns:
         said = column.name_meaning
-        if "pitch_rad" in recognition.filled_or_proposed_channels or said.is_no_reading:
-            return
-        if "pitch" in column.field.lower() and _is_angle(column) and not said.is_linkage:
+        is_pitch = "pitch" in column.field.lower() and _is_angle(column)
+        if not is_pitch or said.is_linkage or said.is_no_reading:
+            continue
+        if "pitch_rad" not in recognition.filled_or_proposed_channels:
             reason = (
                 f"{column.source_text}: uncomment if it is positive nose up and 0 on level ground; "
                 "without a pitch, slopes count as friction"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.model.schema import PHASE, get_column_values
 from analysis.model.settings import Settings
-from analysis.model.windows import flag_windows_with_flagged_rows
+from analysis.model.windows import find_flagged_runs, flag_windows_with_flagged_rows
 from analysis.stages.motion.smooth import compute_trailing_mean
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats
@@ -116,10 +116,9 @@ def mark_samples_held_downhill(excitation: pl.DataFrame, settings: Settings) -> 
         return np.zeros(force.size, np.bool_)
     idle_N = LIMITS.idle_force_1 * float(np.quantile(known, LIMITS.driving_force_quantile))
     held = (along < -LIMITS.descent_min_m_s2) & (way * force < idle_N)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(np.int8)))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - first < LIMITS.stop_span_s * settings.align.rate_hz:
-            held[first:end] = False
+    for first, last in zip(*find_flagged_runs(held), strict=True):
+        if last - first + 1 < LIMITS.stop_span_s * settings.align.rate_hz:
+            held[first : last + 1] = False
     return held
 
 

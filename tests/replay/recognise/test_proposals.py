@@ -515,7 +515,9 @@ def test_a_side_with_two_wheels_beside_a_side_with_one_is_a_question(tmp_path: P
 
 
 def test_a_pitch_is_proposed_as_a_comment_since_no_log_shows_its_sign(tmp_path: Path) -> None:
-    channels, questions = proposed(tmp_path, force__N=A, speed__kmh=V, pitch__deg=A, bucket_pitch=A)
+    other = {"cmd_pitch__deg": A, "bucket_pitch__deg": A}
+    columns = {"force__N": A, "speed__kmh": V, **other, "pitch__deg": A}
+    channels, questions = proposed(tmp_path, **columns)
     assert channels["pitch_rad"].is_comment
     assert (channels["pitch_rad"].field, channels["pitch_rad"].unit) == ("pitch [deg]", "deg")
     assert "positive nose up" in channels["pitch_rad"].reason
