@@ -28,6 +28,8 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import compute_mass_change_by_refit
 from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.schema import get_column_values
+from analysis.model.windows import find_flagged_runs
+from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.motion.phases import average_acceleration_over_rate_span
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.weighing.motion_samples import MotionSamples
@@ -237,7 +239,48 @@ def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     return [max((*seen, *late), key=lambda sign: sign.strength)]
 
 
-def find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Symptom]:
+def find_slope_missing_from_acceleration(inputs: FindingInputs) -> list[Symptom]:
+    """Find sloping ground whose gravity the acceleration does not include."""
+    return _find_descents_without_pitch(inputs) or _find_slope_under_gravity_free_acceleration(
+        inputs
+    )
+
+
+def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
+    """Find an idle drive whose machine does not slow down, in a log of speeds alone."""
+    forces = inputs.machine.settings.forces
+    if forces.acceleration != "kinematic" or has_pitch_channel(inputs):
+        return []
+    force = compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
+    speed = get_column_values(inputs.aligned, "speed_x_m_s")
+    rest_N, _ = inputs.compute_mean_and_std_of_signal_at_rest(force)
+    # an offset of the sensor may hide the force of a cruise
+    along = np.sign(speed) * force + abs(np.nan_to_num(rest_N))
+    driving_N = np.nanquantile(inputs.absolute_force_newtons, 0.98)
+    idle = (along < LIMITS.idle_force_fraction * driving_N) & ~inputs.is_standing_sample
+    rate_hz = inputs.machine.settings.align.rate_hz
+    window, end = (round(s * rate_hz) for s in (LIMITS.descent_window_s, LIMITS.descent_end_s))
+    samples = 0
+    for first, last in zip(*find_flagged_runs(idle), strict=True):
+        for begin in range(first, last + 2 - window, window):
+            rows = slice(begin, begin + window)
+            size = np.abs(speed[rows])
+            holds = size[-end:].mean() - size[:end].mean() >= 0.0
+            if holds and along[rows].mean() < LIMITS.descent_force_fraction * driving_N:
+                samples += window
+    held_s = samples / rate_hz
+    return [
+        Symptom(
+            held_s / LIMITS.descent_min_s,
+            f"without drive the machine held or gained speed for {held_s:.0f} s, as on "
+            "falling ground: a pitch channel, or an accelerometer that includes gravity, would "
+            "show the grade",
+            alternatives=("external_force",),
+        )
+    ]
+
+
+def _find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Symptom]:
     """Find sloping ground in a log whose acceleration has gravity removed."""
     kinematic = inputs.machine.settings.forces.acceleration == "kinematic"
     if (

@@ -189,8 +189,8 @@ CAUSES: Final = (
     Cause(
         "slope",
         "the ground slopes, but the acceleration does not include gravity",
-        f"the pitch, {_STILL}, and the accelerometer's z axis",
-        accelerometer_causes.find_slope_under_gravity_free_acceleration,
+        f"the pitch, {_STILL}, and the accelerometer's z axis; or descents without drive",
+        accelerometer_causes.find_slope_missing_from_acceleration,
         explains=("imu_misaligned", "offset", *_OF_FIT),
     ),
     Cause(

@@ -357,6 +357,15 @@ class FindingLimits:
     gravity_min_fraction: float = 0.5
     #: Smallest pitch, in rad, whose gravity is missed.
     slope_min_pitch_rad: float = 0.002
+    #: Time in s over which rolling resistance slows a machine on level ground by more than noise.
+    descent_window_s: float = 3.0
+    #: Time in s at either end of it over which the speed is averaged.
+    descent_end_s: float = 0.25
+    #: Mean force along the motion up to which there is no drive, as a fraction of the largest
+    #: force: a cruise on level ground takes more.
+    descent_force_fraction: float = 0.01
+    #: Total time in s of descents: 0 in 70 logs of level ground, 90 to 120 s on slopes of 4 to 6 %.
+    descent_min_s: float = 10.0
     #: Factor of its strength by which an upside-down mounting is ranked before what has a size.
     upside_down_rank: float = 100.0
 

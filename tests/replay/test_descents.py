@@ -2,6 +2,7 @@
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -17,13 +18,13 @@ ROLLING_1, COULOMB_N, VISCOUS_N_S_M = 0.015, 300.0, 60.0
 GRADE_RAD, GRAVITY_M_S2, RATE_HZ = 0.06, 9.81, 50.0
 
 
-def haul(dice: np.random.Generator) -> pl.DataFrame:
+def haul(dice: np.random.Generator, grade_rad: float = GRADE_RAD) -> pl.DataFrame:
     """Trips up with a load and down without, of 14 s each between stands of 3 s."""
     dt, rows = 0.005, list[tuple[float, float, float]]()
     for load_kg in LOADS_KG:
         for is_up in (True, False):
             mass_kg = EMPTY_KG + load_kg * is_up
-            slope_rad = GRADE_RAD if is_up else -GRADE_RAD
+            slope_rad = grade_rad if is_up else -grade_rad
             throttle, v, push_N, brake_N = dice.uniform(0.6, 0.95), 0.0, 0.0, 0.0
             for step in range(int(20.0 / dt)):
                 drives = 3.0 <= step * dt < 14.0
@@ -46,19 +47,37 @@ def haul(dice: np.random.Generator) -> pl.DataFrame:
     )
 
 
+def replay_haul(hauled: pl.DataFrame, folder: Path, **more: dict[str, str]) -> dict[str, Any]:
+    """Frames of a haul, by a machine file with force, speed and what is given."""
+    path = folder / "haul.csv"
+    hauled.write_csv(path)
+    text = tomllib.loads(MACHINE)
+    channels = {name: keys for name, keys in text["channels"].items() if name != "acc_x_m_s2"}
+    channels |= {"acc_x_m_s2": {"derive": "d/dt speed_x_m_s"}, **more}
+    body = {**text["machine"], "empty_mass_kg": EMPTY_KG, "empty_mass_u_kg": 8.0}
+    machine = Machine.model_validate({**text, "machine": body, "channels": channels})
+    return dict(run(open_log(path), machine).frames)
+
+
 @pytest.mark.parametrize("seed", mark_slow_after(1, [1, 2, 3]))
 def test_brakes_that_hold_a_descent_are_no_part_of_a_payload(seed: int, tmp_path: Path) -> None:
     """They were fitted as friction, slip and losses: tonnes came out twice as large."""
-    path = tmp_path / "haul.csv"
-    haul(np.random.default_rng(seed)).write_csv(path)
-    text = tomllib.loads(MACHINE)
-    channels = {name: keys for name, keys in text["channels"].items() if name != "acc_x_m_s2"}
-    channels |= {"acc_x_m_s2": {"derive": "d/dt speed_x_m_s"}, "pitch_rad": {"field": "pitch_rad"}}
-    body = {**text["machine"], "empty_mass_kg": EMPTY_KG, "empty_mass_u_kg": 8.0}
-    machine = Machine.model_validate({**text, "machine": body, "channels": channels})
-    found = run(open_log(path), machine).frames
+    hauled = haul(np.random.default_rng(seed))
+    found = replay_haul(hauled, tmp_path, pitch_rad={"field": "pitch_rad"})
     payloads = found["loads"].filter(pl.col("payload_kg").is_not_null() & ~pl.col("empty"))
     assert payloads.height == len(LOADS_KG)
     off_kg = payloads["payload_kg"].to_numpy() - LOADS_KG
     assert (np.abs(off_kg) < 0.1 * np.array(LOADS_KG)).all(), payloads
     assert (np.abs(off_kg) < 2.0 * payloads["payload_u_kg"].to_numpy()).all(), payloads
+
+
+@pytest.mark.parametrize("seed", mark_slow_after(1, [1, 2, 3]))
+def test_descents_that_no_pitch_shows_are_named_first(seed: int, tmp_path: Path) -> None:
+    """The log was refused for too little excitation, its grade taken for Coulomb friction."""
+    findings = replay_haul(haul(np.random.default_rng(seed)), tmp_path)["findings"]
+    assert findings["cause"][0] == "slope", findings
+
+
+def test_level_ground_has_no_descents(tmp_path: Path) -> None:
+    findings = replay_haul(haul(np.random.default_rng(1), grade_rad=0.0), tmp_path)["findings"]
+    assert "slope" not in findings["cause"], findings
