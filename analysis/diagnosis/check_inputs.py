@@ -24,6 +24,7 @@ from analysis.model.axes import (
     make_straight_regressor_and_force,
 )
 from analysis.model.machine import Machine
+from analysis.model.settings import Settings
 from analysis.model.uncertainty_sources import combine_u
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import compute_sign_of_yaw_rate_change
@@ -157,6 +158,18 @@ class AxisMotion:
     def ungated_fit(self) -> fit_quality.UngatedFit:
         """Fit of the axis' model to every moving sample."""
         return fit_quality.fit_ungated(self.A, self.f, self.moving)
+
+    def compute_explained_variance_fraction(self, settings: Settings) -> float:
+        """Fraction of the force's variance that the model explains, of means if of samples too low.
+
+        The noise of a derivative may hide in each sample what means over a second explain.
+        """
+        own = self.ungated_fit.r_squared
+        if not own < settings.verdict.r_squared_min:
+            return own
+        rows = round(LIMITS.explained_mean_s * settings.align.rate_hz)
+        of_means = fit_quality.compute_r_squared_of_means(self.A, self.f, self.moving, rows)
+        return float(np.fmax(own, of_means))
 
     @property
     def speed_or_yaw_rate(self) -> Floats:

@@ -101,8 +101,8 @@ def _relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> floa
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _explained_force_variance_fraction(_inputs: CheckInputs, motion: AxisMotion) -> float:
-    return motion.ungated_fit.r_squared
+def _explained_force_variance_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
+    return motion.compute_explained_variance_fraction(inputs.machine.settings)
 
 
 def _compute_fraction_braked_with_opposing_force(_inputs: CheckInputs, motion: AxisMotion) -> float:

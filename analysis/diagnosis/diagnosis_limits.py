@@ -18,6 +18,9 @@ class DiagnosisLimits:
     #: Largest distance, in logarithms, of a ratio of masses from a factor that explains it:
     #: friction and what is carried bend a mass so far.
     factor_tolerance: float = 0.08
+    #: Time in s of the means by which the model is judged where noise hides it in the samples: a
+    #: start lasts longer.
+    explained_mean_s: float = 1.0
 
     # checks
     #: Shortest motion in s of which the correlation has a sign.

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.findings.accelerometer_response import fit_imu_to_wheel_acceleration_gain_and_std
 from analysis.findings.cause import Symptom
-from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_inputs import ACC, ACCELERATIONS, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import (
     compute_mass_change_by_refit,
@@ -72,8 +72,9 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
         driving_share < LIMITS.opposed_driving_share
         and of_force > LIMITS.signed_correlation
         and not by_imu
+        and inputs.select_measured_channels(*ACCELERATIONS)
     ):
-        # every start seems to go against the force
+        # every start seems to go against the force; a derived acceleration would flip as well
         names = inputs.speed_channels
     # a speed that has lost its sign makes drives in reverse look like a wrong sign
     if not names or find_unsigned_speed(inputs):

@@ -31,7 +31,8 @@ def find_unsigned_speed(inputs: FindingInputs) -> list[Symptom]:
         return []
     # a retarder on a descent lets the speed rise as well, but not as the motor does
     rate = np.gradient(straight.speed_or_yaw_rate)
-    rates, forces = ([float(np.median(x[each])) for each in directions] for x in (rate, size))
+    # a mean, since most changes of a coarse speed are 0
+    rates, forces = ([float(np.mean(x[each])) for each in directions] for x in (rate, size))
     masses = forces[0] * rates[1], forces[1] * rates[0]
     if min(rates) <= 0.0 or max(masses) > LIMITS.unsigned_mass_ratio * min(masses):
         return []

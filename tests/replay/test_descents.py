@@ -1,4 +1,4 @@
-"""Loaded up a hill and empty down it, where brakes that the force does not see hold the speed."""
+"""Motion downhill: brakes that the force does not see hold the speed, or a drive holds it back."""
 
 import tomllib
 from pathlib import Path
@@ -81,3 +81,23 @@ def test_descents_that_no_pitch_shows_are_named_first(seed: int, tmp_path: Path)
 def test_level_ground_has_no_descents(tmp_path: Path) -> None:
     findings = replay_haul(haul(np.random.default_rng(1), grade_rad=0.0), tmp_path)["findings"]
     assert "slope" not in findings["cause"], findings
+
+
+def test_a_drive_that_holds_an_axis_back_is_a_slope_and_no_flipped_sign(tmp_path: Path) -> None:
+    """A slide that is let down 30 degrees, stroke by stroke: its drive pushes up all the while."""
+    dice, mass_kg, rate_hz = np.random.default_rng(2), 140.0, 100.0
+    stroke = np.repeat([0.0, 0.8, 0.0, -0.8], (100, 80, 350, 80))
+    acceleration = np.concatenate([-scale * stroke for scale in dice.uniform(0.6, 1.3, 12)])
+    speed = np.cumsum(acceleration) / rate_hz
+    gravity_N = mass_kg * GRAVITY_M_S2 * np.sin(np.deg2rad(30.0))
+    force = mass_kg * acceleration + gravity_N + 60.0 * np.sign(speed.round(9)) + 80.0 * speed
+    axis = pl.DataFrame(
+        {
+            "time_s": np.arange(speed.size) / rate_hz,
+            "force_N": force + dice.normal(0.0, 4.0, speed.size),
+            "speed_m_s": speed + dice.normal(0.0, 0.001, speed.size),
+        }
+    )
+    findings = replay_haul(axis, tmp_path)["findings"]
+    assert "sign_flipped" not in findings["cause"], findings
+    assert "slope" in findings["cause"], findings

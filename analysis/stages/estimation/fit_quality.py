@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.model.windows import find_flagged_runs
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats
 from estimators.methods import pooled
@@ -31,6 +32,22 @@ def fit_ungated(A: Floats, f: Floats, is_moving: Bools) -> UngatedFit:
     total = float(((f[is_moving] - f[is_moving].mean()) ** 2).sum())
     r_squared = 1.0 - float(residual @ residual) / total if total > 0 else float("nan")
     return UngatedFit(float(traced.theta[0, 0]), float(traced.std[0, 0]), r_squared)
+
+
+def compute_r_squared_of_means(A: Floats, f: Floats, is_moving: Bools, rows_per_mean: int) -> float:
+    """R² of least squares over means of consecutive moving samples; NaN if they are too few."""
+    spans = [
+        slice(begin, begin + rows_per_mean)
+        for first, last in zip(*find_flagged_runs(is_moving), strict=True)
+        for begin in range(first, last + 2 - rows_per_mean, rows_per_mean)
+    ]
+    if len(spans) < LIMITS.samples_per_parameter * A.shape[1]:
+        return float("nan")
+    means = np.array([[*A[span].mean(axis=0), f[span].mean()] for span in spans])
+    columns, force = means[:, :-1], means[:, -1]
+    residual = force - columns @ np.linalg.lstsq(columns, force, rcond=None)[0]
+    total = float(((force - force.mean()) ** 2).sum())
+    return 1.0 - float(residual @ residual) / total if total > 0 else float("nan")
 
 
 def compute_partial_correlation(A: Floats, f: Floats, is_moving: Bools) -> float:

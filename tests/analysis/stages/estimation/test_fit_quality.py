@@ -1,10 +1,12 @@
-"""Whether a force has its sign, by the samples that the drive slows down."""
+"""Whether a force has its sign, by the samples that the drive slows down; what a fit explains."""
 
 import numpy as np
 import pytest
 
 from analysis.stages.estimation.fit_quality import (
     compute_fraction_of_braked_samples_with_opposing_force,
+    compute_r_squared_of_means,
+    fit_ungated,
 )
 
 INERTIA_KG_M2, SCRUB_N_M = 90.0, 180.0
@@ -45,3 +47,22 @@ def test_a_drive_that_brakes_a_spin_still_shows_whether_it_has_a_sign(
         A, read, slows, ~slows, has_scrubbing_tyres=True
     )
     assert found == fraction
+
+
+def test_means_over_a_second_explain_the_force_of_a_speed_in_steps_and_of_no_other() -> None:
+    """At 10 Hz and in steps of 1 km/h the derivative of a speed is noise in every sample."""
+    dice = np.random.default_rng(5)
+    starts = [
+        np.append(acc * np.linspace(1.0, 0.1, 60), np.zeros(10))
+        for acc in dice.uniform(0.4, 1.2, 12)
+    ]
+    acc = np.concatenate(starts)
+    moving = np.concatenate([np.append(np.ones(58), np.zeros(12)) for _ in starts]).astype(bool)
+    speed = np.concatenate([np.cumsum(each) / 10.0 * (each > 0.0) for each in starts])
+    coarse = np.floor(3.6 * speed) / 3.6
+    A = np.column_stack([np.gradient(coarse) * 10.0, coarse])
+    force = 12_000.0 * acc + 300.0 * speed + dice.normal(0.0, 100.0, acc.size)
+    assert fit_ungated(A, force, moving).r_squared < 0.5
+    assert compute_r_squared_of_means(A, force, moving, 10) > 0.8
+    other = dice.permutation(force)
+    assert compute_r_squared_of_means(A, other, moving, 10) < 0.5
