@@ -111,26 +111,31 @@ class EmptyMassDifference:
     @property
     def possible_causes(self) -> list[str]:
         """Possible causes of this factor, as text."""
-        if self.mass_ratio <= 0.0:
-            return ["a force with the wrong sign"]
-        times = max(self.mass_ratio, 1.0 / self.mass_ratio)
-        body = self.machine.machine
-        known = dict(_CANDIDATES)
-        if body.force_share < 1.0:
-            known[1.0 / body.force_share] = f"machine.force_share ({body.force_share:g})"
-        radius_m = body.wheel_radius_m
-        if radius_m is not None and radius_m != 1.0:
-            stated = f"machine.wheel_radius_m ({radius_m:g}) applied twice, or not at all"
-            known[max(radius_m, 1.0 / radius_m)] = stated
-        near = [
-            (off, f"{each:.4g}, {what}")
-            for each, what in known.items()
-            # a candidate must be nearer than a factor of 1
-            if (off := abs(np.log(times / each))) < min(LIMITS.factor_tolerance, np.log(each) / 2.0)
-        ]
-        named = [what for _, what in sorted(near)]
-        gear = f"a gear or gain of {times:.3g}"
-        return [gear if self.mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
+        return list_possible_causes_of_mass_ratio(self.mass_ratio, self.machine)
+
+
+def list_possible_causes_of_mass_ratio(mass_ratio: float, machine: Machine) -> list[str]:
+    """Possible causes of masses that are wrong by a factor, as text, the gear or gain first."""
+    if mass_ratio <= 0.0:
+        return ["a force with the wrong sign"]
+    times = max(mass_ratio, 1.0 / mass_ratio)
+    body = machine.machine
+    known = dict(_CANDIDATES)
+    if body.force_share < 1.0:
+        known[1.0 / body.force_share] = f"machine.force_share ({body.force_share:g})"
+    radius_m = body.wheel_radius_m
+    if radius_m is not None and radius_m != 1.0:
+        stated = f"machine.wheel_radius_m ({radius_m:g}) applied twice, or not at all"
+        known[max(radius_m, 1.0 / radius_m)] = stated
+    near = [
+        (off, f"{each:.4g}, {what}")
+        for each, what in known.items()
+        # a candidate must be nearer than a factor of 1
+        if (off := abs(np.log(times / each))) < min(LIMITS.factor_tolerance, np.log(each) / 2.0)
+    ]
+    named = [what for _, what in sorted(near)]
+    gear = f"a gear or gain of {times:.3g}"
+    return [gear if mass_ratio > 1.0 else f"{gear} the other way", *named[:3]]
 
 
 @dataclass(frozen=True)

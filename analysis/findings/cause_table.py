@@ -8,6 +8,7 @@ from analysis.findings import (
     channel_causes,
     delay_causes,
     fit_causes,
+    mass_drifts,
     residual_causes,
     sampling_causes,
     setting_causes,
@@ -261,6 +262,13 @@ CAUSES: Final = (
         "the force's gain drifts over the log, or the load changes steadily",
         "starts at the beginning of the log and at its end",
         fit_causes.find_force_gain_drift,
+    ),
+    Cause(
+        "scale_step",
+        "the scale of force or speed, or the machine, changes within the log",
+        "an empty machine that comes back after a load, before the change and after it",
+        mass_drifts.find_step_of_lightest_load,
+        explains=("gain_drift", "coulomb", "gain_by_speed", "wrong_scale"),
     ),
     Cause(
         "gain_by_direction",

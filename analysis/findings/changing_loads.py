@@ -1,4 +1,4 @@
-"""Loads that change: during a manoeuvre, from start to start, or steadily over the log.
+"""Loads that change: during a manoeuvre, or from start to start.
 
 A growing load obeys f = (m + g t) a + (b + g) v, with g in kg/s: accelerating the incoming material
 to the machine's speed takes g v. Each manoeuvre has its own mass and growth; friction and constant
@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.findings.cause import MassChange, Symptom, list_only_strongest_symptom
+from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -25,8 +25,6 @@ from analysis.findings.whitened_rows import (
     compute_whitened_row_noise_variance,
     list_indices_of_samples_in_whole_blocks,
 )
-from analysis.model.physical_units import NS_PER_S
-from analysis.weighing.load_changes import find_manoeuvre_of_fitted_samples
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from estimators.errors import format_count
 from estimators.numerics.fit_loss import list_rows_by_group
@@ -255,79 +253,3 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         if len(found) > 1
         else [each for each in found if each.deviations > LIMITS.single_growth_factor]
     )
-
-
-def find_drift_among_loads(inputs: FindingInputs) -> list[Symptom]:
-    """Find a drift of the force's gain in a log of several loads."""
-    return list_only_strongest_symptom(
-        [*find_drift_of_empty_mass(inputs), *find_steadily_changing_mass(inputs)]
-    )
-
-
-def find_steadily_changing_mass(inputs: FindingInputs) -> list[Symptom]:
-    """Find load states that a mass proportional to time describes as well.
-
-    The two are compared by the Bayesian information criterion (Schwarz 1978). Masses in the two
-    driving directions may differ by a constant, as if loads alternated with the direction.
-    """
-    fit = inputs.log_only_fit
-    states = None if fit is None else fit.states
-    if fit is None or states is None or states.manoeuvre_ids.size < LIMITS.steady_min_manoeuvres:
-        return []
-    if not (fit.mass_kg and (states.std_kg > 0.0).all()):
-        return []
-    motion, count = fit.motion, states.manoeuvre_ids.size
-    number = np.searchsorted(states.manoeuvre_ids, find_manoeuvre_of_fitted_samples(motion))
-    t_s = inputs.aligned["t_ns"].to_numpy()[motion.is_fittable] / NS_PER_S
-    middle_s, direction = (
-        np.bincount(number, each, count) / np.bincount(number)
-        for each in (t_s, motion.direction[motion.is_fittable])
-    )
-    along = (middle_s - middle_s[0]) / (middle_s[-1] - middle_s[0]) - 0.5
-    both_ways = bool(np.ptp(np.sign(direction)) > 0.0)
-    columns = [along, np.ones(count), *([direction] * both_ways)]
-    noise_kg = float(np.median(states.std_kg))
-    weight = noise_kg / states.std_kg
-    A, y = np.column_stack(columns) * weight[:, None], states.manoeuvre_mass_kg * weight
-    theta = np.linalg.lstsq(A, y, rcond=None)[0]
-    by_loads = (states.manoeuvre_mass_kg - states.means_kg[states.state_of_manoeuvre]) * weight
-    # a fit better than the noise allows is not significant
-    steadily, by_steps = (
-        max(float(each @ each) / count, noise_kg**2) for each in (y - A @ theta, by_loads)
-    )
-    more = float(np.log(count)) * (len(columns) - states.state_count)
-    # two loads are a single step, which a line hardly fits by chance
-    allowed = LIMITS.indistinguishable_gain if states.state_count > 2 else 0.0
-    if count * float(np.log(steadily / by_steps)) + more >= allowed:
-        return []
-    change_1 = float(theta[0]) / fit.mass_kg
-    variance = steadily * count / (count - len(columns))
-    std_1 = float(np.sqrt(variance * np.linalg.inv(A.T @ A)[0, 0])) / abs(fit.mass_kg)
-    return [
-        Symptom(
-            abs(change_1) / max(LIMITS.trusted_gain_drift_1, LIMITS.named_term_min_std * std_1),
-            f"the masses change evenly, by {change_1:+.1%} ± {std_1:.1%} over the log: the force's "
-            "gain drifts, or the load changes steadily, as in a tank that empties",
-            channel=inputs.force_channel,
-            change=lambda: MassChange(0.0, abs(change_1) / 2.0 * abs(fit.mass_kg)),
-        )
-    ]
-
-
-def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
-    """Find an empty machine whose mass changes over the log by more than burnt fuel explains."""
-    weighing = inputs.check_inputs.weighing
-    drift = None if weighing is None else weighing.significant_empty_mass_drift
-    if weighing is None or drift is None:
-        return []
-    u_kg = drift.gain_u_1 * abs(weighing.fit.mass_kg)
-    return [
-        Symptom(
-            abs(drift.change_1) / drift.significance_threshold_1,
-            f"the empty machine weighs {abs(drift.change_1):.1%} ± {drift.u_1:.1%} "
-            f"{'more' if drift.change_1 > 0.0 else 'less'} at the end of the log than at its "
-            "beginning: the force's gain drifts, or the machine loses mass",
-            channel=inputs.force_channel,
-            change=lambda: MassChange(0.0, u_kg),
-        )
-    ]

@@ -123,8 +123,18 @@ class FindingLimits:
     growth_min_left_fraction: float = 0.02
     #: Longest drive in s that still loads: after it, the end of the drive would weigh by its time.
     longest_loading_s: float = 15.0
+
+    # mass_drifts
     #: Fewest manoeuvres that tell a steady change from steps.
     steady_min_manoeuvres: int = 5
+    #: Mass over the lightest load up to which a load is as light, and from which it is heavier,
+    as_light_ratio: float = 1.04
+    heavier_ratio: float = 1.08
+    #: Ratio of the lightest loads before and after a time from which they are not one machine: as
+    #: of the logs of a shift (`analysis/cycles/cycle_limits.py`),
+    lightest_load_step_ratio: float = 1.15
+    #: with the difference in standard deviations.
+    lightest_load_step_std: float = 4.0
 
     # likelihood_search
     #: Difference of gains (twice the log likelihood) below which causes are indistinguishable.

@@ -7,10 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.findings.cause import MassChange, Symptom
-from analysis.findings.changing_loads import (
-    compare_force_change_with_load_changes,
-    find_drift_among_loads,
-)
+from analysis.findings.changing_loads import compare_force_change_with_load_changes
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -19,6 +16,7 @@ from analysis.findings.likelihood_search import (
     list_indistinguishable_causes,
     rank_causes_by_likelihood,
 )
+from analysis.findings.mass_drifts import find_drift_among_loads
 from analysis.findings.refit import compute_mass_change_by_refit
 from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.schema import CHANNEL_COLUMNS
