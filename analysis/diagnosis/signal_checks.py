@@ -124,7 +124,8 @@ SIGNAL_CHECKS: Final = (
         applies=_has_raw_signals,
         subject_text=_make_writer_of_exclusion_text("clipped_share"),
         moved_u=_make_reader_of_mass_change_over_uncertainty("clipped_share"),
-        remedy="settings.gate.saturation_force_N: the force where the sensor clips",
+        remedy="settings.gate.saturation_force_N: the force where the sensor clips; valid_range of "
+        "the channel, for error codes",
     ),
     CheckRow(
         "side_difference",

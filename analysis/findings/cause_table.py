@@ -13,6 +13,7 @@ from analysis.findings import (
     sampling_causes,
     setting_causes,
     sign_causes,
+    spikes,
     unexplained,
     unsigned_channels,
 )
@@ -109,7 +110,7 @@ CAUSES: Final = (
         "spikes",
         "single readings are spikes",
         "nothing more",
-        channel_causes.find_spikes,
+        spikes.find_spikes,
         explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
         explains_up_to=2.0,
     ),

@@ -14,12 +14,14 @@ from analysis.diagnosis.measured_channels import Series, Spans
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
 from analysis.model.machine import FORCES, Machine
+from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.schema import get_column_values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import flag_rows_near_flagged_rows
 from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.copied_rows import Copy
+from analysis.stages.signals.derive import find_unit_in_name
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.missing_terms import MissingTerm
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
@@ -212,6 +214,28 @@ class FindingInputs:
             ", ".join([*scaled, *('"m/s"' for _ in as_read)]),
         )
 
+    def propose_valid_range_settings(self, name: str) -> tuple[str | None, str | None]:
+        """Key and value that leave out readings far outside all others, such as error codes.
+
+        None where no reading is, or where the channel is derived.
+        """
+        readings, channel = self.unfiltered_readings[name][1], self.machine.channels.get(name)
+        low, high = (float(q) for q in np.quantile(readings, LIMITS.usual_reading_quantiles))
+        gap = LIMITS.error_code_gap_fraction * (high - low)
+        lowest_usual = -_skip_to_gap(-readings[readings <= low], gap)
+        highest_usual = _skip_to_gap(readings[readings >= high], gap)
+        usual = (readings >= lowest_usual) & (readings <= highest_usual)
+        if usual.all() or channel is None or channel.field is None:
+            return None, None
+        limits = np.array([lowest_usual - gap / 2.0, highest_usual + gap / 2.0])
+        gain, offset = 1.0, 0.0
+        if channel.unit:
+            gain, offset = find_gain_and_offset_to_si(channel.unit, find_unit_in_name(name))
+        lowest, highest = sorted(
+            ((limits - offset) / gain - channel.offset) / (channel.scale or 1.0)
+        )
+        return f"channels.{name}.valid_range", f"[{lowest:.4g},{highest:.4g}]"
+
     def propose_delay_settings(self, names: tuple[str, ...], delay_s: float) -> tuple[str, str]:
         """Keys and values of the machine file that correct a delay of channels."""
         channels = self.machine.channels
@@ -265,3 +289,10 @@ def find_insertion_indices_of_stamps(sorted_stamps: Ints, stamps: Ints) -> Ints:
             at -= 1
         out[k] = at
     return out
+
+
+def _skip_to_gap(readings: Floats, gap: float) -> float:
+    """Largest of the readings, (n,), up to the first gap between their values."""
+    ordered = np.sort(readings)
+    far = np.flatnonzero(np.diff(ordered) > gap)
+    return float(ordered[far[0] if far.size else -1])

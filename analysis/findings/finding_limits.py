@@ -65,6 +65,11 @@ class FindingLimits:
     stand_min_blocks: int = 6
     #: Fraction of the largest force that a machine has at a stand, by drag of its drive.
     idle_force_fraction: float = 0.05
+    #: Quantiles between which the usual readings of a channel are,
+    usual_reading_quantiles: tuple[float, float] = (0.05, 0.95)
+    #: and fraction of that range without readings that divides them from error codes: readings of
+    #: a sensor that clips come up to its limit.
+    error_code_gap_fraction: float = 0.15
 
     # fit_causes
     #: Standard deviations from 0 from which a term of the fit shows.

@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 
 from analysis.findings.altered_motion import correct_channel_delay
-from analysis.findings.channel_causes import mark_samples_near_spikes
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import exclude_and_renumber_short_stretches
+from analysis.findings.spikes import mark_samples_near_spikes
 from analysis.findings.whitened_rows import (
     EquationRows,
     ProjectedEquation,

@@ -77,6 +77,7 @@ class Channel(BaseModel):
     offset: float = 0.0
     unit: str | None = None
     delay_s: float = 0.0
+    valid_range: tuple[float, float] | None = None
     derive: str | None = None
     #: found in a log, not stated in the file
     _is_piecewise_constant: bool = PrivateAttr(default=False)
@@ -170,6 +171,12 @@ class Channel(BaseModel):
             )
         if self.derive is not None and (self.topic is not None or self.unit is not None):
             raise ValueError("a derived channel takes no 'topic' and no 'unit'")
+        if self.derive is not None and self.valid_range is not None:
+            raise ValueError(
+                "a derived channel takes no 'valid_range'; set valid_range of its source channels"
+            )
+        if self.valid_range is not None and not self.valid_range[0] < self.valid_range[1]:
+            raise ValueError("valid_range = [lowest, highest] needs two numbers in this order")
         if self.derive is not None and self.delay_s:
             raise ValueError(
                 "a derived channel takes no 'delay_s'; set delay_s of its source channels"

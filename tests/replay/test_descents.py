@@ -47,7 +47,7 @@ def haul(dice: np.random.Generator, grade_rad: float = GRADE_RAD) -> pl.DataFram
     )
 
 
-def replay_haul(hauled: pl.DataFrame, folder: Path, **more: dict[str, str]) -> dict[str, Any]:
+def replay_haul(hauled: pl.DataFrame, folder: Path, **more: dict[str, Any]) -> dict[str, Any]:
     """Frames of a haul, by a machine file with force, speed and what is given."""
     path = folder / "haul.csv"
     hauled.write_csv(path)

@@ -255,6 +255,7 @@ def read_field_of_channel(
 ) -> tuple[filters.Ints, filters.Floats]:
     """Stamps and values of a channel's field in SI units, (n,) each."""
     field = str(channel.field)
+    frame = filters.drop_readings_outside_range(name, channel, frame, losses)
     gain, offset = 1.0, 0.0
     if channel.unit:
         si_unit = find_unit_in_name(name)

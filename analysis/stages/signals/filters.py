@@ -1,14 +1,45 @@
-"""Low-pass and derivative at a topic's own rate, within gap-free stretches."""
+"""Valid readings, low-pass and derivative at a topic's own rate, within gap-free stretches."""
 
 from collections import defaultdict
 from typing import cast
 
 import numpy as np
+import polars as pl
 
+from analysis.model.loss import Loss
+from analysis.model.machine import Channel
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals.resample import interpolate_in_stretches
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
+
+
+def drop_readings_outside_range(
+    name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
+) -> pl.DataFrame:
+    """Drop the rows whose reading lies outside the channel's `valid_range`, such as error codes.
+
+    Args:
+        name: of the channel.
+        channel: the channel.
+        frame: samples of its topic.
+        losses: the number of dropped samples is added.
+    """
+    if channel.valid_range is None:
+        return frame
+    low, high = channel.valid_range
+    reading = pl.col(str(channel.field)).cast(pl.Float64)
+    left = frame.filter(reading.is_between(low, high).fill_null(value=True))
+    if left.height < frame.height:
+        losses.append(
+            Loss(
+                source=name,
+                topic=channel.topic or "",
+                what=f"{frame.height - left.height} of {frame.height} samples of {channel.field} "
+                f"are outside valid_range, {low:g} to {high:g}; they were excluded",
+            )
+        )
+    return left
 
 
 def compute_median_period_ns(t_ns: Ints) -> float:

@@ -69,6 +69,20 @@ def test_samples_that_are_no_number_are_left_out_and_counted(raw_topic, machine)
     ]
 
 
+def test_error_codes_outside_the_valid_range_are_no_readings(raw_topic, machine):
+    force = np.full(T.size, 50.0)
+    force[[20, 21]], force[90] = -32_768.0, 32_767.0
+    raw = loader(raw_topic, force=force)
+    codes = {"topic": "/can", "field": "force", "scale": 2.0, "valid_range": (-32_000, 32_000)}
+    made = machine(force_x_N=codes)
+    read, losses = read_measured_channels(assign_timestamps(raw)[0], made)
+    t, x = read["force_x_N"]
+    assert (t.size, set(x)) == (T.size - 3, {100.0})
+    assert [loss.what for loss in losses] == [
+        "3 of 500 samples of force are outside valid_range, -32000 to 32000; they were excluded"
+    ]
+
+
 def test_empty_cells_of_a_table_that_merges_two_rates_are_no_loss():
     assert count_lost_readings(T, np.arange(500) % 5 == 2) == 0
 
