@@ -272,6 +272,13 @@ CAUSES: Final = (
         explains=("gain_drift", "coulomb", "gain_by_speed", "wrong_scale"),
     ),
     Cause(
+        "warming_friction",
+        "friction or rolling resistance falls as the machine warms",
+        "starts at the beginning of the log and at its end",
+        residual_causes.find_warming_friction,
+        explains=("coulomb", "gain_drift", "load_changed_inside", "gain_by_speed"),
+    ),
+    Cause(
         "gain_by_direction",
         "the force is read with another gain in reverse, or the loads depend on the direction",
         "drives in both directions",

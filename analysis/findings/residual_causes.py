@@ -14,7 +14,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import get_column_values
 from analysis.stages.motion.forces import compute_longitudinal_force, compute_regressor_acceleration
 from analysis.weighing.force_hysteresis import HYSTERESIS
-from analysis.weighing.missing_terms import ELASTICITY
+from analysis.weighing.missing_terms import ELASTICITY, WARMING
 from estimators.arrays import Bools, Floats
 
 
@@ -212,10 +212,31 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
+def find_warming_friction(inputs: FindingInputs) -> list[Symptom]:
+    """Find Coulomb friction or rolling resistance that falls from the beginning of the log on."""
+    fit = inputs.log_only_fit
+    found = [each for each in inputs.reportable_missing_terms if each.term is WARMING]
+    if fit is None or not found:
+        return []
+    (warming,) = found
+    effect_kg = float(warming.effect_kg[np.argmax(np.abs(warming.effect_kg))])
+    way, std_N = "falls" if warming.value > 0.0 else "rises", abs(warming.value / warming.t)
+    return [
+        Symptom(
+            abs(warming.t) / LIMITS.named_term_min_std,
+            f"the resistance {way} by {abs(warming.value):.0f} ± {std_N:.0f} N over the log, most "
+            f"of it at the beginning; with it a mass changes by {effect_kg:+,.0f} kg",
+            change=lambda: MassChange(0.0, abs(effect_kg)),
+        )
+    ]
+
+
 def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
     """Report the term with the largest effect on a mass among those that the model lacks."""
     fit = inputs.log_only_fit
-    named = [each for each in inputs.reportable_missing_terms if each.term is not ELASTICITY]
+    named = [
+        each for each in inputs.reportable_missing_terms if each.term not in (ELASTICITY, WARMING)
+    ]
     if fit is None or not named:
         return []
     found = named[0]

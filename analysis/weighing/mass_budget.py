@@ -139,6 +139,11 @@ _PARTS: Final = {
         "or a speed that is not linear: this log shows one",
         "a force at the wheels from a sensor that is linear; starts at different throttles",
     ),
+    "warming": _FitPart(
+        "common",
+        "Coulomb friction or rolling resistance that falls as the machine warms: this log shows it",
+        "a machine that is warm; loads that come back",
+    ),
     "elasticity": _FitPart(
         "common",
         "something that flexes between the mass and the place where its motion is measured, by "

@@ -47,6 +47,19 @@ ELASTICITY: Final = Nuisance(
 )
 
 
+#: Friction of cold tyres, bearings and oil falls most at first. Only the change is in this term: a
+#: constant part is Coulomb friction, and what is proportional to the speed is in the model.
+WARMING: Final = Nuisance(
+    "coulomb_warming",
+    "N",
+    lambda m: m.direction * np.exp(-(m.progress + 0.5) / LIMITS.warming_fraction),
+    lambda motion, _: LIMITS.missing_term_prior_std * motion.force_95_percentile_newtons,
+    "Coulomb friction or rolling resistance that falls as the machine warms",
+    "a machine that is warm",
+    source="warming",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class ForceCurvature:
     """Estimate of an additional term in a·|a|.
@@ -110,6 +123,7 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
     force_N, speed_m_s = fit.motion.force_95_percentile_newtons, fit.motion.speed_95_percentile_m_s
     return (
         *elastic,
+        WARMING,
         Nuisance(
             "force_saturation",
             "1",

@@ -137,6 +137,8 @@ class WeighingLimits:
     #: Standard deviations from which it is one: what sampling, filters and slip leave in the second
     #: derivative of the force reached 7, belts had 17 to 130.
     elasticity_min_std: float = 10.0
+    #: Part of the log in which the friction of a cold machine falls by a factor of e.
+    warming_fraction: float = 0.15
     #: Standard deviations from which a term is significant: 99 % of sound logs have at most 3,
     missing_term_min_std: float = 3.0
     #: if the log determines what it moves a mass to this share, or it is collinear with others,

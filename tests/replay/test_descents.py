@@ -18,8 +18,14 @@ ROLLING_1, COULOMB_N, VISCOUS_N_S_M = 0.015, 300.0, 60.0
 GRADE_RAD, GRAVITY_M_S2, RATE_HZ = 0.06, 9.81, 50.0
 
 
-def haul(dice: np.random.Generator, grade_rad: float = GRADE_RAD) -> pl.DataFrame:
-    """Trips up with a load and down without, of 14 s each between stands of 3 s."""
+def haul(
+    dice: np.random.Generator, grade_rad: float = GRADE_RAD, cold_1: float = 0.0
+) -> pl.DataFrame:
+    """Trips up with a load and down without, of 14 s each between stands of 3 s.
+
+    The rolling resistance of a cold machine is larger by `cold_1` of its own, and falls within 30 s
+    by a factor of e.
+    """
     dt, rows = 0.005, list[tuple[float, float, float]]()
     for load_kg in LOADS_KG:
         for is_up in (True, False):
@@ -28,7 +34,8 @@ def haul(dice: np.random.Generator, grade_rad: float = GRADE_RAD) -> pl.DataFram
             throttle, v, push_N, brake_N = dice.uniform(0.6, 0.95), 0.0, 0.0, 0.0
             for step in range(int(20.0 / dt)):
                 drives = 3.0 <= step * dt < 14.0
-                resists_N = ROLLING_1 * mass_kg * GRAVITY_M_S2 + COULOMB_N + VISCOUS_N_S_M * v
+                rolling_1 = ROLLING_1 * (1.0 + cold_1 * np.exp(-len(rows) * dt / 30.0))
+                resists_N = rolling_1 * mass_kg * GRAVITY_M_S2 + COULOMB_N + VISCOUS_N_S_M * v
                 pulls_N = -mass_kg * GRAVITY_M_S2 * np.sin(slope_rad)
                 asked_N = resists_N - pulls_N + 2.0 * mass_kg * (3.5 - v)
                 push_N += (np.clip(asked_N, 0.0, 9_000.0 * throttle) * drives - push_N) * dt / 0.1
