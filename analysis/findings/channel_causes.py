@@ -59,16 +59,21 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     def refit_without_frozen_samples() -> MassChange | None:
         return compute_mass_change_by_refit_without_samples(inputs, holds)
 
-    times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
+    total_text = f"{total_s[name]:.1f} s"
+    where = (
+        f"for {total_text}"
+        if len(spans) == 1
+        else f"in {len(spans)} stretches, {total_text} in all"
+    )
     return [
         Symptom(
             total_s[name] / LIMITS.frozen_total_s,
-            f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
-            f"change{_format_mass_change_by_exclusion(found)}",
+            f"the channel is frozen {where}, while others change"
+            f"{_format_mass_change_by_exclusion(found)}",
             channel=name,
             span_ns=inputs.convert_unix_to_aligned_ns(*spans[0]),
             change=refit_without_frozen_samples,
-            harmless=does_exclusion_keep_answer(inputs, found, refit_without_frozen_samples),
+            keeps_answer=does_exclusion_keep_answer(inputs, found, refit_without_frozen_samples),
             explains=_OF_DEAD
             if 1e9 * total_s[name] > LIMITS.dead_fraction * (t[-1] - t[0])
             else (),
@@ -167,7 +172,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             setting="settings.gate.saturation_force_N" if np.isfinite(limit_N) else None,
             value=f"{limit_N:.1f}" if np.isfinite(limit_N) else None,
             change=refit_without_saturated_rows,
-            harmless=does_exclusion_keep_answer(inputs, found),
+            keeps_answer=does_exclusion_keep_answer(inputs, found),
         )
     ]
 
@@ -206,7 +211,8 @@ def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpik
     count, largest_std = spikes.unix_ns.size, spikes.largest_distance_std
     return Symptom(
         largest_std / LIMITS.spike_std * float(np.sqrt(min(count, 25))) / LIMITS.single_spike_ratio,
-        f"{count} single readings are off by {spikes.median_distance:.3g} (median), up to "
+        f"{count} single readings differ from their neighbours by {spikes.median_distance:.3g} "
+        "(median), up to "
         f"{largest_std:.0f} standard deviations",
         channel=channel,
         span_ns=inputs.convert_unix_to_aligned_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
@@ -335,7 +341,7 @@ def _make_side_difference_symptom(inputs: FindingInputs, difference: SideDiffere
         return Symptom(
             strength,
             f"in hard starts the {other} wheels turn faster than the {difference.smaller_side} "
-            f"ones by {abs(difference.value_1):.1%} ± {difference.std_1:.1%} more than in soft "
+            f"ones by {abs(difference.value_1):.1%} ± {difference.std_1:.1%} more than in gentle "
             "ones, by the gyroscope",
             channel=larger,
             change=lambda: bound_mass_change_by_wheel_speed_error(inputs),

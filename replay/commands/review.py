@@ -113,7 +113,7 @@ def command(
         ),
     ] = "",
     author: Annotated[
-        str, typer.Option(help="Name of the one who gives the verdict.", rich_help_panel=_VERDICT)
+        str, typer.Option(help="Name of the reviewer.", rich_help_panel=_VERDICT)
     ] = "",
     overrides: Annotated[
         list[str] | None,

@@ -286,7 +286,10 @@ def test_more_readings_narrow_an_interval_down_to_what_they_share():
         (lambda r: r.with_columns(used=False), "0 different loads"),
         (lambda r: r.with_columns(mass_kg=pl.lit(3614.0)), "are equal for all loads"),
         (lambda r: r.with_columns(run_id=pl.lit("x")), "several loads or days"),
-        (lambda r: r.with_columns(load_id=pl.lit("gold")), "no reference for load 'gold'"),
+        (
+            lambda r: r.with_columns(load_id=pl.lit("gold")),
+            "load 'gold' has readings but no reference",
+        ),
         (lambda r: r.drop("day"), "no column 'day'"),
     ],
 )
