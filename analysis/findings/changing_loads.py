@@ -182,7 +182,7 @@ def _report_excluded_load_changes(inputs: FindingInputs) -> list[Symptom]:
         return []
     worst = max(growing, key=lambda each: abs(each.load_change_kg) / each.std_kg)
     t = inputs.aligned["t_ns"].to_numpy()
-    begin = int(t[min(worst.first_sample, t.size - 1)])
+    begin = int(t[min(worst.first, t.size - 1)])
     return [
         Symptom(
             abs(worst.load_change_kg) / worst.std_kg / 4.0 * float(np.sqrt(len(growing))),

@@ -324,8 +324,8 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         review.shift, review.ledger, state, review.target
     ):
         print_line(console, f"{name}: {value}")
-    if review.calibration.against:
-        print_line(console, f"{NOT_CALIBRATED}: {review.calibration.against}")
+    if review.calibration.contradiction_text:
+        print_line(console, f"{NOT_CALIBRATED}: {review.calibration.contradiction_text}")
     elif review.calibration.description:
         print_line(console, review.calibration.description)
     if failed := [check.check for check in state.mass_withholding_checks]:
