@@ -82,22 +82,18 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
     return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-def _compute_force_acceleration_partial_correlation(
-    _inputs: CheckInputs, motion: AxisMotion
-) -> float:
+def _compute_partial_correlation(_inputs: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.compute_partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def compute_force_acceleration_correlation_unless_brief(
-    inputs: CheckInputs, motion: AxisMotion
-) -> float:
+def compute_correlation_unless_brief(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Partial correlation of force and acceleration; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
     fewest = count_rows_in_duration(
         LIMITS.correlation_min_moving_s, rate_hz, SIGNAL_LIMITS.window_min_readings
     )
     few = np.count_nonzero(motion.moving) < fewest
-    return np.nan if few else _compute_force_acceleration_partial_correlation(inputs, motion)
+    return np.nan if few else _compute_partial_correlation(inputs, motion)
 
 
 def _compute_relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> float:
@@ -179,17 +175,13 @@ def _compute_ungated_mass_to_empty_mass_ratio(inputs: CheckInputs, motion: AxisM
     return motion.ungated_fit.value / empty_kg if empty_kg else np.nan
 
 
-def _compute_empty_mass_shortfall_over_uncertainty(
-    inputs: CheckInputs, _motion: AxisMotion
-) -> float:
+def _compute_empty_mass_shortfall_in_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Empty mass minus the lightest load, in standard uncertainties; NaN if unknown."""
     found = inputs.empty_mass_difference
     return np.nan if found is None else -found.difference_over_uncertainty
 
 
-def compute_empty_mass_difference_over_uncertainty(
-    inputs: CheckInputs, _motion: AxisMotion
-) -> float:
+def compute_empty_mass_difference_in_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Magnitude of the difference to the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass_difference
     if found is None or not found.can_test_scale:
@@ -239,7 +231,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}partial_correlation",
             subject,
-            _compute_force_acceleration_partial_correlation,
+            _compute_partial_correlation,
             f"correlation of {wording.acceleration} and {force} with "
             f"the {wording.speed}'s share taken "
             "out of both",
@@ -289,7 +281,7 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        compute_force_acceleration_correlation_unless_brief,
+        compute_correlation_unless_brief,
         "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,
@@ -326,7 +318,7 @@ CHECKS: Final = (
     CheckRow(
         "negative_payload",
         "mass",
-        _compute_empty_mass_shortfall_over_uncertainty,
+        _compute_empty_mass_shortfall_in_u,
         "lightest load below the machine's empty mass, in standard uncertainties including "
         "the scale's",
         maximum="negative_payload_max_u",
@@ -337,7 +329,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass",
         "mass",
-        compute_empty_mass_difference_over_uncertainty,
+        compute_empty_mass_difference_in_u,
         "lightest load from the machine's empty mass, likewise; where it may be a payload, "
         "only the part beyond one",
         maximum="empty_mass_max_u",

@@ -145,10 +145,7 @@ def _describe_remedy_of_term_beyond_prior(inputs: CheckInputs, _motion: AxisMoti
     if not keys or widths <= inputs.machine.settings.verdict.beyond_prior_max:
         return ""
     settings = " or ".join(f"settings.priors.{key}" for key in keys)
-    return (
-        "correct the cause named in the findings; if the machine or its ground really has so much, "
-        f"widen {settings}"
-    )
+    return f"correct the cause that findings name; if it really is so large, widen {settings}"
 
 
 def _describe_remedy_without_pitch(inputs: CheckInputs, _motion: AxisMotion) -> str:
@@ -177,10 +174,8 @@ def _describe_fit_by_other_motion_sensor(inputs: CheckInputs, _motion: AxisMotio
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
     moved_u = other.mass_shift_over_uncertainty
-    return (
-        f"with the {one} alone the mass changes by {other.kg:+.0f} kg ({moved_u:.1f} standard "
-        "uncertainties)"
-    )
+    change = f"{other.kg:+.0f} kg ({moved_u:.1f} standard uncertainties)"
+    return f"with the {one} alone the mass changes by {change}"
 
 
 def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _motion: AxisMotion) -> float:

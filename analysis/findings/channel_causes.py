@@ -59,16 +59,11 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     def refit_without_frozen_samples() -> MassChange | None:
         return compute_mass_change_by_refit_without_samples(inputs, holds)
 
-    total_text = f"{total_s[name]:.1f} s"
-    where = (
-        f"for {total_text}"
-        if len(spans) == 1
-        else f"in {len(spans)} stretches, {total_text} in all"
-    )
+    parts = "" if len(spans) == 1 else f" in {len(spans)} stretches"
     return [
         Symptom(
             total_s[name] / LIMITS.frozen_total_s,
-            f"the channel is frozen {where}, while others change"
+            f"the channel is frozen for {total_s[name]:.1f} s{parts}, while others change"
             f"{_format_mass_change_by_exclusion(found)}",
             channel=name,
             span_ns=inputs.convert_unix_to_aligned_ns(*spans[0]),
@@ -212,8 +207,7 @@ def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpik
     return Symptom(
         largest_std / LIMITS.spike_std * float(np.sqrt(min(count, 25))) / LIMITS.single_spike_ratio,
         f"{count} single readings differ from their neighbours by {spikes.median_distance:.3g} "
-        "(median), up to "
-        f"{largest_std:.0f} standard deviations",
+        f"(median), up to {largest_std:.0f} standard deviations",
         channel=channel,
         span_ns=inputs.convert_unix_to_aligned_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
         change=lambda: compute_mass_change_by_refit_without_samples(inputs, spikes.near),

@@ -364,11 +364,9 @@ def is_manoeuvre_over(state: AxisState, row: int) -> bool:
     """
     if state.pooled_id == -1:
         return True
-    window = len(state.manoeuvre_ids)
-    since = next(
-        (back for back in range(window) if state.manoeuvre_ids[-1 - back] == state.pooled_id),
-        window,
-    )
+    ids = state.manoeuvre_ids
+    window = len(ids)
+    since = next((back for back in range(window) if ids[-1 - back] == state.pooled_id), window)
     if since == 0:
         return False
     last_row = row - since

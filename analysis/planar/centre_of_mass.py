@@ -142,7 +142,7 @@ def iter_fit_rows_of_arcs_and_all_arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = fit_planar_parameters_iteratively(
+        fitted = fit_parameters_iteratively(
             log, of, initial_parameters, known, _BOTH if both else _FORCE
         )
         row = _make_fit_row(kind, log, of >= 0, fitted, known.names)
@@ -170,7 +170,7 @@ def make_arc_prior_from_axis(
     used &= log.plane.known
     if not used.any():
         return nothing
-    fitted = fit_planar_parameters_iteratively(
+    fitted = fit_parameters_iteratively(
         log, np.where(used, 0, -1), initial_parameters, nothing, axes, columns
     ).estimate
     if not np.isfinite(fitted.theta).all():
@@ -203,7 +203,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
     start = base_parameters.fit(
         plane.motion, plane.f, PARAMETERS, of, noise=compute_planar_column_noise(plane, used)
     ).coefficients
-    fitted = fit_planar_parameters_iteratively(log, of, start, Prior.make_zero_mean({}, 2), _BOTH)
+    fitted = fit_parameters_iteratively(log, of, start, Prior.make_zero_mean({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
@@ -258,7 +258,7 @@ def is_joint_planar_fit_plausible(
     )
 
 
-def fit_planar_parameters_iteratively(
+def fit_parameters_iteratively(
     log: PlanarLog,
     stretch_of_sample: Ints,
     initial_parameters: Floats,
@@ -276,21 +276,17 @@ def fit_planar_parameters_iteratively(
         axes: fitted axes: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
     """
-    told = fit_planar_parameters_once(
-        log, stretch_of_sample, initial_parameters, prior, axes, columns
-    )
+    told = fit_parameters_once(log, stretch_of_sample, initial_parameters, prior, axes, columns)
     for _ in range(LIMITS.motion_fit_rounds - 1):
         coefficients = initial_parameters.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found
-        told = fit_planar_parameters_once(
-            log, stretch_of_sample, coefficients, prior, axes, columns
-        )
+        told = fit_parameters_once(log, stretch_of_sample, coefficients, prior, axes, columns)
     return told
 
 
-def fit_planar_parameters_once(
+def fit_parameters_once(
     log: PlanarLog,
     stretch_of_sample: Ints,
     coefficients: Floats,

@@ -212,13 +212,8 @@ class FitTask:
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
         late_s = by_name["lag"]
-        force_delay_s = float(
-            np.clip(
-                previous_estimates.force_delay_s + late_s,
-                -LIMITS.longest_lag_s,
-                LIMITS.longest_lag_s,
-            )
-        )
+        limit_s, force_delay_s = LIMITS.longest_lag_s, previous_estimates.force_delay_s + late_s
+        force_delay_s = float(np.clip(force_delay_s, -limit_s, limit_s))
         share, _ = estimate_error_fraction_and_std_of_constant(self.motion, self.priors)
         width = compute_constant_force_prior_std_of_motion_newtons(self.motion, self.priors)
         after = replace(

@@ -42,8 +42,7 @@ class JointFitInputs:
         motion: the samples.
         noise: noise of acceleration, speed and force.
         priors: priors of the nuisances.
-        kinematics: comparison of wheels and accelerometer, with the force as measured; None if
-            there is none.
+        kinematics: comparison of wheels and accelerometer, by the measured force; None if absent.
         ground_variance_ratio_1_s: see `PreviousEstimates`.
     """
 
@@ -383,9 +382,8 @@ def add_mass_responses_to_motion_errors(
     known, count = fit.previous_estimates, fit.mass_count
 
     def compute_mass_response(changed_estimates: PreviousEstimates, step: float) -> Floats:
-        other = refit_with_extra_terms(
-            replace(fit, previous_estimates=changed_estimates), noise, priors
-        )
+        changed_fit = replace(fit, previous_estimates=changed_estimates)
+        other = refit_with_extra_terms(changed_fit, noise, priors)
         return (other.theta[:count] - fit.theta[:count]) / step
 
     later = replace(known, speed_delay_s=known.speed_delay_s + LIMITS.probe_delay_s)

@@ -226,7 +226,7 @@ class JointFit:
     def compute_u_by_cause_kg(self, coefficients: Floats) -> dict[str, float]:
         """Parts of the standard uncertainty of the sum `coefficients` @ masses, by cause, in kg."""
         wide = np.concatenate([coefficients, np.zeros(self.theta.size - self.mass_count)])
-        fit, motion_responses = self.posterior_fit, self.motion_responses
+        fit, responses = self.posterior_fit, self.motion_responses
         summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
@@ -253,9 +253,7 @@ class JointFit:
             "squat": math.hypot(
                 self._mass_sum_u_by_squat_in_pitch_kg(coefficients),
                 self._mass_sum_u_by_load_dependent_gain_kg(coefficients),
-                0.0
-                if motion_responses is None
-                else float(coefficients @ motion_responses.swing_kg),
+                0.0 if responses is None else float(coefficients @ responses.swing_kg),
             ),
             "misfit": weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
             "lag_shape": abs(float(self.lag_shape_kg @ coefficients)) / 2.0,
@@ -272,9 +270,7 @@ class JointFit:
         if wheels is not None and wheels.is_gain_significant:
             # an error of the wheel radius is in the force, and again in the derivative of the speed
             times = 1.0 if self.motion.by_accelerometer else 2.0
-            moved_kg = (
-                0.0 if motion_responses is None else float(coefficients @ motion_responses.gain_kg)
-            )
+            moved_kg = 0.0 if responses is None else float(coefficients @ responses.gain_kg)
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 

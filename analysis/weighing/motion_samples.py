@@ -59,7 +59,6 @@ class ColumnNoiseModel(Protocol):
 
     def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of `samples_per_mean` samples."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -76,9 +75,8 @@ class CachedNoise:
     def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of `samples_per_mean` samples."""
         if samples_per_mean not in self._known:
-            self._known[samples_per_mean] = self.columns.compute_covariance_of_means(
-                samples_per_mean
-            )
+            covariance = self.columns.compute_covariance_of_means(samples_per_mean)
+            self._known[samples_per_mean] = covariance
         return self._known[samples_per_mean]
 
 
@@ -184,11 +182,9 @@ class MotionSamples:
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, stretch_of_sample=group)
 
-    def advance_force(self, force_delay_s: float) -> "MotionSamples":
+    def advance_force(self, delay_s: float) -> "MotionSamples":
         """Advance the force by its delay."""
-        force = advance_signal_by_delay(
-            self.force, self.stretch_of_sample, force_delay_s * self.rate_hz
-        )
+        force = advance_signal_by_delay(self.force, self.stretch_of_sample, delay_s * self.rate_hz)
         return replace(self, force=force)
 
     def advance_speed(self, delay_s: float) -> "MotionSamples":

@@ -293,10 +293,8 @@ def _step_exponential_rls(
     if past is None:
         A, f, _ = unroll_window_to_samples(state)
         begin = recursion.start(A, f, options)
-        R, G = (
-            np.diag(1.0 / np.diagonal(begin.P)),
-            unpack_leading_block(state.products[:, 0], p + 1, p),
-        )
+        R = np.diag(1.0 / np.diagonal(begin.P))
+        G = unpack_leading_block(state.products[:, 0], p + 1, p)
         squares = np.zeros((p + 1, p + 1))
         squares[:p, :p] = R @ invert_positive_definite(G) @ R
         past = WindowHistory(
@@ -309,11 +307,8 @@ def _step_exponential_rls(
         past = _add_new_samples_to_history(state, past, new_samples, options.forgetting)
         solved = solve_packed_equations(past.products[:entries].reshape(-1, 1))
         R = unpack_leading_block(past.products, p + 1, p)
-        theta, rss, condition = (
-            solved.theta[:, 0],
-            float(solved.rss[0]),
-            compute_scaled_condition(R),
-        )
+        theta, rss = solved.theta[:, 0], float(solved.rss[0])
+        condition = compute_scaled_condition(R)
     return past, make_recursive_estimate(theta, past, R, rss, samples_per_mean, condition)
 
 

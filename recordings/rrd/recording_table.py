@@ -70,6 +70,7 @@ _DECISIONS = make_state_lanes_view(
     ("gate", "reason_z", "yaw_gate"),
     ("excitation", "phase", "phase"),
 )
+_PAYLOAD = ("payload_kg", "payload_u_kg", "payload ± u")
 
 TABS: Final = (
     Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _LOADS, _MASS, _INERTIA), ("answer",)),
@@ -84,9 +85,7 @@ TABS: Final = (
         "Loads",
         (
             _LOADS,
-            make_band_view(
-                "Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"
-            ),
+            make_band_view("Payload of each load", "loads", *_PAYLOAD),
             _SPEED,
         ),
         context=(_SPEED,),
@@ -94,9 +93,7 @@ TABS: Final = (
     Tab(
         "Cycles",
         (
-            make_band_view(
-                "Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"
-            ),
+            make_band_view("Payload of each cycle", "cycles", *_PAYLOAD),
             make_state_lanes_view("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),

@@ -102,9 +102,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     csv.field_size_limit(min(sys.maxsize, 2**31 - 1))
     separators = _list_candidate_separators(hints)
     if hints.decimal not in (None, ".", ","):
-        raise DialectError(
-            f"'{hints.decimal}' is not a decimal sign; set [log] decimal to '.' or ','"
-        )
+        raise DialectError(f"no decimal sign '{hints.decimal}'; set [log] decimal to '.' or ','")
     decimals = (hints.decimal,) if hints.decimal else (".", ",")
     found = [
         reading
