@@ -282,7 +282,8 @@ def _run_stages(
     digs = find_digging_starts(excitation, machine)  # what pushes back is no mass
     gated = reject_windows_with_digging(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
-    seen = collect_raw_signals(raw_frames, read, machine)
+    stamps = topic_channels.stamp_label_by_topic
+    seen = collect_raw_signals(raw_frames, stamps, read, machine)
     # nor does what repeats itself count, if the answer is the same without it
     told = refit_without_failing_stretches(
         seen,

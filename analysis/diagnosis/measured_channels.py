@@ -177,19 +177,23 @@ class RawSignals:
 
 
 def collect_raw_signals(
-    raw_frames: Mapping[str, pl.DataFrame], channels: Mapping[str, Series], machine: Machine
+    raw_frames: Mapping[str, pl.DataFrame],
+    clocks: Mapping[str, str],
+    channels: Mapping[str, Series],
+    machine: Machine,
 ) -> RawSignals:
     """Collect the raw channels of a log.
 
     Args:
         raw_frames: frames by topic, with log times and header stamps.
+        clocks: clock that places the samples of each topic: "header", "log" or "table".
         channels: readings by `analysis.stages.signals.derive.read_measured_channels`.
         machine: machine file.
     """
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
     return RawSignals(
         channels,
-        find_largest_relative_clock_drift(measure_clock_drifts_by_topic(raw_frames)),
+        find_largest_relative_clock_drift(measure_clock_drifts_by_topic(raw_frames, clocks)),
         span_ns / 1e9,
         machine.recorded_force_channels,
     )

@@ -1,6 +1,5 @@
 """Masses that drift or step over the log: the force's gain, its unit, or another machine."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,17 +9,32 @@ from analysis.findings.cause import MassChange, Symptom, list_only_strongest_sym
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.physical_units import NS_PER_S
-from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_changes import find_manoeuvre_of_fitted_samples
-from analysis.weighing.load_states import LoadStates
+from estimators.arrays import Floats
 
 
-class _LoadSpan(NamedTuple):
-    """Successive manoeuvres with one load: mass and standard deviation in kg, first manoeuvre."""
+class _LightestLoad(NamedTuple):
+    """Mass of the lightest loads in a part of a log, with its standard deviation, in kg."""
 
     mass_kg: float
     std_kg: float
-    first_manoeuvre: int
+
+    def format_mass(self) -> str:
+        """Format mass and standard deviation."""
+        return f"{self.mass_kg:,.0f} ± {self.std_kg:,.0f} kg"
+
+
+class _LightestLoadStep(NamedTuple):
+    """Lightest loads before and after a load state that begins a part of the log."""
+
+    first_state_run: int
+    before: _LightestLoad
+    after: _LightestLoad
+
+    @property
+    def mass_ratio(self) -> float:
+        """Lightest load after the step over that before it."""
+        return self.after.mass_kg / self.before.mass_kg
 
 
 def find_drift_among_loads(inputs: FindingInputs) -> list[Symptom]:
@@ -106,71 +120,77 @@ def find_step_of_lightest_load(inputs: FindingInputs) -> list[Symptom]:
     another mass, then the scale of force or speed has changed there, or the machine has.
     """
     fit = inputs.log_only_fit
-    spans = [] if fit is None or fit.states is None else _list_load_spans(fit, fit.states)
-    steps = [
-        (border, before, after)
-        for border in range(1, len(spans))
-        if (before := _find_lightest_returning_load(spans[:border]))
-        and (after := _find_lightest_returning_load(spans[border:]))
-        and _is_step_of_lightest_load(before, after)
-    ]
-    if fit is None or not steps:
+    if fit is None or fit.states is None:
         return []
-    largest = max(abs(np.log(after.mass_kg / before.mass_kg)) for _, before, after in steps)
-    near = [
-        each
-        for each in steps
-        if abs(np.log(each[2].mass_kg / each[1].mass_kg)) > largest - np.log(LIMITS.as_light_ratio)
-    ]
-    rises = near[0][2].mass_kg > near[0][1].mass_kg
-    # heavy loads on the light side of the border may lie on either
-    border, before, after = near[0] if rises else near[-1]
-    ratio = after.mass_kg / before.mass_kg
-    manoeuvre = find_manoeuvre_of_fitted_samples(fit.motion)
+    states, numbers = fit.states, fit.states.state_of_manoeuvre
+    firsts = np.flatnonzero(np.append(True, numbers[1:] != numbers[:-1]))
+    weight = 1.0 / (states.std_kg**2 + states.scatter_kg**2)
+    step = _find_largest_step_of_lightest_load(
+        fit.masses_kg[numbers[firsts]], np.add.reduceat(weight, firsts) ** -0.5
+    )
+    if step is None:
+        return []
+    first_manoeuvre = states.manoeuvre_ids[firsts[step.first_state_run]]
     t_ns = inputs.aligned["t_ns"].to_numpy()[fit.motion.is_fittable]
-    start_ns = int(t_ns[np.argmax(manoeuvre >= spans[border].first_manoeuvre)])
-    causes = " or ".join(list_possible_causes_of_mass_ratio(ratio, inputs.machine))
+    start = np.argmax(find_manoeuvre_of_fitted_samples(fit.motion) >= first_manoeuvre)
+    causes = " or ".join(list_possible_causes_of_mass_ratio(step.mass_ratio, inputs.machine))
     return [
         Symptom(
-            largest / np.log(LIMITS.lightest_load_step_ratio),
-            f"the lightest load weighs {before.mass_kg:,.0f} ± {before.std_kg:,.0f} kg before "
-            f"{start_ns / NS_PER_S:,.0f} s and {after.mass_kg:,.0f} ± {after.std_kg:,.0f} kg from "
-            f"then on: another machine or attachment, or {causes}",
-            span_ns=(start_ns, int(t_ns[-1])),
+            abs(float(np.log(step.mass_ratio))) / np.log(LIMITS.lightest_load_step_ratio),
+            f"the lightest load weighs {step.before.format_mass()} before "
+            f"{t_ns[start] / NS_PER_S:,.0f} s and {step.after.format_mass()} from then on: another "
+            f"machine or attachment, or {causes}",
+            span_ns=(int(t_ns[start]), int(t_ns[-1])),
             # which side is right is not known
-            change=lambda: MassChange(0.0, abs(after.mass_kg - before.mass_kg)),
+            change=lambda: MassChange(0.0, abs(step.after.mass_kg - step.before.mass_kg)),
         )
     ]
 
 
-def _list_load_spans(fit: JointFit, states: LoadStates) -> list[_LoadSpan]:
-    """Spans of successive manoeuvres with one load."""
-    numbers = states.state_of_manoeuvre
-    firsts = np.flatnonzero(np.append(True, numbers[1:] != numbers[:-1]))
-    stds = np.add.reduceat(1.0 / (states.std_kg**2 + states.scatter_kg**2), firsts) ** -0.5
-    found = zip(fit.masses_kg[numbers[firsts]], stds, states.manoeuvre_ids[firsts], strict=True)
-    return [_LoadSpan(float(kg), float(std), int(first)) for kg, std, first in found]
+def _find_largest_step_of_lightest_load(
+    masses_kg: Floats, stds_kg: Floats
+) -> _LightestLoadStep | None:
+    """Find where the lightest load that comes back changes most; None if it does not.
+
+    Args:
+        masses_kg: (n,) masses of successive loads.
+        stds_kg: (n,) their standard deviations.
+    """
+    steps: list[_LightestLoadStep] = []
+    for border in range(1, masses_kg.size):
+        before = _find_lightest_returning_load(masses_kg[:border], stds_kg[:border])
+        after = _find_lightest_returning_load(masses_kg[border:], stds_kg[border:])
+        if before is not None and after is not None:
+            steps.append(_LightestLoadStep(border, before, after))
+    sure = [
+        each
+        for each in steps
+        if abs(np.log(each.mass_ratio)) > np.log(LIMITS.lightest_load_step_ratio)
+        and abs(each.after.mass_kg - each.before.mass_kg)
+        > LIMITS.lightest_load_step_std * np.hypot(each.before.std_kg, each.after.std_kg)
+    ]
+    if not sure:
+        return None
+    sizes = np.abs(np.log([each.mass_ratio for each in sure]))
+    near = np.flatnonzero(sizes > sizes.max() - np.log(LIMITS.as_light_ratio))
+    # loads at the border that are heavy for the lighter side belong to the other
+    return sure[near[0]] if sure[near[0]].mass_ratio > 1.0 else sure[near[-1]]
 
 
-def _find_lightest_returning_load(spans: Sequence[_LoadSpan]) -> _LoadSpan | None:
-    """The lightest load, averaged; None if the machine does not come back to it after another."""
-    least_kg = min(each.mass_kg for each in spans)
+def _find_lightest_returning_load(masses_kg: Floats, stds_kg: Floats) -> _LightestLoad | None:
+    """Average the lightest loads; None if the machine does not come back to them after another.
+
+    Args:
+        masses_kg: (n,) masses of successive loads.
+        stds_kg: (n,) their standard deviations.
+    """
+    least_kg = float(masses_kg.min())
+    light = np.flatnonzero(masses_kg < LIMITS.as_light_ratio * least_kg)
     if least_kg <= 0.0:
         return None
-    light = [each for each in spans if each.mass_kg < LIMITS.as_light_ratio * least_kg]
-    between = spans[spans.index(light[0]) : spans.index(light[-1])]
-    if all(each.mass_kg < LIMITS.heavier_ratio * least_kg for each in between):
+    if not (masses_kg[light[0] : light[-1]] > LIMITS.heavier_ratio * least_kg).any():
         return None
-    weight = np.array([each.std_kg**-2 for each in light])
-    mean_kg = float(weight @ [each.mass_kg for each in light] / weight.sum())
-    return _LoadSpan(mean_kg, float(weight.sum() ** -0.5), light[0].first_manoeuvre)
-
-
-def _is_step_of_lightest_load(before: _LoadSpan, after: _LoadSpan) -> bool:
-    """Whether the lightest loads of two parts of a log are not of one machine and scale."""
-    ratio = max(after.mass_kg / before.mass_kg, before.mass_kg / after.mass_kg)
-    std_kg = float(np.hypot(before.std_kg, after.std_kg))
-    return (
-        ratio > LIMITS.lightest_load_step_ratio
-        and abs(after.mass_kg - before.mass_kg) > LIMITS.lightest_load_step_std * std_kg
+    weight = stds_kg[light] ** -2
+    return _LightestLoad(
+        float(weight @ masses_kg[light] / weight.sum()), float(weight.sum() ** -0.5)
     )

@@ -210,7 +210,7 @@ def find_header_clock_step(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 strength,
-                f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
+                f"header stamps of {topic} jump by {-1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
                 "against log time",
                 channel=inputs.find_channel_of_topic(topic),
                 span_ns=inputs.convert_unix_to_aligned_ns(when, when),

@@ -23,6 +23,12 @@ class InputLimits:
     # time_line
     #: First time of a log, in ns, up to which its times count from its own start.
     from_zero_ns: int = 1_000_000_000
+    #: First time of a log, in ns, from which it is a date: the largest counter of milliseconds in
+    #: 32 bits is 50 days.
+    undated_ns: int = 60 * 86_400 * 1_000_000_000
+    #: Time in ns from the end of a log to the start of the next one, a day later, up to which the
+    #: clock has passed midnight between them.
+    around_midnight_ns: int = 3_600 * 1_000_000_000
     #: Assumed time in s between consecutive logs, which is unknown.
     between_logs_s: float = 10.0
     #: Assumed time between consecutive logs in periods of the slowest topic: longer than a gap.

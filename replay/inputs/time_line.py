@@ -1,16 +1,18 @@
-"""Place logs whose times count from 0 on a common time line: consecutive, or in parallel."""
+"""Place logs whose times have no date on a common time line: consecutive, or in parallel."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
-from typing import NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
+import numpy as np
 import polars as pl
 
 from estimators.errors import LogError
 from replay.inputs.input_limits import LIMITS
 from replay.logs import TABLE, Log
 
+_DAY_NS: Final = 86_400 * 10**9
 #: Pairs of a topic and a field that channels name.
 _TopicsAndFields = frozenset[tuple[str, str]]
 
@@ -21,7 +23,8 @@ def compute_log_offsets_ns(
     """Compute the offset of each log on the common time line, in ns.
 
     Logs that count from 0 are consecutive, in the given order, if they have the same fields, and
-    parallel if they share none. Logs with dated times have an offset of 0.
+    parallel if they share none. So are logs whose counter restarts, or whose times of day pass
+    midnight, from one log to the next. Logs with dated times have an offset of 0.
 
     Args:
         logs: logs in order.
@@ -37,10 +40,8 @@ def compute_log_offsets_ns(
     tables = {log: table.filter(pl.col("messages") > 0) for log, table in tables.items()}
     if any(table.is_empty() for table in tables.values()):
         return none
-    if any(
-        not 0 <= int(table["start_ns"].to_numpy().min()) < LIMITS.from_zero_ns
-        for table in tables.values()
-    ):
+    starts_ns = {log: int(table["start_ns"].to_numpy().min()) for log, table in tables.items()}
+    if not all(0 <= start_ns < LIMITS.undated_ns for start_ns in starts_ns.values()):
         return none
     # a log that is given twice counts once
     if len({log.digests for log in logs}) < len(logs):
@@ -48,21 +49,64 @@ def compute_log_offsets_ns(
     has = [_find_topics_with_wanted_fields(table, wanted_fields) for table in tables.values()]
     if not any(one & other for one, other in combinations(has, 2)):
         return none
+    from_zero = all(start_ns < LIMITS.from_zero_ns for start_ns in starts_ns.values())
+    if not from_zero and len(set(has)) > 1:
+        return none
     if len(set(has)) > 1:
         raise LogError(
             f"{', '.join(str(log.path) for log in logs)}: the times of each begin at 0, and they "
             "share only some channels, so their order is unknown; give consecutive logs with the "
             "same channels, parallel logs with no common channel, or logs with times since 1970"
         )
+    return _place_logs_in_given_order(tables, starts_ns) or none
+
+
+def sort_logs_by_time(logs: Iterable[Log]) -> list[Log]:
+    """Sort logs by their first messages, so that the order of arguments does not matter.
+
+    Times of day without a date that end at midnight and begin there again, with half a day between,
+    are of two days.
+    """
+    tables = {log: log.topics() for log in logs}
+    spans_ns = {
+        log: (table["start_ns"].min() or 0, table["end_ns"].max() or 0)
+        for log, table in tables.items()
+    }
+    ordered = sorted(spans_ns, key=lambda log: (spans_ns[log][0], str(log.path)))
+    starts_ns, ends_ns = np.array([spans_ns[log] for log in ordered]).T
+    between_ns = starts_ns[1:] - np.maximum.accumulate(ends_ns)[:-1]
+    if not between_ns.size or max(between_ns) <= _DAY_NS // 2:
+        return ordered
+    if 0 <= starts_ns[0] + _DAY_NS - max(ends_ns) < LIMITS.around_midnight_ns:
+        midnight = int(np.argmax(between_ns)) + 1
+        return [*ordered[midnight:], *ordered[:midnight]]
+    return ordered
+
+
+def _place_logs_in_given_order(
+    tables: Mapping[Log, pl.DataFrame], starts_ns: Mapping[Log, int]
+) -> dict[Log, int] | None:
+    """Offsets by which logs follow one another as given; None if their times have another order."""
+    lattice = _SampleLattice.from_sample_times(next(iter(tables.values())))
+    ends_ns = {log: int(table["end_ns"].to_numpy().max()) for log, table in tables.items()}
     found: dict[Log, int] = {}
-    at_ns, lattice = 0, _SampleLattice.from_sample_times(next(iter(tables.values())))
+    previous: Log | None = None
     for log, table in tables.items():
-        found[log] = lattice.find_next_offset_on_lattice_ns(at_ns, table)
-        slowest_s = LIMITS.between_logs_periods / float(
-            table["rate_hz"].fill_null(1.0).to_numpy().min()
-        )
-        at_ns = found[log] + int(table["end_ns"].to_numpy().max())
-        at_ns += round(max(LIMITS.between_logs_s, slowest_s) * 1e9)
+        restarts = starts_ns[log] < LIMITS.from_zero_ns
+        if previous is None or (starts_ns[log] >= starts_ns[previous] and not restarts):
+            found[log] = found[previous] if previous else 0
+        elif 0 <= starts_ns[log] + _DAY_NS - ends_ns[previous] < LIMITS.around_midnight_ns:
+            found[log] = found[previous] + _DAY_NS
+        elif restarts:
+            slowest_s = LIMITS.between_logs_periods / float(
+                table["rate_hz"].fill_null(1.0).to_numpy().min()
+            )
+            between_ns = round(max(LIMITS.between_logs_s, slowest_s) * 1e9)
+            ended_ns = found[previous] + ends_ns[previous]
+            found[log] = lattice.find_next_offset_on_lattice_ns(ended_ns + between_ns, table)
+        else:
+            return None
+        previous = log
     return found
 
 
@@ -131,10 +175,9 @@ def describe_log_order(offsets_ns: Mapping[Log, int]) -> list[str]:
     if not any(offsets_ns.values()):
         return []
     names = ", ".join(log.path.name for log in offsets_ns)
-    return [
-        "the times of each log begin at 0: the logs are taken to follow one another as given "
-        f"({names})"
-    ]
+    days = all(offset_ns % _DAY_NS == 0 for offset_ns in offsets_ns.values())
+    why = "the times have no date and pass midnight" if days else "the times begin again at 0"
+    return [f"{why}: the logs are taken to follow one another as given ({names})"]
 
 
 def _find_topics_with_wanted_fields(

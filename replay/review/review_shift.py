@@ -50,7 +50,7 @@ from replay.inputs.channel_inputs import (
 )
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs_in_parallel
-from replay.inputs.time_line import compute_log_starts_ns
+from replay.inputs.time_line import compute_log_starts_ns, sort_logs_by_time
 from replay.logs import Log, expand_log_folders, open_log
 from replay.machines.machine_file import find_time_axis_of_machine, load_machine
 from replay.pipeline import run
@@ -133,7 +133,7 @@ def review_shift(
         verdicts = read_verdict_text(folder)
         parse_verdicts(verdicts, folder)  # errors in it are raised before the logs are read
         on_stage("open")
-        opened = sort_logs_by_first_message(
+        opened = sort_logs_by_time(
             [
                 stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
                 for path in logs
@@ -277,16 +277,6 @@ def select_frames_for_recording(run: Run, *, is_full_recording: bool) -> Run:
         elif name in _WHOLE:
             frames[name] = frame
     return Run(frames, run.provenance)
-
-
-def sort_logs_by_first_message(logs: list[Log]) -> list[Log]:
-    """Sort logs by their first messages, so that the order of arguments does not matter."""
-
-    def first_message_of_log(log: Log) -> tuple[int, str]:
-        first = log.topics()["start_ns"].min()
-        return (first if isinstance(first, int) else 0, str(log.path))
-
-    return sorted(logs, key=first_message_of_log)
 
 
 def read_frames_for_calibration(shift: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:

@@ -54,6 +54,23 @@ def assign_timestamps(raw_frames: Mapping[str, pl.DataFrame]) -> StampedTopics:
     headers = {
         topic: are_header_stamps_usable(topic, frame, losses) for topic, frame in raw_frames.items()
     }
+    changes_ns = {
+        topic: compute_log_delay_change_ns(frame) if headers[topic] else 0.0
+        for topic, frame in raw_frames.items()
+    }
+    # a recorder whose clock runs away does so for all topics alike
+    least_ns = min(changes_ns.values(), default=0.0)
+    for topic, change_ns in changes_ns.items():
+        if change_ns - least_ns > LIMITS.clock_jump_ns:
+            headers[topic] = False
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"header stamps move by {change_ns / 1e9:.3g} s against log time over the "
+                    "log, so log time is used instead",
+                )
+            )
     # delay of log time behind the stamps that would place the samples of each topic
     behind_ns = {
         t: compute_median_log_delay_ns(frame) if headers[t] else 0.0
@@ -180,6 +197,22 @@ def are_header_stamps_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]
     return True
 
 
+def compute_log_delay_change_ns(frame: pl.DataFrame) -> float:
+    """Change in ns of the smallest delay of log time behind header stamps, first to last quarter.
+
+    A queue delays log time for a while; a clock that is set or that stops stays apart.
+    """
+    stamped = frame.select("log_time_ns", "header_stamp_ns").drop_nulls()
+    quarter = stamped.height // 4
+    if not quarter:
+        return 0.0
+    first, last = (
+        (part["log_time_ns"] - part["header_stamp_ns"]).to_numpy().min()
+        for part in (stamped.head(quarter), stamped.tail(quarter))
+    )
+    return abs(float(last - first))
+
+
 def compute_median_log_delay_ns(frame: pl.DataFrame) -> float:
     """Median delay of log time behind the header stamp, in ns; 0 if unknown."""
     behind = (frame["log_time_ns"] - frame["header_stamp_ns"]).median()
@@ -195,7 +228,9 @@ class RelativeDrift(NamedTuple):
     drift_std_ppm: float
 
 
-def measure_clock_drifts_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> pl.DataFrame:
+def measure_clock_drifts_by_topic(
+    raw_frames: Mapping[str, pl.DataFrame], clocks: Mapping[str, str] | None = None
+) -> pl.DataFrame:
     """Measure the drift of each topic's header stamps against log time.
 
     The log is cut into 24 parts; the slope of the line through the parts' low latencies is the
@@ -203,6 +238,7 @@ def measure_clock_drifts_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> pl.
 
     Args:
         raw_frames: frames by topic with log_time_ns, and header_stamp_ns (null or 0 if missing).
+        clocks: clock that places the samples of each topic; topics placed by log time are left out.
 
     Returns:
         A row per topic with enough header stamps: topic, drift_ppm (positive: its clock is faster
@@ -210,6 +246,8 @@ def measure_clock_drifts_by_topic(raw_frames: Mapping[str, pl.DataFrame]) -> pl.
     """
     rows: list[tuple[str, float, float, float]] = []
     for topic, frame in raw_frames.items():
+        if clocks is not None and clocks[topic] != "header":
+            continue
         stamped = frame.filter(pl.col("header_stamp_ns").fill_null(0) != 0)
         if stamped.height < LIMITS.drift_min_parts * LIMITS.drift_part_min_samples:
             continue

@@ -11,7 +11,7 @@ from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
 from replay.inputs.channel_inputs import read_channel_fields_and_losses
 from replay.inputs.decode_cache import decode_logs_in_parallel
-from replay.inputs.time_line import compute_log_offsets_ns, describe_log_order
+from replay.inputs.time_line import compute_log_offsets_ns, describe_log_order, sort_logs_by_time
 from replay.logs import TimeAxis
 from tests.replay.sledge import MACHINE as MACHINE_FILE
 from tests.replay.sledge import sledge
@@ -72,6 +72,48 @@ def test_files_that_follow_one_another_have_their_samples_on_one_grid(tmp_path: 
     raw, _ = read_channel_fields_and_losses(opened(*paths), MACHINE)
     since_ns = raw["table"]["log_time_ns"] - raw["table"]["log_time_ns"].min()
     assert (since_ns % (NS // 10)).unique().to_list() == [0]
+
+
+DAY_S = 86_400.0
+
+
+@pytest.mark.parametrize(
+    ("begins_s", "offsets_s"),
+    [
+        pytest.param((DAY_S - 30.0, 0.0), (0.0, DAY_S), id="midnight between two logs"),
+        pytest.param(
+            (DAY_S - 60.0, DAY_S - 20.0, 15.0), (0.0, 0.0, DAY_S), id="midnight within a log"
+        ),
+        pytest.param((50_400.0, 25_200.0), (0.0, 0.0), id="logs of a day, the later one first"),
+        pytest.param((4_000_000.0, 0.0), (0.0, 4_000_039.9), id="a counter that restarts"),
+        pytest.param((100.0, 5_000.0), (0.0, 0.0), id="a counter that goes on"),
+    ],
+)
+def test_logs_whose_times_begin_again_follow_one_another(
+    tmp_path: Path, begins_s: tuple[float, ...], offsets_s: tuple[float, ...]
+) -> None:
+    """The load that was hauled through midnight was two, and the shift began with its end."""
+    logs = opened(
+        *(table(tmp_path / f"{k}.parquet", 1.0, begins_s=each) for k, each in enumerate(begins_s))
+    )
+    found = compute_log_offsets_ns(logs, WANTED)
+    assert [each / NS for each in found.values()] == pytest.approx(list(offsets_s), abs=0.1)
+    assert len(describe_log_order(found)) == any(offsets_s)
+
+
+@pytest.mark.parametrize(
+    ("begins_s", "sorted_s"),
+    [
+        pytest.param((0.0, DAY_S - 30.0), (DAY_S - 30.0, 0.0), id="through midnight"),
+        pytest.param((30_000.0, 0.0), (0.0, 30_000.0), id="in a morning"),
+        pytest.param((0.0, DAY_S - 9_000.0), (0.0, DAY_S - 9_000.0), id="in a day"),
+    ],
+)
+def test_a_shift_through_midnight_is_sorted_by_its_nights(
+    tmp_path: Path, begins_s: tuple[float, ...], sorted_s: tuple[float, ...]
+) -> None:
+    logs = opened(*(table(tmp_path / f"{each}.parquet", 1.0, begins_s=each) for each in begins_s))
+    assert [int(log.topics()["start_ns"][0]) / NS for log in sort_logs_by_time(logs)] == [*sorted_s]
 
 
 def test_tables_with_a_clock_stay_where_they_are(tmp_path: Path) -> None:

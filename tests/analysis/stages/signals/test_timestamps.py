@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.stages.signals.timestamps import assign_timestamps
+from analysis.stages.signals.timestamps import assign_timestamps, measure_clock_drifts_by_topic
 
 SECOND = 1_000_000_000
 LOG = np.arange(200) * 10_000_000 + 1_700_000_000 * SECOND
@@ -117,6 +117,38 @@ def test_headers_of_two_clocks_are_not_mixed(raw_topic, imu_s, can_s, labels):
     assert found == labels
     assert {loss.topic for loss in losses} == {t for t, label in labels.items() if label == "log"}
     np.testing.assert_array_equal(frames["/imu"]["unix_ns"], frames["/can"]["unix_ns"])
+
+
+def set_clock_on(log):
+    """A clock that is set from UTC to TAI in the middle."""
+    return np.where(np.arange(log.size) < log.size // 2, log, log + 37 * SECOND)
+
+
+def stop_clock(log):
+    """A clock that stops after the first third."""
+    return np.minimum(log, log[log.size // 3])
+
+
+@pytest.mark.parametrize("clock", [set_clock_on, stop_clock])
+def test_headers_of_a_clock_that_is_set_or_stops_are_not_used(raw_topic, clock):
+    """A log whose times of recording were right was refused for its clocks, or for its units."""
+    log = LOG[0] + np.arange(4_000) * (SECOND // 100)
+    raw = {name: raw_topic(log, log - SECOND // 200, x=log * 1.0) for name in ("/imu", "/speed")}
+    raw["/torque"] = raw_topic(log, clock(log), x=log * 1.0)
+    frames, clocks, (lost,) = assign_timestamps(raw)
+    assert clocks == {"/imu": "header", "/speed": "header", "/torque": "log"}
+    assert "against log time" in lost.what
+    np.testing.assert_array_equal(frames["/torque"]["unix_ns"], log)
+    drifts = measure_clock_drifts_by_topic(raw, clocks)
+    assert set(drifts["topic"]) == {"/imu", "/speed"}
+
+
+def test_a_queue_that_delays_log_time_for_a_while_leaves_the_headers(raw_topic):
+    log = LOG[0] + np.arange(4_000) * (SECOND // 100)
+    late = log + np.where(abs(np.arange(4_000) - 2_000) < 500, 2 * SECOND, 0)
+    raw = {"/imu": raw_topic(late, log, x=log * 1.0), "/speed": raw_topic(log, log, x=log * 1.0)}
+    _, clocks, losses = assign_timestamps(raw)
+    assert (clocks, losses) == ({"/imu": "header", "/speed": "header"}, [])
 
 
 def test_a_shared_clock_other_than_the_recorders_is_kept(raw_topic):
