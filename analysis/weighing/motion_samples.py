@@ -59,15 +59,12 @@ class ColumnNoiseModel(Protocol):
 
     def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of `samples_per_mean` samples."""
+        ...
 
 
 @dataclass(frozen=True)
 class CachedNoise:
-    """Column noise with the covariance cached by the length of the mean.
-
-    Attributes:
-        columns: the noise model.
-    """
+    """Noise model `columns`, with its covariance cached by the length of the mean."""
 
     columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
