@@ -301,10 +301,10 @@ def test_readings_that_no_line_can_be_fitted_to_are_refused(change, said):
 @pytest.mark.parametrize(
     ("covariance", "said"),
     [
-        (np.eye(5), "not 6 by 6"),
+        (np.eye(5), "must be 6 by 6 finite"),
         (np.triu(np.ones((6, 6))), "not symmetric"),
-        (-np.eye(6), "negative variance"),
-        (np.full((6, 6), np.nan), "not 6 by 6"),
+        (-np.eye(6), "not positive semidefinite"),
+        (np.full((6, 6), np.nan), "must be 6 by 6 finite"),
     ],
 )
 def test_a_covariance_that_is_none_is_refused(covariance, said):

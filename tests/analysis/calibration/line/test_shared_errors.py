@@ -180,14 +180,20 @@ def test_an_empty_part_that_weighs_otherwise_refuses_the_calibration_of_the_log(
 def test_evidence_of_few_days_says_so_unless_the_log_has_an_empty_part():
     line = calibration(days=1)
     unseen = {0: "no log can reveal it", 1: "no log can reveal it"}
-    said = calibrate_loads(loads(), line, LaterLog(unseen=unseen))["calibrated_said"]
+    said = calibrate_loads(loads(), line, LaterLog(undetectable_change_text_by_load=unseen))[
+        "calibrated_said"
+    ]
     assert said.to_list() == ["evidence of one day: no log can reveal it"]
-    two = calibrate_loads(loads(), calibration(days=2), LaterLog(unseen=unseen))
+    two = calibrate_loads(
+        loads(), calibration(days=2), LaterLog(undetectable_change_text_by_load=unseen)
+    )
     assert two["calibrated_said"].to_list() == ["evidence of 2 days: no log can reveal it"]
     empty = pl.concat([loads(mass_kg=3614.0, empty=True), loads(load_id=1)], how="vertical_relaxed")
-    told = LaterLog(unseen=unseen, empty_kg=3614.0)
+    told = LaterLog(undetectable_change_text_by_load=unseen, empty_kg=3614.0)
     assert calibrate_loads(empty, line, told)["calibrated_said"].to_list() == ["", ""]
-    several = calibrate_loads(loads(), calibration(), LaterLog(unseen=unseen))
+    several = calibrate_loads(
+        loads(), calibration(), LaterLog(undetectable_change_text_by_load=unseen)
+    )
     assert several["calibrated_said"].to_list() == [""]
 
 
