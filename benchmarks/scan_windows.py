@@ -50,7 +50,7 @@ def main() -> None:
         write_mcap(asked.log, asked.hours * 60, CompressionType.ZSTD)
     import payscope
     from replay import open_log
-    from replay.logs.blocks import slabs
+    from replay.logs.blocks import block_groups
 
     described = open_log(asked.log).topics().filter(pl.col("messages") > 0)
     row = described.sort("messages", "topic").row(-1, named=True)
@@ -63,8 +63,11 @@ def main() -> None:
     print(f"{columns} of {topic}, {row['messages']:,} messages")
 
     unpacked: list[Any] = []
-    unpack = slabs.unpack_block_into
-    slabs.unpack_block_into = lambda block, *rest: (unpacked.append(block), unpack(block, *rest))[1]
+    unpack = block_groups.unpack_block_into
+    block_groups.unpack_block_into = lambda block, *rest: (
+        unpacked.append(block),
+        unpack(block, *rest),
+    )[1]
     log = payscope.scan_log(asked.log, topic, times="ns")
     draw = random.Random(1)  # noqa: S311 - windows are no secret
     begins = [

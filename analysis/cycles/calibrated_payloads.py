@@ -53,17 +53,17 @@ def calibrate_cycles(
         on_line.compute_common_u_not_absorbed_by_line_kg(get_column_values(cycles, f"own_u_{n}_kg"))
         for n in _COMMON
     )
-    shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
-    common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
+    shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_u_kg], axis=0)
+    common_kg = np.linalg.norm([common, on_line.driving_u_kg, on_line.line_u_kg], axis=0)
     common_kg = np.maximum(common_kg, shared_kg)
-    random_kg = get_column_values(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
+    random_kg = get_column_values(cycles, "payload_u_random_kg") / scale_1 / on_line.abs_slope_1
     found = {
         "payload_kg": on_line.payload_kg,
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_shared_kg": shared_kg,
         "payload_u_kg": np.hypot(random_kg, common_kg),
-        "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.size_1),
+        "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.abs_slope_1),
     }
     on_scale = subtract_spillage_from_payload_columns(
         cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())

@@ -157,7 +157,7 @@ def find_load_passes(
     of_state = of_state & ~hauls_nothing
     parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
     if step is not None:  # a pass does not span a step
-        parts[step.first_after - 1] |= not of_state[step.first_after]
+        parts[step.first_manoeuvre_after - 1] |= not of_state[step.first_manoeuvre_after]
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
@@ -191,7 +191,7 @@ def split_states_at_step(state: Ints, step: EmptyMassStep | None) -> tuple[Ints,
     """Split states that span a step: states of the manoeuvres, and (states,) their step in kg."""
     if step is None:
         return state, np.zeros(int(state.max()) + 1)
-    after = np.arange(state.size) >= step.first_after
+    after = np.arange(state.size) >= step.first_manoeuvre_after
     _, split = np.unique(2 * state + after, return_inverse=True)
     gained_kg = np.zeros(int(split.max()) + 1)
     gained_kg[split[after]] = step.change_kg

@@ -60,7 +60,8 @@ class EmptyMassDifference:
         mass_kg: lightest mass, without the inertia of rotating parts.
         empty_kg: empty mass in the machine file.
         u_kg: standard uncertainty of the difference, including the scale.
-        scale_known: whether the machine file states the scale's uncertainty, which is 10 % if not.
+        is_scale_known: whether the machine file states the scale's uncertainty, which is 10 %
+            if not.
         empty_known: whether the log shows when the machine was empty, or has several loads.
         machine: machine file, for the factors that it states.
     """
@@ -68,7 +69,7 @@ class EmptyMassDifference:
     mass_kg: float
     empty_kg: float
     u_kg: float
-    scale_known: bool
+    is_scale_known: bool
     empty_known: bool
     machine: Machine
 
@@ -96,16 +97,16 @@ class EmptyMassDifference:
         """The factor and its possible causes, as text."""
         scale = (
             ""
-            if self.scale_known
-            else ", with 10 % for the scale, whose uncertainty the machine file does not state"
+            if self.is_scale_known
+            else " (with 10 % for the scale, whose uncertainty the machine file does not state)"
         )
         payload = (
             "" if self.difference_over_uncertainty < 0.0 or self.empty_known else "a payload, or "
         )
         return (
-            f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.mass_ratio:.3g} times the "
-            f"{self.empty_kg:,.0f} kg of the empty machine: {payload}"
-            f"{' or '.join(self.possible_causes)}"
+            f"the lightest load weighs {self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, "
+            f"{self.mass_ratio:.3g} times the {self.empty_kg:,.0f} kg of the empty machine: "
+            f"{payload}{' or '.join(self.possible_causes)}"
         )
 
     @property

@@ -82,26 +82,26 @@ def judge_log_by_checks(inputs: CheckInputs) -> pl.DataFrame:
     return build_frame("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-def _force_acceleration_partial_correlation(_inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_partial_correlation(_inputs: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.compute_partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def force_acceleration_correlation_unless_brief(inputs: CheckInputs, motion: AxisMotion) -> float:
+def compute_correlation_unless_brief(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Partial correlation of force and acceleration; NaN if the machine moves too briefly."""
     rate_hz = inputs.machine.settings.align.rate_hz
     fewest = count_rows_in_duration(
         LIMITS.correlation_min_moving_s, rate_hz, SIGNAL_LIMITS.window_min_readings
     )
     few = np.count_nonzero(motion.moving) < fewest
-    return np.nan if few else _force_acceleration_partial_correlation(inputs, motion)
+    return np.nan if few else _compute_partial_correlation(inputs, motion)
 
 
-def _relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_relative_ungated_mass_std(_inputs: CheckInputs, motion: AxisMotion) -> float:
     fit = motion.ungated_fit
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _explained_force_variance_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_explained_force_variance_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
     return motion.compute_explained_variance_fraction(inputs.machine.settings)
 
 
@@ -139,18 +139,18 @@ def _compute_fraction_driven_by_assisting_force(_inputs: CheckInputs, motion: Ax
     return fit_quality.compute_fraction_of_samples_with_force_along_motion(rate, motion.f, chosen)
 
 
-def _imu_to_wheel_acceleration_slope(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_imu_to_wheel_acceleration_slope(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer against the wheels' acceleration in straight motion."""
     used = motion.complete & inputs.mark_samples_in_phases("accelerating", "cruising", "braking")
     measured = get_column_values(inputs.excitation, "specific_force_x_m_s2")
     imu = average_acceleration_over_rate_span(measured, inputs.machine.settings)
     rate = get_column_values(inputs.excitation, "speed_rate_x_m_s2")
     return fit_quality.fit_slope_with_noisy_x(
-        rate, imu, used, wheel_acceleration_noise_variance(inputs)
+        rate, imu, used, compute_wheel_acceleration_noise_variance(inputs)
     )
 
 
-def wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
+def compute_wheel_acceleration_noise_variance(inputs: CheckInputs) -> float:
     """Variance of the wheel acceleration due to noise of the speed, in m²/s⁴."""
     settings = inputs.machine.settings
     known = (
@@ -170,18 +170,18 @@ def _count_accepted_stretches(inputs: CheckInputs, _motion: AxisMotion) -> float
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 
-def _ungated_mass_to_empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_ungated_mass_to_empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
     empty_kg = inputs.machine.machine.empty_mass_kg
     return motion.ungated_fit.value / empty_kg if empty_kg else np.nan
 
 
-def _empty_mass_shortfall_over_uncertainty(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def _compute_empty_mass_shortfall_in_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Empty mass minus the lightest load, in standard uncertainties; NaN if unknown."""
     found = inputs.empty_mass_difference
     return np.nan if found is None else -found.difference_over_uncertainty
 
 
-def empty_mass_difference_over_uncertainty(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def compute_empty_mass_difference_in_u(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Magnitude of the difference to the empty mass in u; NaN if another check covers it."""
     found = inputs.empty_mass_difference
     if found is None or not found.can_test_scale:
@@ -205,7 +205,7 @@ def _describe_ratio_to_empty_mass(inputs: CheckInputs, _motion: AxisMotion) -> s
     return found.difference_and_causes_text if found is not None and far else ""
 
 
-def _spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _estimate_spin_centre_offset_m(inputs: CheckInputs, motion: AxisMotion) -> float:
     x, y = (get_column_values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.estimate_spin_centre_offset_m(
         x, y, motion.speed_or_yaw_rate, motion.A[:, 0], motion.complete
@@ -231,7 +231,7 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}partial_correlation",
             subject,
-            _force_acceleration_partial_correlation,
+            _compute_partial_correlation,
             f"correlation of {wording.acceleration} and {force} with "
             f"the {wording.speed}'s share taken "
             "out of both",
@@ -241,14 +241,14 @@ def make_model_checks(subject: EvidenceSubject, wording: AxisQuantityNames) -> t
         CheckRow(
             f"{wording.prefix}relative_std",
             subject,
-            _relative_ungated_mass_std,
+            _compute_relative_ungated_mass_std,
             f"standard deviation of the ungated {wording.parameter} over that {wording.parameter}",
             maximum="relative_std_max",
         ),
         CheckRow(
             f"{wording.prefix}r_squared",
             subject,
-            _explained_force_variance_fraction,
+            _compute_explained_force_variance_fraction,
             f"share of the {force}'s variance that {wording.parameter} and friction explain",
             minimum="r_squared_min",
         ),
@@ -281,7 +281,7 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        force_acceleration_correlation_unless_brief,
+        compute_correlation_unless_brief,
         "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,
@@ -293,7 +293,7 @@ CHECKS: Final = (
     CheckRow(
         "acceleration_gain",
         "mass",
-        _imu_to_wheel_acceleration_slope,
+        _compute_imu_to_wheel_acceleration_slope,
         "accelerometer over the derivative of the wheel speed; 1: they agree",
         minimum="acceleration_gain_min",
         maximum="acceleration_gain_max",
@@ -309,7 +309,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass_ratio",
         "mass",
-        _ungated_mass_to_empty_mass_ratio,
+        _compute_ungated_mass_to_empty_mass_ratio,
         "mass without gating over the machine's empty mass",
         minimum="empty_mass_ratio_min",
         maximum="empty_mass_ratio_max",
@@ -318,7 +318,7 @@ CHECKS: Final = (
     CheckRow(
         "negative_payload",
         "mass",
-        _empty_mass_shortfall_over_uncertainty,
+        _compute_empty_mass_shortfall_in_u,
         "lightest load below the machine's empty mass, in standard uncertainties including "
         "the scale's",
         maximum="negative_payload_max_u",
@@ -329,7 +329,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass",
         "mass",
-        empty_mass_difference_over_uncertainty,
+        compute_empty_mass_difference_in_u,
         "lightest load from the machine's empty mass, likewise; where it may be a payload, "
         "only the part beyond one",
         maximum="empty_mass_max_u",
@@ -347,7 +347,7 @@ CHECKS: Final = (
     CheckRow(
         "spin_centre_m",
         "inertia",
-        _spin_centre_offset_m,
+        _estimate_spin_centre_offset_m,
         "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "
         "off it, mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",

@@ -113,7 +113,7 @@ def _has_wheel_kinematics(inputs: CheckInputs, _motion: AxisMotion) -> bool:
 def _describe_remedy_for_early_force(inputs: CheckInputs, _motion: AxisMotion) -> str:
     """Remedy if the force is ahead of the acceleration, which is then probably delayed."""
     limit_s = inputs.machine.settings.verdict.lag_max_s
-    if inputs.weighing is None or inputs.weighing.fit.force_lag_s >= -limit_s:
+    if inputs.weighing is None or inputs.weighing.fit.force_delay_s >= -limit_s:
         return ""
     late = "specific_force_x_m_s2"
     if inputs.machine.settings.forces.acceleration == "kinematic":
@@ -145,7 +145,7 @@ def _describe_remedy_of_term_beyond_prior(inputs: CheckInputs, _motion: AxisMoti
     if not keys or widths <= inputs.machine.settings.verdict.beyond_prior_max:
         return ""
     settings = " or ".join(f"settings.priors.{key}" for key in keys)
-    return f"the cause that findings name; if the machine or its ground has so much, {settings}"
+    return f"correct the cause that findings name; if it really is so large, widen {settings}"
 
 
 def _describe_remedy_without_pitch(inputs: CheckInputs, _motion: AxisMotion) -> str:
@@ -174,7 +174,8 @@ def _describe_fit_by_other_motion_sensor(inputs: CheckInputs, _motion: AxisMotio
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
     moved_u = other.mass_shift_over_uncertainty
-    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {moved_u:.1f} u"
+    change = f"{other.kg:+.0f} kg ({moved_u:.1f} standard uncertainties)"
+    return f"with the {one} alone the mass changes by {change}"
 
 
 def _count_methods_contradicted_by_joint_fit(inputs: CheckInputs, _motion: AxisMotion) -> float:
@@ -278,7 +279,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "force_delay_s",
         "mass",
-        _make_joint_fit_quantity_function(lambda weighing: abs(weighing.fit.force_lag_s)),
+        _make_joint_fit_quantity_function(lambda weighing: abs(weighing.fit.force_delay_s)),
         "estimated delay of the force, s, of either sign",
         maximum="lag_max_s",
         applies=_has_joint_fit,

@@ -255,7 +255,7 @@ def derive_dimension_of_call(tree: Call, argument_dimensions: list[Any], registr
             one, differs = format_expression(arguments[0]), format_expression(argument)
             raise ExpressionError(
                 f"{one} is {format_dimension(values[0])}, {differs} is {format_dimension(other)}: "
-                f"they cannot stand in one {_WORDS.get(tree.function, tree.function)}"
+                f"the terms of a {_WORDS.get(tree.function, tree.function)} must have one dimension"
             )
     return none if tree.function in (*_DIMENSIONLESS, *COMPARISONS) else values[0]
 

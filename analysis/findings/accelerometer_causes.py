@@ -78,12 +78,12 @@ def _find_upside_down_mounting(inputs: FindingInputs) -> list[Symptom]:
         inputs.select_measured_channels(_Z, *turned, "yaw_rate_rad_s"), -1.0
     )
     stated = getattr(inputs.machine.machine.imu, angle)
-    kind = "pitched" if backwards else "rolled"
+    kind = "pitch" if backwards else "roll"
     return [
         Symptom(
             LIMITS.upside_down_rank * abs(z) / pull,
             f"at standstill the accelerometer reads {z:+.2f} ± {std:.2f} m/s² along z, where an "
-            f"upright one would read {pull:+.2f}: it is {kind} over, upside down",
+            f"upright one would read {pull:+.2f}: it is mounted upside down (180° of {kind})",
             channel=_Z,
             setting=f"machine.imu.{angle}" if whole else keys,
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
@@ -199,8 +199,8 @@ def _find_mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             strength,
-            f"{np.degrees(angle):+.1f} ± {np.degrees(std):.1f}° between the forward axis and the "
-            "acceleration that it reads while the wheels speed up",
+            f"while the wheels speed up, the measured acceleration points {np.degrees(angle):+.1f} "
+            f"± {np.degrees(std):.1f}° off the forward axis",
             channel=_Y,
             setting=setting,
             value=value,

@@ -107,7 +107,7 @@ def compute_imu_spectra_after_starts_and_at_rest(
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)
 
-    def residual_spectrum_at(first: int) -> Floats | None:
+    def compute_residual_spectrum_at(first: int) -> Floats | None:
         part = slice(first, first + size)
         known = np.column_stack([np.vander(ramp, 4), force[part], speed[part]])
         if not (np.isfinite(known).all() and np.isfinite(reads[part]).all()):
@@ -115,14 +115,16 @@ def compute_imu_spectra_after_starts_and_at_rest(
         rest = reads[part] - known @ np.linalg.lstsq(known, reads[part], rcond=None)[0]
         return np.abs(np.fft.rfft(rest * window)) ** 2
 
-    def mean_spectrum(places: list[int]) -> Floats | None:
-        found = [each for first in places if (each := residual_spectrum_at(first)) is not None]
+    def average_spectra(places: list[int]) -> Floats | None:
+        found = [
+            each for first in places if (each := compute_residual_spectrum_at(first)) is not None
+        ]
         return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 
     starts = find_force_rise_ends(inputs, force, size)
     still = inputs.is_resting_sample
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
-    driving, standing = mean_spectrum(starts), mean_spectrum(rests[:200])
+    driving, standing = average_spectra(starts), average_spectra(rests[:200])
     if driving is None or standing is None:
         return None
     hz = np.arange(size // 2 + 1) * rate_hz / size

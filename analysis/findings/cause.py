@@ -35,8 +35,8 @@ class Symptom:
         invalidates: whether this symptom invalidates the mass, provided that its cause can.
         explains: causes that are only consequences of a symptom this strong, besides
             `Cause.explains`.
-        harmless: whether the answer stays the same without the affected samples; None if that was
-            not examined.
+        keeps_answer: whether the answer stays the same without the affected samples; None if that
+            was not examined.
     """
 
     strength: float
@@ -47,7 +47,7 @@ class Symptom:
     value: str | None = None
     change: Callable[[], MassChange | None] | None = None
     alternatives: tuple[str, ...] = ()
-    harmless: bool | None = None
+    keeps_answer: bool | None = None
     explains: tuple[str, ...] = ()
     invalidates: bool = True
 
@@ -63,9 +63,11 @@ class Cause:
         find: finds its symptoms by channel; returns an empty list if the log lacks the inputs in
             `needs`.
         withholds: whether a finding invalidates the mass.
-        as_judged: whether a finding invalidates the mass only if a check of the verdict does.
+        withholds_only_if_check_fails: whether a finding invalidates the mass only if a check of the
+            verdict does.
         explains: causes that are reported as consequences of this one.
-        explains_up_to: largest ratio of the strength of an explained symptom to that of this one.
+        max_explained_strength_ratio: largest ratio of the strength of an explained symptom to that
+            of this one.
         masks_others: whether this cause masks most others until it is corrected.
     """
 
@@ -74,9 +76,9 @@ class Cause:
     needs: str
     find: Callable[[FindingInputs], list[Symptom]]
     withholds: bool = False
-    as_judged: bool = False
+    withholds_only_if_check_fails: bool = False
     explains: tuple[str, ...] = ()
-    explains_up_to: float = float("inf")
+    max_explained_strength_ratio: float = float("inf")
     masks_others: bool = False
 
 

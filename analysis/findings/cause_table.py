@@ -68,10 +68,11 @@ CAUSES: Final = (
         "wrong_scale",
         "all masses are wrong by one factor: a gear, a unit, the wheel radius or the measured "
         "wheels' share of the force",
-        "the machine's empty mass; below it, or a log with a state that is empty",
+        "the machine's empty mass, and a load that is lighter, too heavy for any payload, or known "
+        "to be empty",
         sign_causes.find_lightest_load_off_empty_mass,
         withholds=True,
-        as_judged=True,
+        withholds_only_if_check_fails=True,
     ),
     Cause(
         "swapped_sides",
@@ -85,7 +86,7 @@ CAUSES: Final = (
         "straight drives with the torque of both sides, or with the speed of both and a gyroscope",
         channel_causes.find_largest_side_difference,
         withholds=True,
-        as_judged=True,
+        withholds_only_if_check_fails=True,
         explains=(*_OF_FIT, "wrong_scale", "offset", "imu_misaligned"),
     ),
     Cause(
@@ -112,7 +113,7 @@ CAUSES: Final = (
         "nothing more",
         spikes.find_spikes,
         explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
-        explains_up_to=2.0,
+        max_explained_strength_ratio=2.0,
     ),
     Cause(
         "quantised",
@@ -178,7 +179,7 @@ CAUSES: Final = (
         "the boom's angle, and standstills at several angles",
         accelerometer_causes.find_imu_on_boom,
         withholds=True,
-        as_judged=True,
+        withholds_only_if_check_fails=True,
         explains=(*_OF_FIT, "imu_misaligned", "imu_bias", "imu_loose", "slope", "offset"),
     ),
     Cause(
@@ -211,7 +212,7 @@ CAUSES: Final = (
             *("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
             *("wheel_radius", "slip"),
         ),
-        explains_up_to=3.0,
+        max_explained_strength_ratio=3.0,
     ),
     Cause(
         "imu_low_passed",
@@ -219,7 +220,7 @@ CAUSES: Final = (
         _BOTH,
         accelerometer_causes.find_low_passed_accelerometer,
         withholds=True,
-        as_judged=True,
+        withholds_only_if_check_fails=True,
         explains=(
             *("wheel_radius", "slip", "delay", "too_little_excitation", "load_changed_inside"),
             *("wrong_scale", "gain_by_speed"),
@@ -286,7 +287,7 @@ CAUSES: Final = (
         withholds=True,
         explains=("driveline", "gain_drift"),
         # load transfer looks like a weak gain by direction
-        explains_up_to=3.0,
+        max_explained_strength_ratio=3.0,
     ),
     Cause(
         "gain_by_speed",
@@ -295,7 +296,7 @@ CAUSES: Final = (
         residual_causes.find_missing_model_term,
         explains=("coulomb", "load_changed_inside", "heteroscedastic"),
         # a step of the gain looks like a change of load, and is the simpler explanation
-        explains_up_to=3.0,
+        max_explained_strength_ratio=3.0,
     ),
     Cause(
         "braking_inside",
@@ -361,7 +362,7 @@ CAUSES: Final = (
         "nothing more",
         fit_causes.find_lack_of_excitation,
         withholds=True,
-        as_judged=True,
+        withholds_only_if_check_fails=True,
         # with little motion, noise of the wheels looks like motion that the accelerometer lacks
         explains=(
             *("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
@@ -389,5 +390,5 @@ UNKNOWN: Final = Cause(
     "a failed check that withholds the mass or widens its uncertainty",
     unexplained.find_failed_checks_without_cause,
     withholds=True,
-    as_judged=True,
+    withholds_only_if_check_fails=True,
 )

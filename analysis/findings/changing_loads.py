@@ -39,17 +39,18 @@ class ForceShareChange(NamedTuple):
     Attributes:
         value: change of the fraction, per m/s².
         std: standard deviation of the change, per m/s².
-        gain: increase of twice the log likelihood over one load with a constant fraction.
-        worse: advantage in twice the log likelihood of several loads over one load, both with a
-            changing fraction.
-        loads: number of loads of the present answer.
+        log_likelihood_gain: increase of twice the log likelihood over one load with a constant
+            fraction.
+        log_likelihood_gain_of_several_loads: advantage in twice the log likelihood of several loads
+            over one load, both with a changing fraction.
+        load_count: number of loads of the present answer.
     """
 
     value: float
     std: float
-    gain: float
-    worse: float
-    loads: int
+    log_likelihood_gain: float
+    log_likelihood_gain_of_several_loads: float
+    load_count: int
 
 
 def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareChange | None:
@@ -86,11 +87,11 @@ def compare_force_change_with_load_changes(inputs: FindingInputs) -> ForceShareC
     if not square > 0.0:
         return None
     variance = min(by_loads.variance, after.variance)
-    worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
+    of_several = after.square_left * after.variance - by_loads.square_left * by_loads.variance
     value = before.compute_remaining_likelihood_score_of_cause("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
-    return ForceShareChange(value, std, gain, worse / variance, fit.mass_count)
+    return ForceShareChange(value, std, gain, of_several / variance, fit.mass_count)
 
 
 def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
@@ -100,14 +101,17 @@ def find_force_gain_by_direction(inputs: FindingInputs) -> list[Symptom]:
     if weighing is None or found is None:
         return []
     apart = found.gain_1 - 1.0
-    says = f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse, or the load depends on it"
+    says = (
+        f"in reverse the gain of the force differs by {apart:+.1%} ± {found.std_1:.1%}, or the "
+        "load depends on the direction"
+    )
     if found.could_explain_several_loads:
         says = (
-            f"the force reads {apart:+.1%} ± {found.std_1:.1%} in reverse and there is one load, "
-            f"or there are {found.loads} that depend on the direction: this log cannot distinguish "
-            "the two. A boom or bucket channel, settings.loads.single_load, or empty_from_s and "
-            "empty_to_s there, machine.digs or machine.force_gain_in_reverse (1: both directions "
-            "alike) can"
+            f"in reverse the gain of the force differs by {apart:+.1%} ± {found.std_1:.1%} and "
+            f"there is one load, or there are {found.loads} that depend on the direction: this log "
+            "cannot distinguish the two. To decide, add a boom or bucket channel, or set "
+            "settings.loads.single_load, empty_from_s and empty_to_s there, machine.digs or "
+            "machine.force_gain_in_reverse (1: equal in both directions)"
         )
     of_mass_kg = found.relative_mass_u * abs(weighing.fit.mass_kg)
     return [
@@ -128,14 +132,14 @@ class LoadGrowthRate(NamedTuple):
     """Growth of the load during one manoeuvre.
 
     Attributes:
-        first: first grid sample of the manoeuvre.
+        first_sample: first grid sample of the manoeuvre.
         kg_s: growth rate; negative if the load falls.
-        deviations: the rate's z-score divided by the detection threshold.
+        z_score_over_threshold: the rate's z-score divided by the detection threshold.
     """
 
-    first: int
+    first_sample: int
     kg_s: float
-    deviations: float
+    z_score_over_threshold: float
 
 
 def find_load_changing_in_motion(inputs: FindingInputs) -> list[Symptom]:
@@ -149,11 +153,11 @@ def _find_fitted_load_changes(inputs: FindingInputs) -> list[Symptom]:
     found = _select_significant_load_changes(inputs)
     if not found:
         return []
-    worst = max(found, key=lambda each: each.deviations)
-    begin = int(inputs.aligned["t_ns"].to_numpy()[worst.first])
+    worst = max(found, key=lambda each: each.z_score_over_threshold)
+    begin = int(inputs.aligned["t_ns"].to_numpy()[worst.first_sample])
     return [
         Symptom(
-            worst.deviations * len(found) ** 0.5,
+            worst.z_score_over_threshold * len(found) ** 0.5,
             f"in {format_count(len(found), 'manoeuvre')} the load changes, by up to "
             f"{worst.kg_s:+.0f} kg/s",
             span_ns=(begin, begin),
@@ -242,14 +246,14 @@ def _select_significant_load_changes(inputs: FindingInputs) -> list[LoadGrowthRa
         if not abs(kg_s) * float(np.sqrt(rest / LIMITS.min_row_variance)) / limit / least > 1.0:
             continue  # whatever the noise, which takes long to compute
         others = np.delete(left, rows)
-        deviations = (
+        z_score_over_threshold = (
             abs(kg_s) * float(np.sqrt(rest / compute_whitened_row_noise_variance(others))) / limit
         )
-        deviations /= least
-        if deviations > 1.0:
-            found.append(LoadGrowthRate(int(part[0]), kg_s, deviations))
+        z_score_over_threshold /= least
+        if z_score_over_threshold > 1.0:
+            found.append(LoadGrowthRate(int(part[0]), kg_s, z_score_over_threshold))
     return (
         found
         if len(found) > 1
-        else [each for each in found if each.deviations > LIMITS.single_growth_factor]
+        else [each for each in found if each.z_score_over_threshold > LIMITS.single_growth_factor]
     )

@@ -53,16 +53,16 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     def refit_without_frozen_samples() -> MassChange | None:
         return compute_mass_change_by_refit_without_samples(inputs, holds)
 
-    times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
+    parts = "" if len(spans) == 1 else f" in {len(spans)} stretches"
     return [
         Symptom(
             total_s[name] / LIMITS.frozen_total_s,
-            f"the channel repeats one reading {times} {total_s[name]:.1f} s in all, while others "
-            f"change{_format_mass_change_by_exclusion(found)}",
+            f"the channel is frozen for {total_s[name]:.1f} s{parts}, while others change"
+            f"{_format_mass_change_by_exclusion(found)}",
             channel=name,
             span_ns=inputs.convert_unix_to_aligned_ns(*spans[0]),
             change=refit_without_frozen_samples,
-            harmless=does_exclusion_keep_answer(inputs, found, refit_without_frozen_samples),
+            keeps_answer=does_exclusion_keep_answer(inputs, found, refit_without_frozen_samples),
             explains=_OF_DEAD
             if 1e9 * total_s[name] > LIMITS.dead_fraction * (t[-1] - t[0])
             else (),
@@ -165,7 +165,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=refit_without_saturated_rows,
-            harmless=does_exclusion_keep_answer(inputs, found),
+            keeps_answer=does_exclusion_keep_answer(inputs, found),
         )
     ]
 
@@ -206,7 +206,7 @@ def _make_side_difference_symptom(inputs: FindingInputs, difference: SideDiffere
         return Symptom(
             strength,
             f"in hard starts the {other} wheels turn faster than the {difference.smaller_side} "
-            f"ones by {abs(difference.value_1):.1%} ± {difference.std_1:.1%} more than in soft "
+            f"ones by {abs(difference.value_1):.1%} ± {difference.std_1:.1%} more than in gentle "
             "ones, by the gyroscope",
             channel=larger,
             change=lambda: bound_mass_change_by_wheel_speed_error(inputs),

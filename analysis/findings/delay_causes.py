@@ -247,7 +247,7 @@ def find_delays_between_force_sources(inputs: FindingInputs) -> list[Symptom]:
         found.append(
             Symptom(
                 lag_s / max(LIMITS.source_delay_s, LIMITS.source_delay_std * std_s),
-                f"{1e3 * lag_s:.1f} ± {1e3 * std_s:.1f} ms late against {other}, or that one "
+                f"{1e3 * lag_s:.1f} ± {1e3 * std_s:.1f} ms late relative to {other}, or that one "
                 "is early",
                 channel=late,
                 setting=setting,
@@ -308,12 +308,15 @@ def _make_delay_symptom(inputs: FindingInputs, fitted_cause: FittedCause) -> Sym
     against = " and ".join(_SHOWN[each] for each in beside)
     size = f"{abs(1e3 * delay_s):.1f} ± {1e3 * std_s:.1f} ms"
     size = f"{1e3 * LIMITS.longest_likelihood_delay_s:.0f} ms or more" if is_at_end else size
-    said = f"{size} {words} against {against}"
+    said = f"{size} {words} relative to {against}"
     if not inputs.has_accelerometer:
         other = "early" if delay_s > 0.0 else "late"
-        said += f", or the {against} is {other}: two channels do not tell which"
+        said += f", or the {against} is {other}: two channels cannot tell which"
     elif rivals:
-        said += f"; equally likely, the {' or '.join(_SHOWN[each] for each in rivals)} is wrong"
+        said += (
+            f"; it is equally likely that the {' or '.join(_SHOWN[each] for each in rivals)} is "
+            "delayed or early"
+        )
     smooth = channel == "imu" and delay_s > 0
     others = [n for n in fitted_cause.rivals if not n.startswith("delay") and n not in WARMING]
     # a channel ahead of the accelerometer may have no error, if the accelerometer is filtered
@@ -352,13 +355,13 @@ def _make_long_delay_symptom(inputs: FindingInputs, long_delay: LongDelay) -> Sy
     )
     against = " and ".join(_SHOWN[each] for each in rest)
     others = (
-        f", or the {_SHOWN[long_delay.rival]} is early: two channels do not tell which"
+        f", or the {_SHOWN[long_delay.rival]} is early: two channels cannot tell which"
         if long_delay.rival
         else ""
     )
     return Symptom(
         LIMITS.long_delay_rank,
-        f"{abs(long_delay.delay_s):.2f} s {words} against {against}: the correlation is "
+        f"{abs(long_delay.delay_s):.2f} s {words} relative to {against}: the correlation is "
         f"{long_delay.correlation[0]:.2f} with this shift, without it "
         f"{long_delay.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),

@@ -77,7 +77,10 @@ def _does_finding_explain_other(
     (cause, own), (seen, sign) = explaining, explained
     if seen.key in own.explains:
         return True
-    return seen.key in cause.explains and sign.strength <= cause.explains_up_to * own.strength
+    return (
+        seen.key in cause.explains
+        and sign.strength <= cause.max_explained_strength_ratio * own.strength
+    )
 
 
 def find_symptoms_of_all_causes(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
@@ -127,9 +130,13 @@ def _choose_consequence_of_finding(
     cause: Cause, symptom: Symptom, change: MassChange | None, inputs: FindingInputs
 ) -> str:
     """Consequence of a finding: withhold, widen or tell."""
-    if symptom.harmless:
+    if symptom.keeps_answer:
         return "tell"
-    if cause.withholds and symptom.invalidates and not (cause.as_judged and inputs.can_weigh):
+    if (
+        cause.withholds
+        and symptom.invalidates
+        and not (cause.withholds_only_if_check_fails and inputs.can_weigh)
+    ):
         return "withhold"
     if change is None or inputs.log_only_fit is None:
         return "tell"

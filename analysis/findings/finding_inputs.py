@@ -43,8 +43,8 @@ class FindingInputs:
         check_inputs: inputs of the checks.
         aligned: samples on the grid, before the moving mean.
         noise: noise of the columns.
-        raw: frames with stamps, by topic.
-        digging: stretches in which an external force opposes the machine.
+        raw_frames_by_topic: frames with stamps, by topic.
+        digging_stretches: stretches in which an external force opposes the machine.
         verdict_frame: the frame `verdict`.
         copied_rows_by_topic: rows of topics that repeat earlier ones, by topic.
         estimates: estimates by method.
@@ -54,8 +54,8 @@ class FindingInputs:
     check_inputs: CheckInputs
     aligned: pl.DataFrame
     noise: pl.DataFrame
-    raw: Mapping[str, pl.DataFrame]
-    digging: pl.DataFrame
+    raw_frames_by_topic: Mapping[str, pl.DataFrame]
+    digging_stretches: pl.DataFrame
     verdict_frame: pl.DataFrame
     copied_rows_by_topic: Mapping[str, list[Copy]]
     estimates: Mapping[str, pl.DataFrame] = field(default_factory=dict)

@@ -287,16 +287,16 @@ def _format_gain_change(gain_change: float, std: float) -> str:
 def find_gain_drift_if_loads_follow_direction(inputs: FindingInputs) -> list[Symptom]:
     """Find a gain drift in logs whose loads alternate with the driving direction."""
     found = compare_force_change_with_load_changes(inputs)
-    if found is None or found.worse > LIMITS.indistinguishable_gain:
+    if found is None or found.log_likelihood_gain_of_several_loads > LIMITS.indistinguishable_gain:
         return []
     return [
         Symptom(
             min(
-                float(np.sqrt(found.gain)) / LIMITS.term_min_std,
+                float(np.sqrt(found.log_likelihood_gain)) / LIMITS.term_min_std,
                 abs(found.value) / LIMITS.trusted_share_change_s2_m,
             ),
             f"{_format_gain_change(found.value, found.std)}, and there is one load, or there are "
-            f"{found.loads} that depend on the direction: this log cannot distinguish the two",
+            f"{found.load_count} that depend on the direction: this log cannot distinguish the two",
             channel=inputs.force_channel,
         )
     ]
@@ -340,8 +340,8 @@ def find_terms_inseparable_from_mass(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             share / LIMITS.open_mass_fraction,
-            f"the motion does not determine {share:.1%} of the mass; priors do, mostly that of "
-            f"{worst}",
+            f"{share:.1%} of the mass is determined by priors rather than by the motion, mostly by "
+            f"that of {worst}",
         )
     ]
 
@@ -366,8 +366,8 @@ def find_braking_fitted_as_driving(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             strength,
-            f"braking moves a mass by {weighing.braking_kg:+.0f} kg: the force sensor does not "
-            f"measure all of the braking{share}",
+            f"including braking changes a mass by {weighing.braking_kg:+.0f} kg: the force sensor "
+            f"does not measure all of the braking{share}",
             setting="settings.gate.exclude_braking",
             value="true",
             change=lambda: MassChange(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),
@@ -380,7 +380,7 @@ def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     """Find starts against an external force, such as a pile."""
     body = inputs.machine.machine
     least_N = LIMITS.pile_weight_fraction * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
-    digging = inputs.digging.filter(pl.col("growth_N") > least_N)
+    digging = inputs.digging_stretches.filter(pl.col("growth_N") > least_N)
     if digging.is_empty():
         return []
     growth, std = (digging[name].to_numpy() for name in ("growth_N", "growth_std_N"))

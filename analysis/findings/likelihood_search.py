@@ -197,9 +197,9 @@ def _test_delay_beyond_linearisation(
 ) -> FittedCause | None:
     """Test a delay that is too long to be linearised, with the lag of the joint fit."""
     fit = inputs.log_only_fit
-    if fit is None or abs(fit.force_lag_s) < LIMITS.long_delay_s:
+    if fit is None or abs(fit.force_delay_s) < LIMITS.long_delay_s:
         return None
-    late = correct_channel_delay(motion, "force", fit.force_lag_s)
+    late = correct_channel_delay(motion, "force", fit.force_delay_s)
     before, without = project_out_selected_causes(build_whitened_equations(inputs, motion))
     after, _ = project_out_selected_causes(build_whitened_equations(inputs, late))
     if (
@@ -208,7 +208,7 @@ def _test_delay_beyond_linearisation(
     ):
         return None
     # the wheels show whether the accelerometer is early or late instead
-    turned = correct_channel_delay(motion, "imu", -fit.force_lag_s)
+    turned = correct_channel_delay(motion, "imu", -fit.force_delay_s)
     _, with_it = project_out_selected_causes(build_whitened_equations(inputs, turned))
     by_imu = (
         without is not None
@@ -217,8 +217,8 @@ def _test_delay_beyond_linearisation(
     )
     gain = before.square_left * before.variance / after.variance - after.square_left
     if by_imu:
-        return FittedCause("delay:imu", -fit.force_lag_s, 1e-3, gain, ())
-    return FittedCause("delay:force", fit.force_lag_s, 1e-3, gain, ())
+        return FittedCause("delay:imu", -fit.force_delay_s, 1e-3, gain, ())
+    return FittedCause("delay:force", fit.force_delay_s, 1e-3, gain, ())
 
 
 def correct_delay_iteratively(

@@ -187,7 +187,7 @@ def refit_from_earlier_fit(
     )
     pilot = refit_with_extra_terms(replace(earlier_fit, motion=part, states=states), noise, priors)
     if (
-        abs(pilot.previous_estimates.lag_s - earlier_fit.previous_estimates.lag_s)
+        abs(pilot.previous_estimates.force_delay_s - earlier_fit.previous_estimates.force_delay_s)
         > LIMITS.refit_lag_moves_s
     ):
         pilot = refit_with_extra_terms(pilot, noise, priors)

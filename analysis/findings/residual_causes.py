@@ -42,7 +42,7 @@ def _compute_force_residual_spectra(inputs: FindingInputs) -> ResidualSpectra | 
         return None
     straight = inputs.check_inputs.straight_motion
     mass_kg, viscous = fit_pooled_mass_and_friction(inputs)
-    lag = fit.force_lag_s if fit is not None and fit.is_force_advanced_by_lag else 0.0
+    lag = fit.force_delay_s if fit is not None and fit.is_force_advanced_by_lag else 0.0
     used = straight.moving if fit is None else fit.motion.is_fittable
     rows = np.arange(aligned.height, dtype=np.float64)
     force = compute_longitudinal_force(aligned, machine.machine)

@@ -71,7 +71,7 @@ def find_copied_row_stretches(inputs: FindingInputs) -> list[Symptom]:
     """Find stretches of a topic that repeat an earlier one exactly."""
     found: list[Symptom] = []
     for topic, copies in inputs.copied_rows_by_topic.items():
-        t = inputs.raw[topic]["log_time_ns"].to_numpy()
+        t = inputs.raw_frames_by_topic[topic]["log_time_ns"].to_numpy()
         begin, end, source = max(copies, key=lambda each: t[each[1]] - t[each[0]])
         total_s = sum(float(t[e] - t[b]) for b, e, _ in copies) / NS_PER_S
         start_s, again_s = (
@@ -82,8 +82,8 @@ def find_copied_row_stretches(inputs: FindingInputs) -> list[Symptom]:
             Symptom(
                 total_s / SIGNAL_LIMITS.copy_min_s,
                 f"{end - begin + 1:,} rows from {again_s:,.1f} s on repeat those from "
-                f"{start_s:,.1f} s on to the last digit{times}: they are left out, and what was "
-                "done meanwhile was not recorded",
+                f"{start_s:,.1f} s on to the last digit{times}: they are excluded; the motion "
+                "during that time was not recorded",
                 channel=inputs.find_channel_of_topic(topic),
                 span_ns=inputs.convert_unix_to_aligned_ns(int(t[begin]), int(t[end])),
             )
@@ -96,7 +96,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     found: list[Symptom] = []
     for name, (t, _) in select_one_series_per_topic(inputs).items():
         uneven = measure_relative_sampling_jitter(
-            inputs.raw[inputs.machine.channels[name].topic or "table"]
+            inputs.raw_frames_by_topic[inputs.machine.channels[name].topic or "table"]
         )
         if uneven is not None:
             found.append(
@@ -264,7 +264,7 @@ def select_one_series_per_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, 
 def measure_stamp_latencies_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """Log times in ns and latency of the header stamps above its minimum in s, by topic."""
     out: dict[str, tuple[Ints, Floats]] = {}
-    for topic, frame in inputs.raw.items():
+    for topic, frame in inputs.raw_frames_by_topic.items():
         if "header_stamp_ns" not in frame.columns or frame.height < 10 * LIMITS.latency_parts:
             continue
         stamps, log = frame["header_stamp_ns"], frame["log_time_ns"].to_numpy()

@@ -85,7 +85,7 @@ def _find_flipped_axis(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             10.0 * strength,
-            f"force and acceleration correlate by {of_force:+.2f} at equal speed"
+            f"force and acceleration have a partial correlation of {of_force:+.2f}, given the speed"
             + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else "")
             + (
                 f", and the force drives in {driving_share:.0%} of the starts"
@@ -129,7 +129,7 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             LIMITS.sign_rank * abs(together),
-            f"left and right torque correlate by {together:+.2f} in straight driving",
+            f"left and right torque have a correlation of {together:+.2f} in straight driving",
             channel=wrong,
             setting=setting,
             value=value,

@@ -48,8 +48,8 @@ def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpik
     setting, value = inputs.propose_valid_range_settings(channel)
     return Symptom(
         largest_std / LIMITS.spike_std * float(np.sqrt(min(count, 25))) / LIMITS.single_spike_ratio,
-        f"{count} single readings are off by {spikes.median_distance:.3g} (median), up to "
-        f"{largest_std:.0f} standard deviations",
+        f"{count} single readings differ from their neighbours by {spikes.median_distance:.3g} "
+        f"(median), up to {largest_std:.0f} standard deviations",
         channel=channel,
         span_ns=inputs.convert_unix_to_aligned_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
         setting=setting,

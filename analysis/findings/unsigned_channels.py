@@ -78,7 +78,7 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
             LIMITS.sign_rank,
             f"its readings reach {high:.3g} and are never below zero, although the machine "
             + (
-                "drives back"
+                "drives in reverse"
                 if backwards
                 else f"slows down in {np.count_nonzero(straight.braking)} samples"
             ),

@@ -180,7 +180,10 @@ class LoadSettings(BaseModel):
         if (first is None) != (last is None):
             raise ValueError("empty_from_s and empty_to_s must be given together")
         if self.single_load and first is not None:
-            raise ValueError("single_load says of the whole log what empty_from_s says of a part")
+            raise ValueError(
+                "single_load and empty_from_s contradict each other: one load in the whole log, or "
+                "an empty machine in a part of it; remove one"
+            )
         if first is not None and last is not None and not first < last:
             raise ValueError(f"empty_from_s is {first:g}, not before empty_to_s {last:g}")
         return self

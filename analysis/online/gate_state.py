@@ -82,7 +82,7 @@ class GateState(NamedTuple):
         known: whether the phase of this row is known.
         kind: phase of the row if it forms a manoeuvre of its own, "" for driving; None before the
             first row.
-        segment_id: number of the last manoeuvre that began.
+        manoeuvre_id: number of the last manoeuvre that began.
         braking_lag: rows before braking that are not pooled; 1 if braking is accepted.
     """
 
@@ -94,7 +94,7 @@ class GateState(NamedTuple):
     yaw_rates: tuple[float, ...]
     known: bool
     kind: str | None
-    segment_id: int
+    manoeuvre_id: int
     braking_lag: int
 
     @property
@@ -122,7 +122,7 @@ def make_initial_gate_state(axis: Axis, settings: Settings) -> GateState:
         else (),
         known=False,
         kind=None,
-        segment_id=-1,
+        manoeuvre_id=-1,
         braking_lag=count_rows_in_speed_rate_span(settings) + settings.smooth.samples
         if settings.gate.exclude_braking
         else 1,
@@ -232,7 +232,7 @@ def append_row_without_decision(
         yaw_rates=yaw_rates,
         known=known,
         kind=kind,
-        segment_id=state.segment_id + (known and kind != state.kind),
+        manoeuvre_id=state.manoeuvre_id + (known and kind != state.kind),
     )
 
 

@@ -185,7 +185,10 @@ class GrowingLog:
         if not self._raw.keys() >= set(self.topics):
             if is_log_complete:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
-                raise DataError(f"no message arrived on the topics {missing}")
+                raise DataError(
+                    f"no message arrived on the topics {missing}; check that they are recorded, "
+                    "and topic in [channels]"
+                )
             newest_ns = max(int(frame["log_time_ns"][-1]) for frame in self._raw.values())
             self._drop_samples_before_last_topic(newest_ns)
             return False

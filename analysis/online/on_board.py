@@ -44,7 +44,7 @@ class PendingSample:
     """A sample in an accepted window that later braking may still exclude."""
 
     row: int
-    segment_id: int
+    manoeuvre_id: int
     sample: Floats
 
 
@@ -95,8 +95,8 @@ class AxisState(NamedTuple):
         settling: accepted windows to feed the recursive methods unless braking follows.
         fed_row: last row fed to the recursive methods, -1 before the first.
         accepted_row: last row with an accepted window, -1 before the first.
-        segments: manoeuvre of the last `window_samples` rows, the oldest first, -1 for none.
-        standstill: whether each of the rows of `segments` is at standstill.
+        manoeuvre_ids: manoeuvre of the last `window_samples` rows, the oldest first, -1 for none.
+        standstill: whether each of the rows of `manoeuvre_ids` is at standstill.
         pending: samples to pool unless braking follows.
         pool: samples pooled so far into the manoeuvre `pooled_id`, the last at row `pooled_row`.
     """
@@ -105,7 +105,7 @@ class AxisState(NamedTuple):
     window: incremental.WindowState
     gate: GateState
     pool: incremental.Pool
-    segments: tuple[int, ...]
+    manoeuvre_ids: tuple[int, ...]
     standstill: tuple[bool, ...]
     pasts: Mapping[str, Any]
     settling: tuple[SettlingWindow, ...] = ()
@@ -255,7 +255,7 @@ def _step_axis(
         state = state._replace(
             window=window,
             gate=gate,
-            segments=(*state.segments[1:], gate.segment_id if gate.known else -1),
+            manoeuvre_ids=(*state.manoeuvre_ids[1:], gate.manoeuvre_id if gate.known else -1),
             standstill=(*state.standstill[1:], row["phase"] == "standstill"),
         )
         state, estimates = _estimate_at_judged_row(state, gate_row)
@@ -329,7 +329,7 @@ def feed_recursive_methods(state: AxisState) -> tuple[AxisState, dict[str, Timed
 def queue_moving_samples_for_pooling(state: AxisState, row: int, new_samples: int) -> AxisState:
     """Queue the newest samples of an accepted window for pooling, unless they stand."""
     pending = [
-        PendingSample(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
+        PendingSample(row + 1 - back, state.manoeuvre_ids[-back], state.window.z[:, -back].copy())
         for back in range(new_samples, 0, -1)
         if not state.standstill[-back]
     ]
@@ -346,14 +346,14 @@ def pool_samples_after_braking_delay(
             break
         state = pool_sample_unless_braking(state, waiting.pop(0))
     state = state._replace(pending=tuple(waiting))
-    is_awaited = any(each.segment_id == state.pooled_id for each in waiting)
+    is_awaited = any(each.manoeuvre_id == state.pooled_id for each in waiting)
     if is_manoeuvre_over(state, row) and not is_awaited:
         return _start_empty_pool(state), _make_pooled_estimates(state)
     return state, {}
 
 
 def _does_sample_start_next_manoeuvre(state: AxisState, pending_sample: PendingSample) -> bool:
-    return state.pool.samples > 0 and pending_sample.segment_id != state.pooled_id
+    return state.pool.samples > 0 and pending_sample.manoeuvre_id != state.pooled_id
 
 
 def is_manoeuvre_over(state: AxisState, row: int) -> bool:
@@ -364,10 +364,9 @@ def is_manoeuvre_over(state: AxisState, row: int) -> bool:
     """
     if state.pooled_id == -1:
         return True
-    window = len(state.segments)
-    since = next(
-        (back for back in range(window) if state.segments[-1 - back] == state.pooled_id), window
-    )
+    ids = state.manoeuvre_ids
+    window = len(ids)
+    since = next((back for back in range(window) if ids[-1 - back] == state.pooled_id), window)
     if since == 0:
         return False
     last_row = row - since
@@ -381,7 +380,7 @@ def pool_sample_unless_braking(state: AxisState, pending_sample: PendingSample) 
         return state
     return state._replace(
         pool=state.pool.add(pending_sample.sample),
-        pooled_id=pending_sample.segment_id,
+        pooled_id=pending_sample.manoeuvre_id,
         pooled_row=pending_sample.row,
     )
 

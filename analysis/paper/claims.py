@@ -17,7 +17,7 @@ from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
 from analysis.paper.confidence_intervals import bootstrap_rms_and_interval, compute_mean_intervals
 from analysis.paper.paper_limits import LIMITS
-from analysis.paper.replayed_campaign import ReplayedCampaign, rerun_estimates_with_gate
+from analysis.paper.replayed_campaign import ReplayedCampaign, rerun_estimates_on_accepted_windows
 from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, RepetitionResults
 from analysis.paper.table1 import AT_LENGTH
 from analysis.stages.gating.gate import gate_windows
@@ -40,7 +40,7 @@ _PARAMETERS: Final = 2  # mass and friction
 _FLOAT_BYTES: Final = 8
 
 
-def rerun_estimates_with_accepted_windows(
+def rerun_estimates_with_window_rule(
     campaign: ReplayedCampaign, window_rule: Fed, settings: Settings
 ) -> ReplayedCampaign:
     """Rerun the estimates of a campaign with other accepted windows.
@@ -56,7 +56,7 @@ def rerun_estimates_with_accepted_windows(
     if window_rule != "gated":
         refused = _INCOMPLETE if window_rule == "ungated" else (*_INCOMPLETE, "braking")
         gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))
-    return rerun_estimates_with_gate(campaign, gated, settings)
+    return rerun_estimates_on_accepted_windows(campaign, gated, settings)
 
 
 def compute_rls_errors_at_end_of_cruise_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
@@ -72,7 +72,7 @@ def compute_rls_error_at_end_of_cruise_kg(
 ) -> float:
     """Error of the last estimate of RLS in the cruise, in kg; NaN without one."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": is_forgetting_directional}
-    again = rerun_estimates_with_accepted_windows(
+    again = rerun_estimates_with_window_rule(
         campaign, window_rule, campaign.settings.copy_with_changes(methods)
     )
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
@@ -93,7 +93,7 @@ def compute_errors_of_paper_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     rls = campaign.settings.copy_with_changes({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
     estimates = {"gated": campaign.tabulate_masses_by_method_and_trial()} | {
-        how: rerun_estimates_with_accepted_windows(
+        how: rerun_estimates_with_window_rule(
             campaign, how, rls
         ).tabulate_masses_by_method_and_trial()
         for how in without

@@ -11,7 +11,7 @@ from analysis.model.schema import get_column_values
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
 from analysis.paper.paper_limits import LIMITS
-from analysis.paper.replayed_campaign import ReplayedCampaign, rerun_estimates_with_gate
+from analysis.paper.replayed_campaign import ReplayedCampaign, rerun_estimates_on_accepted_windows
 from analysis.paper.simulated_sources import LINEAR, ROTATION, Extract
 from analysis.stages.gating.gate import gate_windows
 from estimators.arrays import Floats
@@ -170,7 +170,9 @@ def estimate_from_complete_windows(
     gated = gate_windows(campaign.replayed.frames["excitation"], settings)
     incomplete = pl.col("reason_x").cast(pl.String).is_in(("warming_up", "gap"))
     shown = ~incomplete & (pl.col("t_ns") <= round(LIMITS.figure_s * 1e9))
-    return rerun_estimates_with_gate(campaign, gated.with_columns(accepted_x=shown), settings)
+    return rerun_estimates_on_accepted_windows(
+        campaign, gated.with_columns(accepted_x=shown), settings
+    )
 
 
 def _trace_estimates_of_method(

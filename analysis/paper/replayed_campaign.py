@@ -59,10 +59,12 @@ class ReplayedCampaign:
 def rerun_gate_and_estimates(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Rerun gate and estimators with other settings; earlier stages are unchanged."""
     excitation = campaign.replayed.frames["excitation"]
-    return rerun_estimates_with_gate(campaign, gate_windows(excitation, settings), settings)
+    return rerun_estimates_on_accepted_windows(
+        campaign, gate_windows(excitation, settings), settings
+    )
 
 
-def rerun_estimates_with_gate(
+def rerun_estimates_on_accepted_windows(
     campaign: ReplayedCampaign, gated: pl.DataFrame, settings: Settings
 ) -> ReplayedCampaign:
     """Rerun the estimates of a campaign on the windows that `gated` accepts."""

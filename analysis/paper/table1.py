@@ -89,7 +89,7 @@ def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
     }
     long = table.filter((pl.col("window_s") >= LONG_S) & pl.col("method").is_in(["ls", "tls"]))
     over_bound = long["over_bound_1"].to_list()
-    long_rms = find_worst_rms_over_bound_and_interval(long)
+    long_rms = compute_largest_rms_ratio_to_bound(long)
     forgetting = RlsOptions().forgetting
     noisier = {
         row["method"]: row
@@ -118,7 +118,7 @@ def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
     )
 
 
-def find_worst_rms_over_bound_and_interval(long_window_errors: pl.DataFrame) -> RmsInterval:
+def compute_largest_rms_ratio_to_bound(long_window_errors: pl.DataFrame) -> RmsInterval:
     """R.m.s. of the errors over their bounds, of the worse method, with its χ² interval."""
     from scipy.stats import chi2
 

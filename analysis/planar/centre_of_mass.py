@@ -142,7 +142,7 @@ def iter_fit_rows_of_arcs_and_all_arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = fit_planar_parameters_iteratively(
+        fitted = fit_parameters_iteratively(
             log, of, initial_parameters, known, _BOTH if both else _FORCE
         )
         row = _make_fit_row(kind, log, of >= 0, fitted, known.names)
@@ -170,7 +170,7 @@ def make_arc_prior_from_axis(
     used &= log.plane.known
     if not used.any():
         return nothing
-    fitted = fit_planar_parameters_iteratively(
+    fitted = fit_parameters_iteratively(
         log, np.where(used, 0, -1), initial_parameters, nothing, axes, columns
     ).estimate
     if not np.isfinite(fitted.theta).all():
@@ -203,7 +203,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Pl
     start = base_parameters.fit(
         plane.motion, plane.f, PARAMETERS, of, noise=compute_planar_column_noise(plane, used)
     ).coefficients
-    fitted = fit_planar_parameters_iteratively(log, of, start, Prior.make_zero_mean({}, 2), _BOTH)
+    fitted = fit_parameters_iteratively(log, of, start, Prior.make_zero_mean({}, 2), _BOTH)
     row = _make_fit_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
@@ -258,44 +258,44 @@ def is_joint_planar_fit_plausible(
     )
 
 
-def fit_planar_parameters_iteratively(
+def fit_parameters_iteratively(
     log: PlanarLog,
-    segment_id: Ints,
+    stretch_of_sample: Ints,
     initial_parameters: Floats,
     prior: Prior,
     axes: slice,
     columns: tuple[int, ...] = _ALL,
 ) -> PlanarFit:
-    """Fit the samples of segment_id >= 0 repeatedly, with the terms of the last fitted parameters.
+    """Fit the samples of all stretches repeatedly, with the terms of the last fitted parameters.
 
     Args:
         log: rows of the whole log.
-        segment_id: (n,) stretch of each sample.
+        stretch_of_sample: (n,) stretch of each sample, negative for none.
         initial_parameters: (6,) mass, inertia, moments and frictions for the first fit.
         prior: prior by the earlier stages, with its terms.
         axes: fitted axes: force, yaw torque, or both.
         columns: indices of the fitted parameters among the six.
     """
-    told = fit_planar_parameters_once(log, segment_id, initial_parameters, prior, axes, columns)
+    told = fit_parameters_once(log, stretch_of_sample, initial_parameters, prior, axes, columns)
     for _ in range(LIMITS.motion_fit_rounds - 1):
         coefficients = initial_parameters.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found
-        told = fit_planar_parameters_once(log, segment_id, coefficients, prior, axes, columns)
+        told = fit_parameters_once(log, stretch_of_sample, coefficients, prior, axes, columns)
     return told
 
 
-def fit_planar_parameters_once(
+def fit_parameters_once(
     log: PlanarLog,
-    segment_id: Ints,
+    stretch_of_sample: Ints,
     coefficients: Floats,
     known_prior: Prior,
     axes: slice,
     columns: tuple[int, ...],
 ) -> PlanarFit:
     """Fit once, with the terms of a machine that has these coefficients (6,)."""
-    where = np.flatnonzero(segment_id >= 0)
+    where = np.flatnonzero(stretch_of_sample >= 0)
     part = slice(int(where[0]), int(where[-1]) + 1)
     of_columns = np.array(columns)
     drive = make_planar_drive(log.plane, log.excitation, log.machine, coefficients)
@@ -310,7 +310,7 @@ def fit_planar_parameters_once(
     regressor = Regressor.from_drive(
         drive.select_slice(part), of_columns, [term for term, _ in terms], axes
     )
-    used, arm_y_m = segment_id >= 0, regressor.imu_position_m[1]
+    used, arm_y_m = stretch_of_sample >= 0, regressor.imu_position_m[1]
     noise = compute_planar_column_noise(log.plane, used, arm_y_m)[axes][:, of_columns]
     prior = known_prior.select_axes_and_parameters(axes, names).combine_with_prior(
         Prior.make_zero_mean(width, noise.shape[0])
@@ -319,7 +319,7 @@ def fit_planar_parameters_once(
         regressor,
         log.plane.f[part, axes],
         names,
-        np.ascontiguousarray(segment_id[part]),
+        np.ascontiguousarray(stretch_of_sample[part]),
         prior,
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
         regressor.noise_mixing,

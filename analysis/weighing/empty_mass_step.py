@@ -18,13 +18,13 @@ class EmptyMassStep:
     Attributes:
         change_kg: mass after the step minus that before it.
         u_kg: its standard uncertainty, from the scatter of the masses.
-        first_after: index of the first manoeuvre after the step.
+        first_manoeuvre_after: index of the first manoeuvre after the step.
         at_s: start of that manoeuvre, in s since the first aligned sample.
     """
 
     change_kg: float
     u_kg: float
-    first_after: int
+    first_manoeuvre_after: int
     at_s: float
 
     @property
@@ -47,7 +47,7 @@ def find_empty_mass_step_of_manoeuvres(manoeuvres: pl.DataFrame) -> EmptyMassSte
 
 
 def find_empty_mass_step(
-    mass_kg: Floats, std_kg: Floats, state: Ints, start_ns: Ints, end_ns: Ints
+    mass_kg: Floats, std_kg: Floats, state_of_manoeuvre: Ints, start_ns: Ints, end_ns: Ints
 ) -> EmptyMassStep | None:
     """Find the step; None unless the lightest states before and after differ far beyond scatter.
 
@@ -57,12 +57,12 @@ def find_empty_mass_step(
     Args:
         mass_kg: (manoeuvres,) mass of each manoeuvre, in order of time.
         std_kg: (manoeuvres,) standard deviation of each mass.
-        state: (manoeuvres,) load state of each manoeuvre.
+        state_of_manoeuvre: (manoeuvres,) load state of each manoeuvre.
         start_ns: (manoeuvres,) start of each manoeuvre.
         end_ns: (manoeuvres,) end of each manoeuvre.
     """
-    begins = np.flatnonzero(np.append(True, np.diff(state) != 0))
-    visit = np.cumsum(np.append(0, np.diff(state) != 0))
+    begins = np.flatnonzero(np.append(True, np.diff(state_of_manoeuvre) != 0))
+    visit = np.cumsum(np.append(0, np.diff(state_of_manoeuvre) != 0))
     weight = 1.0 / std_kg**2
     total = np.bincount(visit, weight)
     visited_kg = np.bincount(visit, weight * mass_kg) / total
@@ -91,14 +91,16 @@ def find_empty_mass_step(
         return None
     sure = int(np.flatnonzero(visit == light[place - 1])[-1]), int(begins[light[place]])
     tolerance_kg = LIMITS.empty_drift_min_std * np.hypot(scatter_kg, std_kg)
-    first_after = _choose_longest_pause(
+    first_manoeuvre_after = _choose_longest_pause(
         mass_kg > before_kg - tolerance_kg,
         mass_kg > after_kg - tolerance_kg,
         np.append(0, start_ns[1:] - end_ns[:-1]),
         sure,
     )
     u_kg = scatter_kg * float(np.sqrt(1.0 / place + 1.0 / (empty_kg.size - place)))
-    return EmptyMassStep(change_kg, u_kg, first_after, float(start_ns[first_after]) / 1e9)
+    return EmptyMassStep(
+        change_kg, u_kg, first_manoeuvre_after, float(start_ns[first_manoeuvre_after]) / 1e9
+    )
 
 
 def _subtract_medians(empty_kg: Floats, place: int) -> Floats:

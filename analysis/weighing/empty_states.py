@@ -50,14 +50,14 @@ def find_empty_states(
     if carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
     if difference_kg > LIMITS.empty_state_u * u_kg:
-        return _find_returns_of_any_direction(fit)
+        return _find_return_states_of_any_direction(fit)
     drift = weighing.significant_empty_mass_drift
     if drift is not None:
         return list(drift.empty_states)
     return _find_equally_light_states(weighing, lightest, machine)
 
 
-def find_returns(masses_kg: Floats, state_of_manoeuvre: Ints) -> list[int]:
+def find_return_states(masses_kg: Floats, state_of_manoeuvre: Ints) -> list[int]:
     """States to which a machine returns after each load, whatever its mass is; none if it does not.
 
     There are several of them, each lighter than the states before and after it, and their range is
@@ -80,12 +80,12 @@ def find_returns(masses_kg: Floats, state_of_manoeuvre: Ints) -> list[int]:
     return np.unique(visited[light]).tolist()
 
 
-def _find_returns_of_any_direction(fit: JointFit) -> list[int]:
-    """States of a fit by `find_returns`; none if the masses may follow the driving direction."""
+def _find_return_states_of_any_direction(fit: JointFit) -> list[int]:
+    """States of a fit by `find_return_states`; none if masses may follow the driving direction."""
     if fit.states is None:
         return []
     state_of_manoeuvre, motion = fit.states.state_of_manoeuvre, fit.motion
-    found = find_returns(fit.masses_kg, state_of_manoeuvre)
+    found = find_return_states(fit.masses_kg, state_of_manoeuvre)
     manoeuvre = find_manoeuvre_of_fitted_samples(motion)
     forward = motion.direction[motion.is_fittable] > 0.0
     light = np.isin(state_of_manoeuvre, found)[np.searchsorted(fit.states.manoeuvre_ids, manoeuvre)]

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
+from analysis.weighing.body_swing import NO_SWING, BodySwing
 from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.fitted_stretches import compute_index_in_stretch, mark_stretch_ends
 from analysis.weighing.force_hysteresis import PlayHysteresis, compute_sign_of_force_change
@@ -17,7 +18,6 @@ from analysis.weighing.force_rate import (
     differentiate_force_by_widest_parabolas,
 )
 from analysis.weighing.haul_route import HaulRoute
-from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_limits import LIMITS as LOAD_LIMITS
 from analysis.weighing.motion_samples import (
     Bools,
@@ -97,7 +97,7 @@ class PreviousEstimates:
     """Estimates of earlier rounds that nonlinear columns depend on.
 
     Attributes:
-        lag_s: delay of the force.
+        force_delay_s: delay of the force.
         slip_1_N: wheel slip per newton, as a fraction of the ground speed.
         load_transfer_s2_m: fraction of the force that load transfer adds to the measured wheels per
             m/s².
@@ -113,7 +113,7 @@ class PreviousEstimates:
             noise of one second.
     """
 
-    lag_s: float = 0.0
+    force_delay_s: float = 0.0
     slip_1_N: float = 0.0
     load_transfer_s2_m: float = 0.0
     offset_N: float = 0.0
@@ -192,7 +192,9 @@ class FitColumns:
         """Make the columns; the arguments are those of `average_and_weight_fit_columns`."""
 
         def make_columns(piece: MotionSamples) -> _PieceColumns:
-            fitted = find_fitted_samples_after_lag(piece, previous_estimates.lag_s)
+            fitted = find_fitted_samples_with_advanced_force(
+                piece, previous_estimates.force_delay_s
+            )
             return make_columns_of_piece(piece, fitted, noise, terms, previous_estimates)
 
         pieces = map_in_threads(make_columns, list(motion.pieces_split_between_stretches))
@@ -230,7 +232,10 @@ def average_and_weight_fit_columns(
         previous_estimates: estimates of earlier rounds.
     """
     pieces = motion.pieces_split_between_stretches
-    fitted = [find_fitted_samples_after_lag(piece, previous_estimates.lag_s) for piece in pieces]
+    fitted = [
+        find_fitted_samples_with_advanced_force(piece, previous_estimates.force_delay_s)
+        for piece in pieces
+    ]
     return average_and_weight_columns_of_pieces(
         lambda piece_index: make_columns_of_piece(
             pieces[piece_index], fitted[piece_index], noise, terms, previous_estimates
@@ -354,7 +359,7 @@ def make_columns_of_piece(
     previous_estimates: PreviousEstimates,
 ) -> _PieceColumns:
     """Make the columns of a piece's fitted samples; delays and means also use other samples."""
-    in_time = motion.advance_force(previous_estimates.lag_s)
+    in_time = motion.advance_force(previous_estimates.force_delay_s)
     if previous_estimates.speed_delay_s:
         # the effect of a late speed on friction depends on the motion, not on the specific force
         in_time = in_time.advance_speed(previous_estimates.speed_delay_s)
@@ -434,9 +439,9 @@ def find_route_positions_and_length_m(
     return route.compute_relative_distances_to_dump(motion), route.length_m
 
 
-def find_fitted_samples_after_lag(motion: MotionSamples, lag_s: float) -> Ints:
+def find_fitted_samples_with_advanced_force(motion: MotionSamples, force_delay_s: float) -> Ints:
     """Indices of the fitted samples, without the first of each stretch, whose force is earlier."""
-    fitted, lag = motion.is_fittable, math.ceil(abs(lag_s) * motion.rate_hz)
+    fitted, lag = motion.is_fittable, math.ceil(abs(force_delay_s) * motion.rate_hz)
     if lag:
         fitted = fitted & (
             (motion.index_in_stretch >= lag) | mark_stretch_ends(motion.stretch_of_sample)

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from analysis.model.prior_settings import LearntTerm, PriorSettings
+from analysis.weighing.body_swing import NO_SWING, BodySwing
 from analysis.weighing.fit_columns import (
     FitRows,
     PreviousEstimates,
@@ -19,7 +20,6 @@ from analysis.weighing.joint_result import (
     compute_resistance_slope_at_mean_speed,
     find_term_index,
 )
-from analysis.weighing.lever_arm import NO_SWING, BodySwing
 from analysis.weighing.load_changes import find_manoeuvre_of_stretches
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
@@ -63,7 +63,7 @@ class FitTask:
     noise: ColumnNoiseModel
     priors: PriorSettings
     terms: tuple[Nuisance, ...]
-    wheels: WheelKinematics | None
+    kinematics: WheelKinematics | None
     states: LoadStates | None
     ground_variance_ratio_1_s: float = 0.0
 
@@ -90,20 +90,20 @@ class FitTask:
 
     def fit_over_sample_means(
         self,
-        mean_samples: int,
+        samples_per_mean: int,
         rounds: int,
         *,
         advance_force: bool = True,
         initial_fit: JointFit | None = None,
         fit_rows: FitRows | None = None,
     ) -> JointFit:
-        """Fit means of `mean_samples`, iterating since the columns depend on lag and slip.
+        """Fit means of `samples_per_mean`, iterating since the columns depend on lag and slip.
 
         A late force is advanced by its delay. A low-passed force is not, since its derivative alone
         corrects it (f + τ df/dt).
 
         Args:
-            mean_samples: samples in the longest mean.
+            samples_per_mean: samples in the longest mean.
             rounds: maximum number of rounds.
             advance_force: whether the force is advanced by its delay.
             initial_fit: fit to start from; None starts from `initial_estimates`.
@@ -117,7 +117,7 @@ class FitTask:
             else self.states.assign_random_intercepts_to_stretches(self.motion)
         )
         known = initial_fit.previous_estimates if initial_fit else self.initial_estimates
-        known = known if advance_force else replace(known, lag_s=0.0)
+        known = known if advance_force else replace(known, force_delay_s=0.0)
         solution, mean, known_s = None, std, 0.0
         cost = initial_fit and self._compute_mass_friction_and_slip(
             initial_fit.theta, initial_fit.solution, initial_fit.terms
@@ -125,13 +125,13 @@ class FitTask:
         for number in range(rounds):
             mean, std = self._make_prior_means_and_stds_of_round(cost)
             self._exclude_gain_drift_in_place_if_loads_recur(std)
-            known_s = known.lag_s
+            known_s = known.force_delay_s
             mean[lag] -= known_s
             if number or fit_rows is None:
                 # for a shift, each of them holds hundreds of megabytes
                 fit_rows = solution = None
                 fit_rows = average_and_weight_fit_columns(
-                    self.motion, self.noise, self.terms, mean_samples, known
+                    self.motion, self.noise, self.terms, samples_per_mean, known
                 )
             solution = prior_fit.solve_with_priors(
                 fit_rows.A,
@@ -157,15 +157,15 @@ class FitTask:
         # the terms follow masses and friction
         first = theta.size - len(self.terms)
         if advance_force:
-            theta[first + lag] = known.lag_s
+            theta[first + lag] = known.force_delay_s
         return JointFit(
             self.terms,
             std,
             theta,
             solution,
             self.states,
-            self.wheels,
-            mean_samples,
+            self.kinematics,
+            samples_per_mean,
             self.motion,
             np.zeros(first - 1),
             known,
@@ -212,14 +212,13 @@ class FitTask:
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
         late_s = by_name["lag"]
-        lag_s = float(
-            np.clip(previous_estimates.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s)
-        )
+        limit_s, force_delay_s = LIMITS.longest_lag_s, previous_estimates.force_delay_s + late_s
+        force_delay_s = float(np.clip(force_delay_s, -limit_s, limit_s))
         share, _ = estimate_error_fraction_and_std_of_constant(self.motion, self.priors)
         width = compute_constant_force_prior_std_of_motion_newtons(self.motion, self.priors)
         after = replace(
             previous_estimates,
-            lag_s=lag_s if advance_force else 0.0,
+            force_delay_s=force_delay_s if advance_force else 0.0,
             load_transfer_s2_m=by_name.get("load_transfer", 0.0),
             offset_N=float(
                 np.clip(
@@ -246,7 +245,7 @@ class FitTask:
         mean[ground] = fit.theta[fit.mass_count + 1 :][ground]
         std[ground] *= LIMITS.left_out_prior_ratio
         lag = find_term_index("lag", self.terms)
-        mean[lag] -= fit.previous_estimates.lag_s
+        mean[lag] -= fit.previous_estimates.force_delay_s
         return estimate_group_effects(
             fit_rows.A,
             fit_rows.f,
@@ -259,19 +258,19 @@ class FitTask:
 
     def _estimate_speed_delay_s(self) -> float:
         """Delay of the speed in s, if wheels and accelerometer determine it."""
-        wheels = self.wheels
+        wheels = self.kinematics
         told = wheels is not None and wheels.is_consistent and self.motion.by_accelerometer
         return wheels.delay_s[0] if wheels is not None and told else 0.0
 
     def _estimate_squat_gain_correction(self) -> float:
         """Relative correction of the acceleration for a squat that the pitch measures."""
-        told = self.wheels is not None and self.motion.by_accelerometer
-        return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
+        told = self.kinematics is not None and self.motion.by_accelerometer
+        return -self.kinematics.squat[0] if self.kinematics is not None and told else 0.0
 
     def _get_body_swing_in_accelerometer(self) -> BodySwing:
         """Effect of a swinging body on the accelerometer, if the wheels show it."""
-        told = self.wheels is not None and self.motion.by_accelerometer
-        return self.wheels.swing if self.wheels is not None and told else NO_SWING
+        told = self.kinematics is not None and self.motion.by_accelerometer
+        return self.kinematics.swing if self.kinematics is not None and told else NO_SWING
 
     def _make_prior_means_and_stds_of_round(
         self, mass_friction_slip: _MassFrictionAndSlip | None
@@ -324,7 +323,7 @@ class FitTask:
     def _indices_of_learnt_terms(self) -> list[tuple[int, LearntTerm]]:
         """Indices of the terms with learnt priors, except slip if the wheels determine it."""
         learnt: dict[str, LearntTerm] = {**self.priors.learnt}
-        by_wheels = self.wheels is not None and self.wheels.is_consistent
+        by_wheels = self.kinematics is not None and self.kinematics.is_consistent
         return [
             (place, learnt[term.name])
             for place, term in enumerate(self.terms)
@@ -380,7 +379,7 @@ class FitTask:
 
     def _estimate_slip_and_std_by_wheels(self) -> tuple[float, float] | None:
         """Slip and its standard deviation in 1/N; None if wheels do not determine it."""
-        wheels = self.wheels
+        wheels = self.kinematics
         return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None
 
     def _set_prior_proportional_to_slip_in_place(

@@ -46,7 +46,7 @@ def integrate_path_positions_and_length_m(
 
 
 def count_standstills_so_far(excitation: pl.DataFrame) -> Ints:
-    """Number of stands so far, (n,); unknown motion counts as a stand."""
+    """Number of standstills so far, (n,); unknown motion counts as one."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return count_runs_so_far(stands)
 
@@ -110,8 +110,8 @@ def assign_fitted_manoeuvre_numbers(
     settings = machine.settings
     without = settings.gate.exclude_braking or not braking
     accepted = mark_samples_for_pooling(excitation, gated, settings)
-    segment_id = assign_manoeuvre_numbers_to_samples(excitation, settings)
-    informative = np.unique(segment_id[accepted & (segment_id >= 0)])
+    manoeuvre_of_sample = assign_manoeuvre_numbers_to_samples(excitation, settings)
+    informative = np.unique(manoeuvre_of_sample[accepted & (manoeuvre_of_sample >= 0)])
     phase = excitation["phase"]
     driving = phase.is_in(["accelerating", "cruising", "braking"]).fill_null(False).to_numpy()
     if without:
@@ -122,7 +122,9 @@ def assign_fitted_manoeuvre_numbers(
         brakes |= mark_stopping_samples(speed, stands, moving_threshold_m_s, settings)
         brakes |= mark_samples_held_downhill(excitation, settings)
         driving &= ~mark_possible_braking(brakes, settings)
-    return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
+    return np.where(
+        driving & np.isin(manoeuvre_of_sample, informative), manoeuvre_of_sample, -1
+    ).astype(np.int64)
 
 
 def find_manoeuvre_direction_of_samples(manoeuvre_of_sample: Ints, speed: Floats) -> Floats:
@@ -135,8 +137,8 @@ def find_manoeuvre_direction_of_samples(manoeuvre_of_sample: Ints, speed: Floats
     return out
 
 
-def memoise(compute: Callable[[T], Ints]) -> Callable[[T], Ints]:
-    """Compute once for each samples, and keep the result with them as a cached property is."""
+def cache_on_samples(compute: Callable[[T], Ints]) -> Callable[[T], Ints]:
+    """Compute a result once per samples object, and cache it on the object."""
     name = compute.__name__
 
     @wraps(compute)
@@ -165,7 +167,7 @@ def compute_index_in_stretch(stretch_of_sample: Ints) -> Ints:
 
 
 def find_stretch_spans(stretch_of_sample: Ints) -> Ints:
-    """First sample of each stretch, and the one behind its last, (stretches, 2)."""
+    """First sample of each stretch, and the one after its last, (stretches, 2)."""
     first, last = (
         np.flatnonzero(of(stretch_of_sample)) for of in (mark_stretch_starts, mark_stretch_ends)
     )
@@ -208,7 +210,7 @@ def extend_manoeuvres_to_break_away(
 
 
 def assign_one_way_run_numbers(manoeuvre_of_sample: Ints, speed: Floats, has_reversal: int) -> Ints:
-    """Number the runs that move one way, (n,), -1 elsewhere: at a reversal friction turns."""
+    """Number the runs that move one way, (n,), -1 elsewhere: a reversal turns friction."""
     used = manoeuvre_of_sample >= 0
     forwards = average_three_speed_samples(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
@@ -275,7 +277,7 @@ def mark_rows_without_data(aligned: pl.DataFrame) -> Bools:
     return aligned["left_out"].to_numpy()
 
 
-def mark_rows_from_dig_to_stand(
+def mark_rows_from_dig_to_standstill(
     aligned: pl.DataFrame, excitation: pl.DataFrame, speed: Floats, settings: Settings
 ) -> Bools:
     """Mark the rows from a digging start until the machine stands or turns back, (n,).
@@ -307,7 +309,9 @@ def make_centred_ramp(sample_count: int) -> Floats:
 
 
 def advance_signal_by_delay(signal: Floats, stretch_of_sample: Ints, delay_rows: float) -> Floats:
-    """Signal (n,) advanced by a cubic per stretch: lines low-pass it on a slow grid.
+    """Signal (n,) advanced by cubic interpolation in each stretch.
+
+    Linear interpolation would low-pass it on a slow grid.
 
     Args:
         signal: (n,) the signal.

@@ -57,14 +57,14 @@ class PlayHysteresis(NamedTuple):
 
 
 def choose_hysteresis_width_and_mean_length(
-    motion: MotionSamples, noise: ColumnNoiseModel, mean_samples: int
+    motion: MotionSamples, noise: ColumnNoiseModel, samples_per_mean: int
 ) -> PlayHysteresis:
     """Choose a play in proportion to the largest force, and the shortest mean with little noise.
 
     Args:
         motion: the samples.
         noise: noise of acceleration, speed and force.
-        mean_samples: length of the fitted means.
+        samples_per_mean: length of the fitted means.
     """
     longest = count_rows_in_duration(LIMITS.hysteresis_mean_s, motion.rate_hz)
     half_N = LIMITS.hysteresis_turn_share * motion.force_95_percentile_newtons
@@ -76,7 +76,7 @@ def choose_hysteresis_width_and_mean_length(
         if noise_N <= half_N:
             break
     half_N = max(half_N, noise_N)
-    return PlayHysteresis(half_N, mean, min(mean_samples / mean, 1.0) / half_N)
+    return PlayHysteresis(half_N, mean, min(samples_per_mean / mean, 1.0) / half_N)
 
 
 def compute_sign_of_force_change(force: Floats, play: PlayHysteresis) -> Floats:

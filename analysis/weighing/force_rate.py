@@ -54,15 +54,15 @@ def differentiate_force_by_widest_parabolas(
 
 
 def compute_force_rate_variances(
-    noise: ColumnNoiseModel, rate_hz: float, mean_samples: Sequence[int]
+    noise: ColumnNoiseModel, rate_hz: float, samples_per_mean: Sequence[int]
 ) -> Floats:
     """Noise variance of the force rate by length of trailing mean and by parabola, in N²/s².
 
-    (lengths, parabolas); the lengths are `mean_samples`.
+    (lengths, parabolas); the lengths are `samples_per_mean`.
     """
     slopes = _list_parabola_slope_weights(rate_hz)
     autocovariance = _list_force_autocovariances_newtons2(
-        noise, max(mean_samples) + slopes[-1].size
+        noise, max(samples_per_mean) + slopes[-1].size
     )
 
     def compute_variance(weights: Floats) -> float:
@@ -70,7 +70,7 @@ def compute_force_rate_variances(
         both_sides = 2.0 * products @ autocovariance[: weights.size]
         return max(float(both_sides - products[0] * autocovariance[0]), 0.0)
 
-    means = [np.full(length, 1.0 / length) for length in mean_samples]
+    means = [np.full(length, 1.0 / length) for length in samples_per_mean]
     return np.array(
         [[compute_variance(np.convolve(mean, slope)) for slope in slopes] for mean in means]
     )

@@ -68,7 +68,7 @@ class DirectionGain:
 
     @property
     def is_significant(self) -> bool:
-        """Whether the gain differs from 1, but by no more than that of a sensor may.
+        """Whether the gain differs from 1, but by no more than a sensor's plausibly does.
 
         If the masses differ by direction, the gain itself need not be significant: friction and
         wheel slip leave it uncertain.
@@ -126,7 +126,7 @@ def estimate_force_gain_by_driving_direction(
         fit.kinematics,
         None,
         fit.previous_estimates.ground_variance_ratio_1_s,
-    ).fit_over_sample_means(fit.mean_samples, 2, advance_force=fit.is_force_advanced_by_lag)
+    ).fit_over_sample_means(fit.samples_per_mean, 2, advance_force=fit.is_force_advanced_by_lag)
     found = compute_reverse_to_forward_gain(one, fit)
     if not found.is_significant:
         return None

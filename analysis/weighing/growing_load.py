@@ -180,7 +180,7 @@ def find_manoeuvres_with_growing_load(
         return ()
     motion = fit.motion if motion is None else motion
     rows = average_and_weight_fit_columns(
-        motion, noise, fit.terms, fit.mean_samples, fit.previous_estimates
+        motion, noise, fit.terms, fit.samples_per_mean, fit.previous_estimates
     )
     manoeuvre_of_row = np.where(
         rows.group >= 0, find_manoeuvre_of_stretches(motion)[np.maximum(rows.group, 0)], -1
@@ -379,7 +379,7 @@ def fit_mass_growth_and_information_to_residual(
 
 def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> float:
     """Variance of a row due to sensor noise, in N², including that of overlapping rows."""
-    samples = fit.mean_samples
+    samples = fit.samples_per_mean
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])
     overlap = samples / compute_samples_between_fitted_means(samples)
     return overlap * float(gradient @ noise.compute_covariance_of_means(samples) @ gradient)

@@ -29,11 +29,11 @@ class HaulRoute:
     """Places where loads are dumped, as distances driven since the log began.
 
     Attributes:
-        dumps_m: (dumps,) driven distance at each dump, ascending.
+        dump_positions_m: (dumps,) driven distance at each dump, ascending.
         length_m: length of the route, from the dump to beyond the loading place.
     """
 
-    dumps_m: Floats
+    dump_positions_m: Floats
     length_m: float
 
     @classmethod
@@ -60,13 +60,13 @@ class HaulRoute:
         dumps = ~loaded[1:] & loaded[:-1]
         if not dumps.any():
             return None
-        dumps_m = find_dump_positions_m(ends_m[:-1][dumps], begins_m[1:][dumps])
-        before = np.searchsorted(fills_m, dumps_m) - 1
+        dump_positions_m = find_dump_positions_m(ends_m[:-1][dumps], begins_m[1:][dumps])
+        before = np.searchsorted(fills_m, dump_positions_m) - 1
         if not (before >= 0).any():
             return None
-        hauls_m = dumps_m[before >= 0] - fills_m[before[before >= 0]]
+        hauls_m = dump_positions_m[before >= 0] - fills_m[before[before >= 0]]
         length_m = max(LIMITS.route_over_haul * float(np.median(hauls_m)), 1.0)
-        return cls(add_missed_dump_visits(dumps_m, begins_m), length_m)
+        return cls(add_missed_dump_visits(dump_positions_m, begins_m), length_m)
 
     def compute_relative_distances_to_dump(self, motion: MotionSamples) -> Floats:
         """Distance of each sample from the nearest dump over the route's length, (n,), up to 1."""
@@ -86,11 +86,11 @@ class HaulRoute:
 
         def repeat_between_dumps(each_m: Floats, side: Literal["left", "right"]) -> Floats:
             # both are ascending, and there are few dumps
-            bounds = np.searchsorted(here, self.dumps_m, side)
+            bounds = np.searchsorted(here, self.dump_positions_m, side)
             return np.repeat(each_m, np.diff(bounds, prepend=0, append=here.size))
 
-        ahead = repeat_between_dumps(np.append(self.dumps_m, np.inf), "right") - here
-        behind = here - repeat_between_dumps(np.append(-np.inf, self.dumps_m), "left")
+        ahead = repeat_between_dumps(np.append(self.dump_positions_m, np.inf), "right") - here
+        behind = here - repeat_between_dumps(np.append(-np.inf, self.dump_positions_m), "left")
         return ahead, behind
 
 

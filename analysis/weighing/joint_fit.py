@@ -16,7 +16,7 @@ from analysis.weighing.fit_columns import (
     average_and_weight_fit_columns,
 )
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.force_by_place import PLACE
+from analysis.weighing.force_by_position import PLACE
 from analysis.weighing.force_hysteresis import HYSTERESIS, choose_hysteresis_width_and_mean_length
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import LoadStates
@@ -42,15 +42,14 @@ class JointFitInputs:
         motion: the samples.
         noise: noise of acceleration, speed and force.
         priors: priors of the nuisances.
-        wheels: comparison of wheels and accelerometer, with the force as measured; None if there is
-            none.
+        kinematics: comparison of wheels and accelerometer, by the measured force; None if absent.
         ground_variance_ratio_1_s: see `PreviousEstimates`.
     """
 
     motion: MotionSamples
     noise: ColumnNoiseModel
     priors: PriorSettings
-    wheels: WheelKinematics | None
+    kinematics: WheelKinematics | None
     ground_variance_ratio_1_s: float = 0.0
 
     @classmethod
@@ -84,7 +83,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
         inputs.noise,
         inputs.priors,
         terms,
-        inputs.wheels,
+        inputs.kinematics,
         states,
         inputs.ground_variance_ratio_1_s,
     )
@@ -121,14 +120,14 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
     whole = copy_task_with_updated_wheel_comparison(inputs, whole, best)
-    chosen = fit_delayed_or_low_passed_force(whole, best.mean_samples)
+    chosen = fit_delayed_or_low_passed_force(whole, best.samples_per_mean)
     share = _relative_mass_change_by_mean_length(
         first, next(k for k, found in enumerate(first) if found is best)
     )
     transient = count_rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
     misfit = chosen.solution.misfit_ratio
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
-    if swings and transient > best.mean_samples:
+    if swings and transient > best.samples_per_mean:
         # a common misfit of all starts that no term models averages out over a longer mean
         longer = fit_delayed_or_low_passed_force(whole, transient)
         if longer.solution.misfit_ratio < misfit:
@@ -152,21 +151,21 @@ def copy_task_with_updated_wheel_comparison(
 ) -> FitTask:
     """Task with the wheels compared again, for the lag and load transfer of a first fit, if any."""
     known = pilot_fit.previous_estimates
-    if not (abs(pilot_fit.force_lag_s) > LIMITS.short_lag_s or known.load_transfer_s2_m):
+    if not (abs(pilot_fit.force_delay_s) > LIMITS.short_lag_s or known.load_transfer_s2_m):
         return task
     # slip depends on the force on the ground at the same instant
-    in_time = inputs.motion.advance_force(pilot_fit.force_lag_s)
+    in_time = inputs.motion.advance_force(pilot_fit.force_delay_s)
     acting = replace(in_time, force=known.estimate_ground_force_newtons(in_time))
-    wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.wheels)
-    return replace(task, wheels=wheels)
+    wheels = estimate_wheel_kinematics(acting, inputs.noise, inputs.priors, inputs.kinematics)
+    return replace(task, kinematics=wheels)
 
 
-def fit_delayed_or_low_passed_force(task: FitTask, mean_samples: int) -> JointFit:
+def fit_delayed_or_low_passed_force(task: FitTask, samples_per_mean: int) -> JointFit:
     """Fit all stretches, with the force treated either as delayed or as low-passed."""
-    moved = task.fit_over_sample_means(mean_samples, LIMITS.lag_rounds)
-    if abs(moved.force_lag_s) < LIMITS.short_lag_s:
+    moved = task.fit_over_sample_means(samples_per_mean, LIMITS.lag_rounds)
+    if abs(moved.force_delay_s) < LIMITS.short_lag_s:
         return moved
-    filtered = task.fit_over_sample_means(mean_samples, 2, advance_force=False)
+    filtered = task.fit_over_sample_means(samples_per_mean, 2, advance_force=False)
     filters = filtered.solution.residual_rms < moved.solution.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.posterior_fit.misfit.any():
@@ -196,7 +195,7 @@ def _relative_mass_change_by_mean_length(
     best, longer = fits_by_length[length_index], fits_by_length[length_index + 1 :]
     if best.mass_kg == 0.0:
         return 0.0
-    rows = fits_by_length[0].mean_samples == 1
+    rows = fits_by_length[0].samples_per_mean == 1
     if any(
         do_fit_masses_differ_significantly(best, other, are_means_single_rows=rows)
         for other in longer
@@ -261,7 +260,7 @@ def refit_with_extra_terms(
     )
     fit_rows = fit_rows and fit_rows.select_terms(terms)
     fitted = task.fit_over_sample_means(
-        earlier_fit.mean_samples,
+        earlier_fit.samples_per_mean,
         rounds,
         advance_force=earlier_fit.is_force_advanced_by_lag,
         initial_fit=earlier_fit,
@@ -286,7 +285,11 @@ def make_refit_rows(
     """Rows of the first round of a refit from `earlier_fit`, with additional terms if any."""
     terms = (*earlier_fit.terms, *extra_terms)
     return average_and_weight_fit_columns(
-        earlier_fit.motion, noise, terms, earlier_fit.mean_samples, earlier_fit.previous_estimates
+        earlier_fit.motion,
+        noise,
+        terms,
+        earlier_fit.samples_per_mean,
+        earlier_fit.previous_estimates,
     )
 
 
@@ -321,7 +324,7 @@ def refit_with_hysteresis_if_significant(
         The fit, and its rows by `make_refit_rows` with the terms of the checks.
     """
     fit.solution.compute_uncertainty_and_release_samples()
-    play = choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.mean_samples)
+    play = choose_hysteresis_width_and_mean_length(fit.motion, noise, fit.samples_per_mean)
     played = replace(fit, previous_estimates=replace(fit.previous_estimates, play=play))
     rows = make_refit_rows(played, noise, (*terms_of_checks, HYSTERESIS))
     tested = refit_with_extra_terms(fit, noise, priors, (HYSTERESIS,), fit_rows=rows)
@@ -378,8 +381,9 @@ def add_mass_responses_to_motion_errors(
         return fit
     known, count = fit.previous_estimates, fit.mass_count
 
-    def mass_response(changed: PreviousEstimates, step: float) -> Floats:
-        other = refit_with_extra_terms(replace(fit, previous_estimates=changed), noise, priors)
+    def compute_mass_response(changed_estimates: PreviousEstimates, step: float) -> Floats:
+        changed_fit = replace(fit, previous_estimates=changed_estimates)
+        other = refit_with_extra_terms(changed_fit, noise, priors)
         return (other.theta[:count] - fit.theta[:count]) / step
 
     later = replace(known, speed_delay_s=known.speed_delay_s + LIMITS.probe_delay_s)
@@ -387,10 +391,10 @@ def add_mass_responses_to_motion_errors(
     swing, swung = known.swing, np.zeros(count)
     if swing.lever_s2:
         farther = replace(swing, lever_s2=swing.lever_s2 + swing.u_s2)
-        swung = mass_response(replace(known, swing=farther), 1.0)
+        swung = compute_mass_response(replace(known, swing=farther), 1.0)
     responses = MotionResponses(
-        mass_response(later, LIMITS.probe_delay_s),
-        mass_response(larger, LIMITS.probe_gain_1),
+        compute_mass_response(later, LIMITS.probe_delay_s),
+        compute_mass_response(larger, LIMITS.probe_gain_1),
         swung,
     )
-    return replace(fit, by_motion=responses)
+    return replace(fit, motion_responses=responses)

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.model.uncertainty_sources import compute_root_sum_of_squares
 from analysis.weighing.body_squat import LoadSquat
 from analysis.weighing.fit_columns import PreviousEstimates
-from analysis.weighing.force_by_place import BY_PLACE, make_position_force_columns
+from analysis.weighing.force_by_position import BY_PLACE, make_position_force_columns
 from analysis.weighing.force_hysteresis import HYSTERESIS
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import MostProbableEffects
@@ -66,7 +66,7 @@ class JointFit:
         solution: solution of the last round, from which the uncertainty is computed.
         states: load state of each manoeuvre; None before the search.
         kinematics: comparison of wheels and accelerometer, if there is one.
-        mean_samples: length of the means.
+        samples_per_mean: length of the means.
         motion: fitted samples.
         lag_shape_kg: (masses,) change of the masses if a lag were a low-pass instead of a delay, or
             vice versa; 0 if the shape is known.
@@ -74,7 +74,7 @@ class JointFit:
         is_force_advanced_by_lag: whether the force was advanced by the lag.
         averaging_share: relative effect of a longer mean on the mass.
         prior_means: prior means with their uncertainty.
-        by_motion: responses to errors of the motion; None if level ground is assumed.
+        motion_responses: responses to errors of the motion; None if level ground is assumed.
         effects: most probable effects, and changes by other choices; None if there are none.
         squat: gain of the accelerometer by load; None if unknown or not needed.
         hysteresis_kg: (masses,) change of the masses by hysteresis; None if the log shows none.
@@ -86,14 +86,14 @@ class JointFit:
     solution: Solution
     states: LoadStates | None
     kinematics: WheelKinematics | None
-    mean_samples: int
+    samples_per_mean: int
     motion: MotionSamples
     lag_shape_kg: Floats
     previous_estimates: PreviousEstimates
     is_force_advanced_by_lag: bool
     prior_means: PriorMeans
     averaging_share: float = 0.0
-    by_motion: MotionResponses | None = None
+    motion_responses: MotionResponses | None = None
     effects: MostProbableEffects | None = None
     squat: LoadSquat | None = None
     hysteresis_kg: Floats | None = None
@@ -179,7 +179,7 @@ class JointFit:
         return tuple(names), moved_kg
 
     @property
-    def force_lag_s(self) -> float:
+    def force_delay_s(self) -> float:
         """Delay of the force in s."""
         return self.estimate_of_term("lag")
 
@@ -226,7 +226,7 @@ class JointFit:
     def compute_u_by_cause_kg(self, coefficients: Floats) -> dict[str, float]:
         """Parts of the standard uncertainty of the sum `coefficients` @ masses, by cause, in kg."""
         wide = np.concatenate([coefficients, np.zeros(self.theta.size - self.mass_count)])
-        fit, by_motion = self.posterior_fit, self.by_motion
+        fit, responses = self.posterior_fit, self.motion_responses
         summed = np.flatnonzero(wide)
 
         def weighted_std(covariance: Floats) -> float:
@@ -253,7 +253,7 @@ class JointFit:
             "squat": math.hypot(
                 self._mass_sum_u_by_squat_in_pitch_kg(coefficients),
                 self._mass_sum_u_by_load_dependent_gain_kg(coefficients),
-                0.0 if by_motion is None else float(coefficients @ by_motion.swing_kg),
+                0.0 if responses is None else float(coefficients @ responses.swing_kg),
             ),
             "misfit": weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
             "lag_shape": abs(float(self.lag_shape_kg @ coefficients)) / 2.0,
@@ -270,7 +270,7 @@ class JointFit:
         if wheels is not None and wheels.is_gain_significant:
             # an error of the wheel radius is in the force, and again in the derivative of the speed
             times = 1.0 if self.motion.by_accelerometer else 2.0
-            moved_kg = 0.0 if by_motion is None else float(coefficients @ by_motion.gain_kg)
+            moved_kg = 0.0 if responses is None else float(coefficients @ responses.gain_kg)
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
@@ -331,8 +331,8 @@ class JointFit:
         width = self.prior_std[find_term_index("slip", self.terms)]
         of_masses = coefficients[: self.mass_count]
         late = -friction * float(coefficients.sum())
-        if self.by_motion is not None:
-            late = float(of_masses @ self.by_motion.delay_kg_s)
+        if self.motion_responses is not None:
+            late = float(of_masses @ self.motion_responses.delay_kg_s)
         return np.array(
             [
                 -friction * response / width,

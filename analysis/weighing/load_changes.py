@@ -3,13 +3,17 @@
 import numpy as np
 
 from analysis.stages.signals.grid_rate import count_rows_in_duration
-from analysis.weighing.fitted_stretches import mark_stretch_ends, mark_stretch_starts, memoise
+from analysis.weighing.fitted_stretches import (
+    cache_on_samples,
+    mark_stretch_ends,
+    mark_stretch_starts,
+)
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED
 
 
-@memoise
+@cache_on_samples
 def find_manoeuvre_of_stretches(motion: MotionSamples) -> Ints:
     """Manoeuvre of each stretch, (stretches,).
 

@@ -199,7 +199,7 @@ def _make_load_row(
         "empty": state in empty,
         "scatter_kg": states.scatter_kg if states.degrees_of_freedom > 0 and not withheld else None,
         "scatter_known": states.is_scatter_estimated,
-        "mean_samples": fit.mean_samples,
+        "mean_samples": fit.samples_per_mean,
         "braking_left_out": weighing.braking_left_out,
         "scale_unknown": ", ".join(list_scale_sources_without_u(sources)),
         "payload_scale_unknown": ", ".join(unknown),

@@ -55,7 +55,7 @@ def fit_with_searched_load_states(
     inputs = add_ground_force_variance(first_fit, inputs)
     # with short means the residual is noise and transients, which loads do not explain
     transient = count_rows_in_duration(LIMITS.transient_mean_s, first_fit.motion.rate_hz)
-    samples = max(first_fit.mean_samples, settled.mean_samples, transient)
+    samples = max(first_fit.samples_per_mean, settled.samples_per_mean, transient)
     alike = _PartitionComparison.from_fit(first_fit, inputs, samples)
     fits = list[JointFit]()
     hints = np.append(0, np.cumsum(kind > 1))
@@ -98,21 +98,21 @@ class _PartitionComparison:
 
     Attributes:
         task: the fit without load states.
-        units: mass estimate of each manoeuvre by itself.
+        manoeuvre_masses: mass estimate of each manoeuvre by itself.
         number: (manoeuvres,) numbers of the manoeuvres.
         samples: length of the means.
         known: criterion of each partition already fitted, by the bytes of its array.
     """
 
     task: FitTask
-    units: GroupEffects
+    manoeuvre_masses: GroupEffects
     number: Ints
     samples: int
     known: dict[bytes, float] = field(default_factory=dict[bytes, float])
 
     @classmethod
-    def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, mean_samples: int) -> Self:
-        """Comparison of an earlier fit's manoeuvres, over means of `mean_samples`."""
+    def from_fit(cls, earlier_fit: JointFit, inputs: JointFitInputs, samples_per_mean: int) -> Self:
+        """Comparison of an earlier fit's manoeuvres, over means of `samples_per_mean`."""
         motion, terms = (
             earlier_fit.motion,
             select_terms_of_motion(earlier_fit.motion, has_several_loads=True),
@@ -122,7 +122,7 @@ class _PartitionComparison:
             inputs.noise,
             inputs.priors,
             terms,
-            inputs.wheels,
+            inputs.kinematics,
             None,
             inputs.ground_variance_ratio_1_s,
         )
@@ -131,12 +131,12 @@ class _PartitionComparison:
             task,
             _estimate_manoeuvre_masses(earlier_fit, inputs, classify_load_change_evidence(motion)),
             number,
-            mean_samples,
+            samples_per_mean,
         )
 
     def make_load_states(self, state_of_manoeuvre: Ints) -> LoadStates:
         """Load states of a partition, given the state of each manoeuvre, (manoeuvres,)."""
-        return make_states_of_partition(self.units, self.number, state_of_manoeuvre)
+        return make_states_of_partition(self.manoeuvre_masses, self.number, state_of_manoeuvre)
 
     def compute_akaike_criterion(self, state_of_manoeuvre: Ints) -> float:
         """Akaike information criterion (1974) of a partition; infinite if its fit fails."""
@@ -163,11 +163,14 @@ def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) ->
     for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
             break
-        units = _estimate_manoeuvre_masses(
+        manoeuvre_masses = _estimate_manoeuvre_masses(
             found, inputs, classify_load_change_evidence(found.motion)
         )
         found = fit_jointly(
-            inputs, make_states_of_partition(units, states.manoeuvre_ids, states.state_of_manoeuvre)
+            inputs,
+            make_states_of_partition(
+                manoeuvre_masses, states.manoeuvre_ids, states.state_of_manoeuvre
+            ),
         )
     return found
 
@@ -175,13 +178,16 @@ def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) ->
 def _refit_with_scatter_estimated_from_states(
     fit: JointFit, inputs: JointFitInputs, repeatability_kg: float | None, change_kinds: Ints
 ) -> JointFit:
-    """Refit the same load states with the scatter and single-load probability that they show."""
+    """Refit the same states with the scatter and single-load probability estimated from them."""
     if not np.isfinite(fit.theta).all():
         return fit
-    units, states = _estimate_manoeuvre_masses(fit, inputs, change_kinds), _require_load_states(fit)
-    likeliest = find_load_states(units, states.manoeuvre_ids, repeatability_kg)
+    manoeuvre_masses, states = (
+        _estimate_manoeuvre_masses(fit, inputs, change_kinds),
+        _require_load_states(fit),
+    )
+    likeliest = find_load_states(manoeuvre_masses, states.manoeuvre_ids, repeatability_kg)
     scattering = make_states_of_partition(
-        units, states.manoeuvre_ids, states.state_of_manoeuvre, usual_scatter=False
+        manoeuvre_masses, states.manoeuvre_ids, states.state_of_manoeuvre, usual_scatter=False
     )
     states = replace(scattering, single_probability=likeliest.single_probability)
     return refit_with_extra_terms(
@@ -193,10 +199,10 @@ def _estimate_manoeuvre_masses(
     fit: JointFit, inputs: JointFitInputs, change_kinds: Ints
 ) -> GroupEffects:
     """Mass estimates of each manoeuvre by a fit, with the kinds of change between them."""
-    units = _rebuild_task_of_fit(fit, inputs).estimate_manoeuvre_masses(
+    manoeuvre_masses = _rebuild_task_of_fit(fit, inputs).estimate_manoeuvre_masses(
         fit, make_refit_rows(fit, inputs.noise)
     )
-    return replace(units, kind=change_kinds)
+    return replace(manoeuvre_masses, kind=change_kinds)
 
 
 def _rebuild_task_of_fit(fit: JointFit, inputs: JointFitInputs) -> FitTask:
@@ -315,7 +321,7 @@ def add_ground_force_variance(fit: JointFit, inputs: JointFitInputs) -> JointFit
     # with the fit's own rows: the number of rows of a refit depends on the final lag
     fitted = fit.solution
     correlation, white = estimate_pooled_autocorrelation(fitted.residual, fitted.group, None)
-    a_second = fit.motion.rate_hz / compute_samples_between_fitted_means(fit.mean_samples)
+    a_second = fit.motion.rate_hz / compute_samples_between_fitted_means(fit.samples_per_mean)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     if not noise > 0.0:  # without residuals there is no ground force to estimate
         return inputs

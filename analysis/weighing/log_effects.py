@@ -15,7 +15,7 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.force_by_place import BY_PLACE, PLACE
+from analysis.weighing.force_by_position import BY_PLACE, PLACE
 from analysis.weighing.friction_warming import WARMING
 from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats

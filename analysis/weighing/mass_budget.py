@@ -13,7 +13,7 @@ from analysis.model.uncertainty_sources import (
     compute_root_sum_of_squares,
     sort_sources_largest_first,
 )
-from analysis.weighing.force_by_place import BY_PLACE
+from analysis.weighing.force_by_position import BY_PLACE
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.low_gears import BY_GEAR
 from analysis.weighing.motion_samples import Floats

@@ -17,7 +17,7 @@ import numpy as np
 from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.column_inputs import ColumnInputs
 from analysis.weighing.fit_columns import FitRows
-from analysis.weighing.force_by_place import BY_PLACE
+from analysis.weighing.force_by_position import BY_PLACE
 from analysis.weighing.joint_fit import refit_with_extra_terms
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats
@@ -133,14 +133,14 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
             _LINEAR,
             by_force=lambda m: 2.0 * np.abs(m.force) / force_N,
         ),
-        _make_gain_term(
+        _make_speed_dependent_gain_term(
             "gain_at_high_speed",
             lambda speed: (speed / speed_m_s) ** 2,
             lambda speed: 2.0 * speed / speed_m_s**2,
             "a gain of the force, or a scale of the speed, that changes at high speed",
         ),
         *(
-            _make_gain_term(
+            _make_speed_dependent_gain_term(
                 f"gain_below_{share:.0%}",
                 _make_gaussian_of_speed(share * speed_m_s),
                 _make_gaussian_derivative_of_speed(share * speed_m_s),
@@ -149,7 +149,7 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
             for share in LIMITS.low_speed_fractions
         ),
         *(
-            _make_gain_term(
+            _make_speed_dependent_gain_term(
                 f"gain_step_at_{share:.0%}",
                 _make_low_speed_indicator_function(share * speed_m_s),
                 np.zeros_like,
@@ -168,16 +168,16 @@ def list_scaled_terms_absent_from_model(fit: JointFit) -> tuple[Nuisance, ...]:
     )
 
 
-def _make_gain_term(
+def _make_speed_dependent_gain_term(
     term_name: str,
     gain_of_speed: Callable[[Floats], Floats],
-    gain_slope: Callable[[Floats], Floats],
+    gain_derivative: Callable[[Floats], Floats],
     meaning: str,
 ) -> Nuisance:
-    """Make the term of a force gain that depends on the speed; `gain_slope` is its derivative."""
+    """Make the term of a force gain that depends on the speed, from the gain and its derivative."""
 
-    def by_speed(m: ColumnInputs) -> Floats:
-        return m.force * gain_slope(m.speed)
+    def compute_speed_derivative(m: ColumnInputs) -> Floats:
+        return m.force * gain_derivative(m.speed)
 
     return Nuisance(
         term_name,
@@ -186,7 +186,7 @@ def _make_gain_term(
         lambda _, __: LIMITS.missing_term_prior_std,
         meaning,
         _AT_ALL_SPEEDS,
-        by_speed=by_speed,
+        by_speed=compute_speed_derivative,
         by_force=lambda m: gain_of_speed(m.speed),
     )
 

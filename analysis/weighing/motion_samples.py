@@ -31,7 +31,7 @@ from analysis.weighing.fitted_stretches import (
     integrate_path_positions_and_length_m,
     make_centred_ramp,
     mark_gear_changes,
-    mark_rows_from_dig_to_stand,
+    mark_rows_from_dig_to_standstill,
     mark_rows_without_data,
     number_manoeuvres_and_split_long_drives,
     read_gear_ratio,
@@ -57,27 +57,24 @@ def select_rows_of_array_fields(record: Any, rows: slice | Ints) -> dict[str, An
 class ColumnNoiseModel(Protocol):
     """Noise model of acceleration, speed and force."""
 
-    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
-        """(3, 3) noise covariance of a trailing mean of `mean_samples` samples."""
+    def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
+        """(3, 3) noise covariance of a trailing mean of `samples_per_mean` samples."""
         ...
 
 
 @dataclass(frozen=True)
 class CachedNoise:
-    """Column noise with the covariance cached by the length of the mean.
-
-    Attributes:
-        columns: the noise model.
-    """
+    """Noise model `columns`, with its covariance cached by the length of the mean."""
 
     columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
 
-    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
-        """(3, 3) noise covariance of a trailing mean of `mean_samples` samples."""
-        if mean_samples not in self._known:
-            self._known[mean_samples] = self.columns.compute_covariance_of_means(mean_samples)
-        return self._known[mean_samples]
+    def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
+        """(3, 3) noise covariance of a trailing mean of `samples_per_mean` samples."""
+        if samples_per_mean not in self._known:
+            covariance = self.columns.compute_covariance_of_means(samples_per_mean)
+            self._known[samples_per_mean] = covariance
+        return self._known[samples_per_mean]
 
 
 @dataclass(frozen=True)
@@ -182,9 +179,9 @@ class MotionSamples:
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, stretch_of_sample=group)
 
-    def advance_force(self, lag_s: float) -> "MotionSamples":
+    def advance_force(self, delay_s: float) -> "MotionSamples":
         """Advance the force by its delay."""
-        force = advance_signal_by_delay(self.force, self.stretch_of_sample, lag_s * self.rate_hz)
+        force = advance_signal_by_delay(self.force, self.stretch_of_sample, delay_s * self.rate_hz)
         return replace(self, force=force)
 
     def advance_speed(self, delay_s: float) -> "MotionSamples":
@@ -298,7 +295,7 @@ def collect_motion_samples(
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     speed = np.where(known, speed, 0.0)
-    digs = mark_rows_from_dig_to_stand(aligned, excitation, speed, settings)
+    digs = mark_rows_from_dig_to_standstill(aligned, excitation, speed, settings)
     noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.compute_covariance_of_means(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
     smoothed_m_s = float(np.sqrt(noise.compute_covariance_of_means(settings.smooth.samples)[1, 1]))

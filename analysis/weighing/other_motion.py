@@ -91,15 +91,15 @@ class _OtherMotionNoise:
     rate_hz: float
     by_wheels: bool
 
-    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
-        """(3, 3) noise covariance of a trailing mean of `mean_samples` samples."""
-        found = self.columns.compute_covariance_of_means(mean_samples).copy()
+    def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
+        """(3, 3) noise covariance of a trailing mean of `samples_per_mean` samples."""
+        found = self.columns.compute_covariance_of_means(samples_per_mean).copy()
         found[0, :] = found[:, 0] = 0.0
         if self.by_wheels:
             speed = self.columns.compute_covariance_of_means(1)[1, 1]
             times = (
-                LIMITS.mean_difference_variance / mean_samples**2
-                if mean_samples > 1
+                LIMITS.mean_difference_variance / samples_per_mean**2
+                if samples_per_mean > 1
                 else LIMITS.central_difference_variance
             )
             found[0, 0] = times * speed * self.rate_hz**2

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.weighing.fit_columns import FitRows
-from analysis.weighing.force_by_place import (
+from analysis.weighing.force_by_position import (
     BY_PLACE,
     make_position_force_columns,
     make_position_force_slopes,

@@ -176,14 +176,14 @@ def _make_route_term(route_part: int) -> Nuisance:
     """Term of the change of rolling resistance along one part of the route."""
     begin, end = route_part / LIMITS.route_parts, (route_part + 1) / LIMITS.route_parts
 
-    def route_column(m: ColumnInputs) -> Floats:
+    def make_route_column(m: ColumnInputs) -> Floats:
         ratio = compute_relative_random_walk_std(m.route_length_m / LIMITS.route_parts)
         return evaluate_scaled_ramp(m.direction_times_relative_weight, m.route_1, begin, end, ratio)
 
     return Nuisance(
         f"ground_route_{route_part + 1}_of_{LIMITS.route_parts}",
         "N",
-        route_column,
+        make_route_column,
         lambda e, s: s.ground_route_share * e.empty_weight_N,
         "how rolling resistance changes along the route, over ten metres",
         "more cycles; even ground",

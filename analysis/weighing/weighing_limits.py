@@ -264,7 +264,7 @@ class WeighingLimits:
     #: and of a longer mean, which is the difference of two samples.
     mean_difference_variance: float = 2.0
 
-    # lever_arm
+    # body_swing
     #: Differences over so much time tell the swing of a body from its grade: half a cycle at 2 Hz.
     lever_lag_s: float = 0.25
     #: Fewest means of a stretch.
@@ -376,7 +376,7 @@ class WeighingLimits:
     #: Residuals over the noise of the speed from which wheels and accelerometer are inconsistent.
     max_kinematic_mismatch: float = 3.0
 
-    # force_by_place
+    # force_by_position
     #: Half waves that a force by the place may have on the path.
     path_half_waves: int = 8
 

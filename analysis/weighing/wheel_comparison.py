@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.fitted_stretches import find_stretch_spans
-from analysis.weighing.lever_arm import (
+from analysis.weighing.body_swing import (
     BodySwing,
     estimate_body_swing,
     fit_body_spring_rates,
     subtract_swing_from_accelerometer,
 )
+from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
@@ -104,7 +104,7 @@ def compare_wheels_with_or_without_gravity(
         return None
     told = (
         None
-        if earlier_kinematics is None or not earlier_kinematics.is_usable_as_initial_comparison
+        if earlier_kinematics is None or not earlier_kinematics.can_start_next_comparison
         else earlier_kinematics.estimates_of_this_log or earlier_kinematics
     )
     found = _fit_wheel_comparison(motion.specific_force, motion, noise, priors, told)

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.prior_settings import PriorSettings
-from analysis.weighing.lever_arm import NO_SWING, BodySwing
+from analysis.weighing.body_swing import NO_SWING, BodySwing
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints
 from analysis.weighing.stretch_means import EVERY, MEAN
 from analysis.weighing.weighing_limits import LIMITS
@@ -69,7 +69,7 @@ class WheelKinematics:
         return self.mismatch <= LIMITS.max_kinematic_mismatch
 
     @property
-    def is_usable_as_initial_comparison(self) -> bool:
+    def can_start_next_comparison(self) -> bool:
         """Whether the comparison is good enough to start another one from."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 

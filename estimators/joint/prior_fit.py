@@ -353,7 +353,7 @@ class _InformativeGroups:
 def estimate_between_group_covariance_and_birge_ratio(
     gain: Gain, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
-    """Covariance due to disagreeing groups, (p, p), and Birge ratio of the first parameter."""
+    """Covariance by disagreement of groups, (p, p), and Birge ratio of the first parameter."""
     count = len(scores)
     degrees_of_freedom = count - levels
     if degrees_of_freedom < 1:

@@ -3,8 +3,8 @@
 Every function here forms the same sums as the compiled `estimate_along_log` for the current window,
 in the same order, and calls the same loops for one window, so that θ equals the replay's bit for
 bit. Standard deviations differ, since the residuals' autocorrelation over the log is not known yet:
-residuals are assumed to be white noise after a moving mean of `mean_samples` samples, and the
-regressor constant over that span, so that the textbook variance is `mean_samples` times larger.
+residuals are assumed to be white noise after a moving mean of `samples_per_mean` samples, and the
+regressor constant over that span, so that the textbook variance is `samples_per_mean` times larger.
 """
 
 from collections.abc import Sequence
@@ -148,31 +148,31 @@ def compute_window_statistics_for_gate(
     )
 
 
-def estimate_by_ls(state: WindowState, mean_samples: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
+def estimate_by_ls(state: WindowState, samples_per_mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the current window."""
     A, f, end = unroll_window_to_samples(state)
     theta, _ = solve_windows_by_normal_equations(A, f, f.size, end, state.products)
-    return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
+    return make_window_estimate(state, theta, extract_packed_gram(state.products), samples_per_mean)
 
 
-def estimate_by_fgls(state: WindowState, mean_samples: int, options: FglsOptions) -> Estimate:
+def estimate_by_fgls(state: WindowState, samples_per_mean: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the current window: O(window)."""
     A, f, end = unroll_window_to_samples(state)
     theta = reweight_fgls(A, f, f.size, end, state.products, options)
-    return make_window_estimate(state, theta, extract_packed_gram(state.products), mean_samples)
+    return make_window_estimate(state, theta, extract_packed_gram(state.products), samples_per_mean)
 
 
-def estimate_by_tls(state: WindowState, mean_samples: int, options: TlsOptions) -> Estimate:
+def estimate_by_tls(state: WindowState, samples_per_mean: int, options: TlsOptions) -> Estimate:
     """Total least squares of the current window."""
-    return make_window_estimate(state, *solve_scaled_tls(state.products, options), mean_samples)
+    return make_window_estimate(state, *solve_scaled_tls(state.products, options), samples_per_mean)
 
 
-def estimate_by_huber(state: WindowState, mean_samples: int, options: HuberOptions) -> Estimate:
+def estimate_by_huber(state: WindowState, samples_per_mean: int, options: HuberOptions) -> Estimate:
     """Huber regression of the current window: at most a hundred steps of O(window)."""
     A, f, end = unroll_window_to_samples(state)
     theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
     return make_window_estimate(
-        state, theta, extract_packed_gram(state.products), mean_samples, residuals.squares
+        state, theta, extract_packed_gram(state.products), samples_per_mean, residuals.squares
     )
 
 
@@ -186,7 +186,7 @@ def make_window_estimate(
     state: WindowState,
     theta: Floats,
     G: Floats,
-    mean_samples: int,
+    samples_per_mean: int,
     raised_rss: Floats | None = None,
 ) -> Estimate:
     """Estimate of one window from θ (p, 1), packed AᵀA (entries, 1) and RSS (1,)."""
@@ -196,7 +196,7 @@ def make_window_estimate(
     return Estimate(
         theta[:, 0].copy(),
         compute_homoscedastic_stds(
-            G[:, 0], p, rss if raised_rss is None else raised_rss, window, mean_samples
+            G[:, 0], p, rss if raised_rss is None else raised_rss, window, samples_per_mean
         ),
         float(np.sqrt(rss[0] / window)),
         float(compute_condition_numbers(state.products, q, p)[0]),
@@ -204,11 +204,11 @@ def make_window_estimate(
 
 
 def compute_homoscedastic_stds(
-    G: Floats, p: int, rss: Floats, samples: int, mean_samples: int
+    G: Floats, p: int, rss: Floats, samples: int, samples_per_mean: int
 ) -> Floats:
-    """Textbook standard deviations (p,), with `mean_samples` residual samples counted as one."""
-    degrees_of_freedom = samples - p * mean_samples
-    variance = rss[0] / degrees_of_freedom * mean_samples if degrees_of_freedom > 0 else np.nan
+    """Textbook standard deviations (p,), counting `samples_per_mean` residual samples as one."""
+    degrees_of_freedom = samples - p * samples_per_mean
+    variance = rss[0] / degrees_of_freedom * samples_per_mean if degrees_of_freedom > 0 else np.nan
     return np.sqrt(variance * np.diagonal(invert_positive_definite(unpack_leading_block(G, p, p))))
 
 
@@ -242,13 +242,18 @@ def _add_new_samples_to_history(
 
 
 def make_recursive_estimate(
-    theta: Floats, past: WindowHistory, R: Floats, rss: float, mean_samples: int, condition: float
+    theta: Floats,
+    past: WindowHistory,
+    R: Floats,
+    rss: float,
+    samples_per_mean: int,
+    condition: float,
 ) -> Estimate:
     """Estimate from θ = R⁻¹ Aᵀf, whose errors are R⁻¹ (p, p) times the errors of Aᵀf."""
     p = theta.size
     bread = invert_positive_definite(R)
     M = unpack_leading_block(past.squares, p + 1, p)
-    std = np.sqrt(rss / past.weight * mean_samples * np.diagonal(bread @ M @ bread))
+    std = np.sqrt(rss / past.weight * samples_per_mean * np.diagonal(bread @ M @ bread))
     return Estimate(theta, std, float(np.sqrt(rss / past.weight)), condition)
 
 
@@ -256,7 +261,7 @@ def estimate_by_rls(
     state: WindowState,
     past: WindowHistory | RlsState | None,
     new_samples: int,
-    mean_samples: int,
+    samples_per_mean: int,
     options: RlsOptions,
 ) -> tuple[WindowHistory | RlsState, Estimate]:
     """Feed the newest samples of an accepted window, or start with its OLS estimate.
@@ -265,21 +270,21 @@ def estimate_by_rls(
         state: the window.
         past: state after the previous accepted window; None for the first.
         new_samples: number of samples that were in no accepted window before.
-        mean_samples: length of the moving mean in samples.
+        samples_per_mean: length of the moving mean in samples.
         options: forgetting; with directional forgetting `past` is an `RlsState`.
     """
     if options.directional:
         assert not isinstance(past, WindowHistory)
-        return _step_directional_rls(state, past, new_samples, mean_samples, options)
+        return _step_directional_rls(state, past, new_samples, samples_per_mean, options)
     assert not isinstance(past, RlsState)
-    return _step_exponential_rls(state, past, new_samples, mean_samples, options)
+    return _step_exponential_rls(state, past, new_samples, samples_per_mean, options)
 
 
 def _step_exponential_rls(
     state: WindowState,
     past: WindowHistory | None,
     new_samples: int,
-    mean_samples: int,
+    samples_per_mean: int,
     options: RlsOptions,
 ) -> tuple[WindowHistory, Estimate]:
     """One step of RLS with exponential forgetting; the first starts from the window."""
@@ -288,10 +293,8 @@ def _step_exponential_rls(
     if past is None:
         A, f, _ = unroll_window_to_samples(state)
         begin = recursion.start(A, f, options)
-        R, G = (
-            np.diag(1.0 / np.diagonal(begin.P)),
-            unpack_leading_block(state.products[:, 0], p + 1, p),
-        )
+        R = np.diag(1.0 / np.diagonal(begin.P))
+        G = unpack_leading_block(state.products[:, 0], p + 1, p)
         squares = np.zeros((p + 1, p + 1))
         squares[:p, :p] = R @ invert_positive_definite(G) @ R
         past = WindowHistory(
@@ -304,19 +307,16 @@ def _step_exponential_rls(
         past = _add_new_samples_to_history(state, past, new_samples, options.forgetting)
         solved = solve_packed_equations(past.products[:entries].reshape(-1, 1))
         R = unpack_leading_block(past.products, p + 1, p)
-        theta, rss, condition = (
-            solved.theta[:, 0],
-            float(solved.rss[0]),
-            compute_scaled_condition(R),
-        )
-    return past, make_recursive_estimate(theta, past, R, rss, mean_samples, condition)
+        theta, rss = solved.theta[:, 0], float(solved.rss[0])
+        condition = compute_scaled_condition(R)
+    return past, make_recursive_estimate(theta, past, R, rss, samples_per_mean, condition)
 
 
 def _step_directional_rls(
     state: WindowState,
     past: RlsState | None,
     new_samples: int,
-    mean_samples: int,
+    samples_per_mean: int,
     options: RlsOptions,
 ) -> tuple[RlsState, Estimate]:
     """One step of RLS with directional forgetting; the first starts from the window."""
@@ -333,7 +333,7 @@ def _step_directional_rls(
         past = RlsState(theta[-1], P[-1], *sums)
         R = invert_positive_definite(past.P)
     rms = float(np.sqrt(max(past.square, 0.0) / past.weight))
-    std = rms * np.sqrt(mean_samples * np.diagonal(invert_positive_definite(R)))
+    std = rms * np.sqrt(samples_per_mean * np.diagonal(invert_positive_definite(R)))
     return past, Estimate(past.theta, std, rms, compute_scaled_condition(R))
 
 
@@ -341,7 +341,7 @@ def estimate_by_rtls(
     state: WindowState,
     past: WindowHistory | None,
     new_samples: int,
-    mean_samples: int,
+    samples_per_mean: int,
     options: RtlsOptions,
 ) -> tuple[WindowHistory, Estimate]:
     """Recursive total least squares; the arguments are those of `estimate_by_rls`."""
@@ -360,7 +360,7 @@ def estimate_by_rtls(
     rss = float(compute_residual_sums_of_squares(products, theta)[0])
     condition = float(compute_condition_numbers(products, p + 1, p)[0])
     R = unpack_leading_block(clean[:, 0], p, p)
-    return past, make_recursive_estimate(theta[:, 0], past, R, rss, mean_samples, condition)
+    return past, make_recursive_estimate(theta[:, 0], past, R, rss, samples_per_mean, condition)
 
 
 @dataclass(frozen=True, slots=True)
@@ -376,7 +376,7 @@ class Pool:
         add_one_sample_product(sample[:-1].copy(), sample[-1], products)
         return Pool(products, self.samples + 1)
 
-    def estimate(self, mean_samples: int, options: PooledOptions) -> Estimate:
+    def estimate(self, samples_per_mean: int, options: PooledOptions) -> Estimate:
         """Least squares over all samples of the pool."""
         products = self.products.reshape(-1, 1)
         counts = np.array([float(self.samples)])
@@ -388,7 +388,7 @@ class Pool:
         return Estimate(
             theta[:, 0],
             compute_homoscedastic_stds(
-                extract_packed_gram(products)[:, 0], p, rss, self.samples, mean_samples
+                extract_packed_gram(products)[:, 0], p, rss, self.samples, samples_per_mean
             ),
             float(np.sqrt(rss[0] / self.samples)),
             float(compute_condition_numbers(products, p + 1, p)[0]),

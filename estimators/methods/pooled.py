@@ -1,4 +1,4 @@
-"""Least squares pooled over all accepted samples of a manoeuvre: one estimate per segment.
+"""Least squares pooled over all accepted samples of a manoeuvre: one estimate each.
 
 Sliding windows use the samples of a start repeatedly; here every sample is used once.
 """
@@ -78,27 +78,27 @@ def subtract_expected_noise(products: Floats, counts: Floats, options: PooledOpt
 
 
 def estimate_along_log(
-    A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None
+    A: Floats, f: Floats, manoeuvre_of_sample: Ints, options: PooledOptions | None = None
 ) -> Trace:
-    """Estimate every segment.
+    """Estimate every manoeuvre.
 
     Args:
-        A: (n, p) regressor; rows with a negative segment_id may be NaN.
+        A: (n, p) regressor; rows of samples in no manoeuvre may be NaN.
         f: (n,) force.
-        segment_id: (n,) segment of each sample, negative for none.
+        manoeuvre_of_sample: (n,) manoeuvre of each sample, negative for none.
         options: noise of the columns, if known.
 
     Returns:
-        A row per segment, ascending by segment_id, with the last pooled sample as `index`; NaN if
-        the samples of a segment do not determine θ.
+        A row per manoeuvre, ascending by its number, with the last pooled sample as `index`; NaN if
+        the samples of a manoeuvre do not determine θ.
     """
     options = options or PooledOptions()
     p = A.shape[1]
-    used = np.flatnonzero(segment_id >= 0)
-    ids = list_group_numbers(segment_id).astype(np.int64)
+    used = np.flatnonzero(manoeuvre_of_sample >= 0)
+    ids = list_group_numbers(manoeuvre_of_sample).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
-    row_of = np.searchsorted(ids, segment_id[used])
+    row_of = np.searchsorted(ids, manoeuvre_of_sample[used])
     products = np.zeros(((p + 1) * (p + 2) // 2, ids.size))
     add_sample_products(A, f, used, row_of, products)
     counts = np.bincount(row_of, minlength=ids.size).astype(float)
@@ -113,12 +113,14 @@ def estimate_along_log(
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
     solved = np.isfinite(theta[:, 0])
     group = np.full(f.size, -1, np.int64)
-    group[used] = np.where(solved[row_of], segment_id[used], -1)
+    group[used] = np.where(solved[row_of], manoeuvre_of_sample[used], -1)
     correlation, _ = estimate_pooled_autocorrelation(residual, group, A)
     rss = np.bincount(row_of, weights=residual[used] ** 2, minlength=ids.size)
     std = np.empty((ids.size, p))
     for row in range(ids.size):
-        B = compute_sandwich_meat(A, segment_id, ids[row], first[row], last[row], correlation)
+        B = compute_sandwich_meat(
+            A, manoeuvre_of_sample, ids[row], first[row], last[row], correlation
+        )
         gram = unpack_leading_block(clean[:, row], p + 1, p)
         known = compute_sandwich_stds(gram, B, float(rss[row]), float(counts[row]))
         std[row] = known * compute_std_widening_factor(counts[row], correlation)

@@ -43,7 +43,7 @@ def fit(
     A: Blocks,
     f: Floats,
     parameters: Sequence[str],
-    segment_id: Ints | None = None,
+    stretch_of_sample: Ints | None = None,
     prior: Prior | None = None,
     noise: Floats | None = None,
     noise_mixing: Floats | None = None,
@@ -58,8 +58,8 @@ def fit(
         A: (n, k, p) regressor of k axes, samples in time order; an array, or built in blocks.
         f: (n, k) force or torque.
         parameters: (p,) names of the columns.
-        segment_id: (n,) stretch of the log of each sample, negative for excluded samples, which may
-            be NaN; None for a single stretch.
+        stretch_of_sample: (n,) stretch of the log of each sample, negative for excluded samples,
+            which may be NaN; None for a single stretch.
         prior: prior of parameters from earlier stages, or of small ones.
         noise: (k, p) r.m.s. noise of the columns of each axis, of one source each within an axis.
             Parameters below the noise are not determined, see `identify`; attenuation is corrected,
@@ -84,8 +84,8 @@ def fit(
             raise DataError(
                 f"no parameter '{name}' for a prior; {suggest_choice(name, parameters)}"
             )
-    segment_id = np.zeros(n, np.int64) if segment_id is None else segment_id
-    used = segment_id >= 0
+    stretch_of_sample = np.zeros(n, np.int64) if stretch_of_sample is None else stretch_of_sample
+    used = stretch_of_sample >= 0
     samples = int(used.sum())
     R = compute_triangular_factors(A, f, used)
     if not np.isfinite(R[..., -1]).all() and np.isfinite(R[..., :-1]).all():
@@ -105,16 +105,20 @@ def fit(
     fitted = system.solve_with_correlation_times(np.ones(k))
     coefficients = place_values_in_columns(fitted.theta, columns, p)
     residual = compute_blockwise_residuals(A, f, used, coefficients)
-    losses = compute_autocovariance_losses(A, columns, segment_id)
-    correlations = compute_residual_autocorrelations_by_axis(segment_id, residual, losses)
+    losses = compute_autocovariance_losses(A, columns, stretch_of_sample)
+    correlations = compute_residual_autocorrelations_by_axis(stretch_of_sample, residual, losses)
     if given.size and samples and np.isfinite(fitted.theta).all():
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
         fitted = system.solve_with_correlation_times(np.array(lasting))
         coefficients = place_values_in_columns(fitted.theta, columns, p)
         residual = compute_blockwise_residuals(A, f, used, coefficients)
-        correlations = compute_residual_autocorrelations_by_axis(segment_id, residual, losses)
-    covariance = compute_sandwich_covariance(A, columns, segment_id, correlations, fitted, prior)
+        correlations = compute_residual_autocorrelations_by_axis(
+            stretch_of_sample, residual, losses
+        )
+    covariance = compute_sandwich_covariance(
+        A, columns, stretch_of_sample, correlations, fitted, prior
+    )
 
     single = np.append(found.identifiable[found.base], np.ones(given.size, np.bool_))
     here = columns[single]
@@ -301,31 +305,35 @@ def compute_axis_rms(residual: Floats, samples: int) -> Floats:
     return np.sqrt((residual**2).sum(axis=1) / samples)
 
 
-def compute_autocovariance_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
+def compute_autocovariance_losses(
+    A: Blocks, columns: Ints, stretch_of_sample: Ints
+) -> list[Floats]:
     """Loss of autocovariance of each axis' residuals, caused by the fit."""
-    k, used = A.shape[1], segment_id >= 0
+    k, used = A.shape[1], stretch_of_sample >= 0
     if not used.any():
         return [np.zeros((0, 0))] * k
     # θ is fitted to all series together, so that each has lost its share of the r columns; of a
     # long one that is nothing
-    share = columns[: -(-columns.size // (k * np.unique(segment_id[used]).size))]
+    share = columns[: -(-columns.size // (k * np.unique(stretch_of_sample[used]).size))]
     if used.size > BLOCK:
-        return [compute_autocovariance_loss(segment_id, None)] * k
+        return [compute_autocovariance_loss(stretch_of_sample, None)] * k
     return [
-        compute_autocovariance_loss(segment_id, axis)
+        compute_autocovariance_loss(stretch_of_sample, axis)
         for axis in A[:].transpose(1, 0, 2)[..., share]
     ]
 
 
 def compute_residual_autocorrelations_by_axis(
-    segment_id: Ints, residual: Floats, losses: list[Floats]
+    stretch_of_sample: Ints, residual: Floats, losses: list[Floats]
 ) -> list[Floats]:
     """Residual autocorrelation of each axis, (lags,) each.
 
     They differ, since the noise of a derivative is correlated differently from that of a sensor.
     """
     return [
-        estimate_pooled_autocorrelation(np.ascontiguousarray(axis), segment_id, None, loss)[0]
+        estimate_pooled_autocorrelation(np.ascontiguousarray(axis), stretch_of_sample, None, loss)[
+            0
+        ]
         for axis, loss in zip(residual.T, losses, strict=True)
     ]
 
@@ -333,7 +341,7 @@ def compute_residual_autocorrelations_by_axis(
 def compute_sandwich_covariance(
     A: Blocks,
     columns: Ints,
-    segment_id: Ints,
+    stretch_of_sample: Ints,
     correlations: list[Floats],
     fitted_parameters: _FittedParameters,
     prior: Prior,
@@ -351,7 +359,7 @@ def compute_sandwich_covariance(
         return np.full((r, r), np.nan)
     size = np.sqrt(np.diagonal(fitted_parameters.bread))
     weight = (fitted_parameters.axis_weights / np.sqrt(fitted_parameters.lasting))[:, None] * size
-    B = sum_sandwich_meat(A, columns, segment_id, correlations, weight)
+    B = sum_sandwich_meat(A, columns, stretch_of_sample, correlations, weight)
     bread = fitted_parameters.bread / np.outer(size, size)
     cover = bread @ B @ bread
     white = (fitted_parameters.grams / fitted_parameters.lasting[:, None, None]).sum(

@@ -65,24 +65,28 @@ def compute_blockwise_residuals(A: Blocks, f: Floats, is_used: Bools, theta: Flo
 
 
 def sum_sandwich_meat(
-    A: Blocks, columns: Ints, segment_id: Ints, correlations: list[Floats], axis_weights: Floats
+    A: Blocks,
+    columns: Ints,
+    stretch_of_sample: Ints,
+    correlations: list[Floats],
+    axis_weights: Floats,
 ) -> Floats:
     """Σ w² Aᵀ R A over axes and stretches, (r, r); each axis' stretch is its own series.
 
     Args:
         A: (n, k, p) regressor.
         columns: (r,) selected columns.
-        segment_id: (n,) stretch of each sample, negative for excluded ones.
+        stretch_of_sample: (n,) stretch of each sample, negative for excluded ones.
         correlations: k of (lags,), the residuals' autocorrelation of each axis.
         axis_weights: (k, r) factors of each axis' columns.
     """
     total = np.zeros((columns.size, columns.size))
     before = max(each.size for each in correlations) - 1
-    for part in iter_used_blocks(segment_id >= 0):
+    for part in iter_used_blocks(stretch_of_sample >= 0):
         # include the preceding samples that the first ones of the block are correlated with
         history = min(before, part.start)
         wide = slice(part.start - history, part.stop)
-        rows, labels = A[wide][..., columns], segment_id[wide]
+        rows, labels = A[wide][..., columns], stretch_of_sample[wide]
         for axis, correlation in enumerate(correlations):
             scaled = np.ascontiguousarray(rows[:, axis]) * axis_weights[axis]
             for label in np.unique(labels[history:]):

@@ -130,7 +130,7 @@ def _compute_run_span(
 def iter_machine_id_contradictions(
     serial_number: str, machine: Machine, logs: Sequence[EvidenceLog]
 ) -> Iterator[str]:
-    """Yield a sentence for the machine file and each log with another machine id than the campaign.
+    """Yield a sentence for the machine file and each log whose machine id is not the campaign's.
 
     Args:
         serial_number: serial number in the campaign.

@@ -314,7 +314,7 @@ def parse_untrusted_evidence(json_bytes: bytes, source: str) -> EvidenceDocument
         ) from None
     if document.canonical_json_bytes != json_bytes:
         raise EvidenceError(
-            f"{source}: writes a value as another type than the schema of evidence has; copy the "
+            f"{source}: a value has another type than the schema of evidence requires; copy the "
             "original file again"
         )
     return document.copy_with_defaults_of_newer_settings(values)

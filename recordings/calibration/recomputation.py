@@ -223,7 +223,7 @@ def compare_learnt_priors_with_pooled(document: EvidenceDocument) -> Findings:
     learnt, campaign = document.learnt, document.campaign
     if learnt is None:
         return
-    if not campaign.does_learn_priors:
+    if not campaign.learns_priors:
         yield _make_irreproducible_finding(
             "learnt", "is there, although the campaign learns nothing"
         )

@@ -34,7 +34,7 @@ def iter_defaults_of_model(model: type[BaseModel], prefix: str) -> Iterator[tupl
     """
     for name, field in model.model_fields.items():
         place = f"{prefix}.{name}"
-        inner, several = find_model_of_annotation(field.annotation)
+        inner, several = find_pydantic_model_in_annotation(field.annotation)
         if inner is not None:
             yield from iter_defaults_of_model(inner, f"{place}.{_ANY}" if several else place)
         if inner is None or several:
@@ -50,12 +50,12 @@ class AnnotatedModel(NamedTuple):
     is_collection: bool
 
 
-def find_model_of_annotation(annotation: Any) -> AnnotatedModel:
+def find_pydantic_model_in_annotation(annotation: Any) -> AnnotatedModel:
     """Find the model in a field's annotation, None without one; and whether there are several."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return AnnotatedModel(annotation, False)
     for each in get_args(annotation):
-        inner, _ = find_model_of_annotation(each)
+        inner, _ = find_pydantic_model_in_annotation(each)
         if inner is not None:
             return AnnotatedModel(
                 inner, getattr(annotation, "__origin__", None) in (tuple, dict, list)

@@ -231,13 +231,13 @@ def make_difference_panel(
     named = tuple(
         replace(each, frame=make_entity_path_of_side(_LESS, each.frame)) for each in drawn
     )
-    above = set() if overlaid_panel is None else {each.label for each in overlaid_panel.drawn}
+    above = set() if overlaid_panel is None else {each.label for each in overlaid_panel.columns}
     return Panel(
         f"B − A: {view.title}",
         ViewKind.LINES,
         named,
         choose_axis_range_without_outliers(plain, difference.run),
-        named_above=above.issuperset(each.label for each in named),
+        shares_legend_of_panel_above=above.issuperset(each.label for each in named),
     )
 
 

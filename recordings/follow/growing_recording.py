@@ -344,7 +344,7 @@ def read_end_of_recording(path: Path) -> RecordingEnd | None:
         if not found:
             raise RecordingError(
                 f"{path}: is unfinished, and not a recording of `payscope follow`; give another "
-                "output, or give --force"
+                "output, or --force to replace it"
             )
         about = FollowedLog(found["identity"], int(found["t0_unix_ns"]), found["recording_id"])
         parts = [data[begin:end] for begin, end, of_store in messages[:_FIRST] if of_store]

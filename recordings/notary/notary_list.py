@@ -140,7 +140,7 @@ def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
         raise EvidenceError(f"{source}: is longer than the {LIMITS.line_bytes} bytes allowed")
     values: Any = parse_canonical_json(line_bytes, source)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
-        raise EvidenceError(f"{source}: is not a signed line of a notary")
+        raise EvidenceError(f"{source}: is not a signed line of a notary list")
     text = values.pop("signature")
     model = NotaryHead if values.get("counter") == 0 else NotaryEntry
     try:
@@ -149,7 +149,7 @@ def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
     except (binascii.Error, ValueError) as fault:
         raise EvidenceError(f"{source}: {_format_validation_fault(fault)}") from None
     if encode_canonical_json({**content.model_dump(mode="json"), "signature": text}) != line_bytes:
-        raise EvidenceError(f"{source}: writes a value as another type than a notary does")
+        raise EvidenceError(f"{source}: a value has another type than `payscope notarise` writes")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(f"{source}: its signature is not base64 of 64 bytes")
     return NotaryLine(line_bytes, content, signature)

@@ -195,7 +195,9 @@ def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
             "is not replaced; give another output"
         )
     if target.exists() and not force:
-        raise OutputError(f"{target}: exists already; give another output, or give --force")
+        raise OutputError(
+            f"{target}: exists already; give another output, or --force to replace it"
+        )
 
 
 def _is_folder_written_whole(folder: Path) -> bool:

@@ -29,7 +29,7 @@ from recordings.review.reviewer_verdicts import (
 from recordings.review.shift_facts import (
     describe_long_gaps,
     describe_missing_loads,
-    describe_scale_of_tonnes,
+    describe_source_of_mass_scale,
     describe_truncated_logs,
     explain_why_no_cycle_is_counted,
     list_losses_besides_truncated_ends,
@@ -196,16 +196,16 @@ class UsedCalibration(NamedTuple):
 
     Attributes:
         description: sentence about the calibration; empty without one.
-        against: why the logs contradict it, so that it is not used; else empty.
+        contradiction_text: why the logs contradict it, so that it is not used; else empty.
     """
 
     description: str = ""
-    against: str = ""
+    contradiction_text: str = ""
 
     @property
     def has_calibrated_payloads(self) -> bool:
         """Whether the payloads are calibrated by this evidence."""
-        return bool(self.description) and not self.against
+        return bool(self.description) and not self.contradiction_text
 
 
 @dataclass(frozen=True)
@@ -252,8 +252,8 @@ def render_review_html(review_page: ReviewPage) -> str:
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
         duration=format_duration(shift["duration_s"]),
-        calibration_warning=review_page.calibration.against
-        and f"{NOT_CALIBRATED}: {review_page.calibration.against}.",
+        calibration_warning=review_page.calibration.contradiction_text
+        and f"{NOT_CALIBRATED}: {review_page.calibration.contradiction_text}.",
         headline=summarise_shift_in_line(shift, why_not, state),
         no_tonnes=bool(why_not),
         alarms=list(
@@ -321,7 +321,7 @@ def _list_review_warnings(review_page: ReviewPage) -> list[str]:
         for finding in state.findings[: LIMITS.max_findings]
     ]
     if review_page.shift["scale_unknown"]:
-        found.append(f"Scale {describe_scale_of_tonnes(review_page.shift)}.")
+        found.append(f"Scale {describe_source_of_mass_scale(review_page.shift)}.")
     return found
 
 

@@ -80,7 +80,7 @@ class ShiftVerdict(Labels):
     author: _Author | None = None
     time: dt.datetime | None = None
 
-    def does_apply_to_dump_at(self, dump_unix_s: float) -> bool:
+    def applies_to_dump_at(self, dump_unix_s: float) -> bool:
         """Whether the verdict applies to a cycle dumped at a Unix time in s."""
         first, last = (
             limit if each is None else each.timestamp()
@@ -107,7 +107,7 @@ class VerdictFile(BaseModel):
     def find_labels_at_dump(self, dump_unix_s: float) -> Labels:
         """Find the labels that apply to a cycle dumped at a Unix time in s."""
         return merge_labels_of_verdicts(
-            each for each in self.shift if each.does_apply_to_dump_at(dump_unix_s)
+            each for each in self.shift if each.applies_to_dump_at(dump_unix_s)
         )
 
 

@@ -238,7 +238,7 @@ def _list_payload_names_and_values(
         ("interval", "95 % (k = 2)"),
         ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
         ("systematic", f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)"),
-        ("scale", describe_scale_of_tonnes(shift)),
+        ("scale", describe_source_of_mass_scale(shift)),
         *((("sensitivity", least),) if (least := describe_min_detectable_load(shift)) else ()),
         ("estimated where nothing was recorded", _describe_lost_recording_time(shift, state)),
         (
@@ -297,7 +297,7 @@ def format_cycles_and_mass(
     )
 
 
-def describe_scale_of_tonnes(shift: Mapping[str, Any]) -> str:
+def describe_source_of_mass_scale(shift: Mapping[str, Any]) -> str:
     """Say what determines the scale of the tonnes, or which sources of error are unknown."""
     gain = ""
     if shift["gain_1"] is not None:

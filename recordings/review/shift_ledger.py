@@ -264,7 +264,8 @@ def find_ledger_row_of_cycle(time_text: str, ledger_rows: pl.DataFrame, clock: S
             else ""
         )
         raise ReviewError(
-            f"no cycle '{time_text}' among {format_count(ledger_rows.height, 'cycle')}{span}"
+            f"no cycle '{time_text}' among {format_count(ledger_rows.height, 'cycle')}{span}; take "
+            "the number or id from the ledger"
         )
     return found[0]
 

@@ -222,7 +222,7 @@ def render_week_html(
 def describe_week_tonnes(week_parts: Sequence[WeekPart]) -> str:
     """Describe the tonnes of the week, and whether their ± includes the scale error."""
     whole = sum_week(week_parts)
-    scale = "" if all(part.scale_known for part in week_parts) else f", {SCALE_NOT_KNOWN}"
+    scale = "" if all(part.is_scale_known for part in week_parts) else f", {SCALE_NOT_KNOWN}"
     sum_text = format_tonnes(whole.payload_kg, K * whole.payload_u_kg)
     return f"{sum_text} in {format_count(whole.loads, 'load')}{scale}"
 

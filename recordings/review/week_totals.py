@@ -38,7 +38,7 @@ class WeekPart(NamedTuple):
         energy_kWh: energy of the counted loads with known energy.
         energy_u_kWh: standard uncertainty of that energy.
         energy_t: tonnes of the loads with known energy.
-        scale_known: whether the uncertainty includes the scale error.
+        is_scale_known: whether the uncertainty includes the scale error.
         review: folder of the review.
     """
 
@@ -54,7 +54,7 @@ class WeekPart(NamedTuple):
     energy_kWh: float = 0.0
     energy_u_kWh: float = 0.0
     energy_t: float = 0.0
-    scale_known: bool = True
+    is_scale_known: bool = True
     review: str = ""
 
 
@@ -115,7 +115,8 @@ def read_counted_loads_of_reviews(review_folders: Sequence[Path]) -> list[WeekPa
             other = owners.get((machine, ends_ns))
             if other is not None:
                 raise ReviewError(
-                    f"{folder}: contains loads that are also in {other}; give only one of them"
+                    f"{folder}: contains loads that are also in {other}; give only one of the two "
+                    "folders"
                 )
         owners |= {(machine, ends_ns): folder for ends_ns in rows["end_unix_ns"]}
         found += _sum_loads_by_material_and_day(rows, cycles, state, folder)
@@ -157,7 +158,7 @@ def _sum_loads_by_material_and_day(
                 *masses,
                 rejected=sum(by_row[row].reject for row in given),
                 noted=sum(not by_row[row].reject for row in given),
-                scale_known=not (members_counted["scale_from"] == "").any(),
+                is_scale_known=not (members_counted["scale_from"] == "").any(),
                 review=str(folder),
                 **sum_energy_of_counted_loads(ledger_rows[members], cycles[members], rejected),
             )

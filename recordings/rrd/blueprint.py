@@ -41,22 +41,24 @@ class Panel:
 
     title: str
     kind: ViewKind
-    drawn: tuple[DisplayColumn, ...]
-    bulk: tuple[float, float] | None = None
-    named_above: bool = False
+    columns: tuple[DisplayColumn, ...]
+    axis_range: tuple[float, float] | None = None
+    shares_legend_of_panel_above: bool = False
     """Whether the panel above names its lines as well."""
 
     @property
     def has_legend(self) -> bool:
         """Whether its lines need labels; the extremes of a single line do not."""
-        lines = sum(not each.faint for each in self.drawn)
-        return self.kind is not ViewKind.STATES and lines > 1 and not self.named_above
+        lines = sum(not each.faint for each in self.columns)
+        return (
+            self.kind is not ViewKind.STATES and lines > 1 and not self.shares_legend_of_panel_above
+        )
 
     @property
     def plot_height_fraction(self) -> float:
         """Fraction of a page's height that the plot needs to show its legend."""
         # lines of the same name have one entry
-        names = len({each.label for each in self.drawn}) if self.has_legend else 1
+        names = len({each.label for each in self.columns}) if self.has_legend else 1
         return (LIMITS.plot_margin + LIMITS.legend_name_height * names) / LIMITS.page_height
 
     @property
@@ -64,7 +66,7 @@ class Panel:
         """Fraction of a page's height that its lanes need; 0 for a plot."""
         if self.kind is not ViewKind.STATES:
             return 0.0
-        return (LIMITS.lanes_margin + LIMITS.lane_height * len(self.drawn)) / LIMITS.page_height
+        return (LIMITS.lanes_margin + LIMITS.lane_height * len(self.columns)) / LIMITS.page_height
 
 
 #: Panels side by side.
@@ -159,13 +161,13 @@ def _make_panel_of_view(
 def _split_panel_by_method(panel: Panel) -> dict[str, Panel]:
     """Split a panel into one per method on a common axis; one unnamed panel for a single method."""
     by_frame: dict[str, list[DisplayColumn]] = {}
-    for each in panel.drawn:
+    for each in panel.columns:
         by_frame.setdefault(each.frame, []).append(each)
     if len(by_frame) < 2 or not all(frame.startswith(_ESTIMATES) for frame in by_frame):
         return {"": panel}
     return {
         (method := frame.removeprefix(_ESTIMATES)): replace(
-            panel, title=f"{panel.title}, {method}", drawn=tuple(drawn)
+            panel, title=f"{panel.title}, {method}", columns=tuple(drawn)
         )
         for frame, drawn in by_frame.items()
     }
@@ -328,7 +330,7 @@ def _make_rerun_view(panel: Panel, time_axis: "rrb.TimeAxis", parent_entity: str
     import rerun.blueprint as rrb
 
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
-    for each in panel.drawn:
+    for each in panel.columns:
         overrides.setdefault(make_entity_path(each.frame, parent_entity), []).extend(
             _iter_visualizers_of_column(panel.kind, each)
         )
@@ -342,7 +344,7 @@ def _make_rerun_view(panel: Panel, time_axis: "rrb.TimeAxis", parent_entity: str
         contents=contents,
         overrides=overrides,
         axis_x=time_axis,
-        axis_y=rrb.ScalarAxis(range=panel.bulk) if panel.bulk is not None else None,
+        axis_y=rrb.ScalarAxis(range=panel.axis_range) if panel.axis_range is not None else None,
         plot_legend=rrb.PlotLegend("RightTop", visible=panel.has_legend),
     )
 

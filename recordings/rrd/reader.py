@@ -128,7 +128,7 @@ class OpenRecording:
         """Columns of each frame, by name, in pipeline order."""
         return {each.name: tuple(c.name for c in each.columns) for each in self.manifest.frames}
 
-    def refuse_without_frames(self) -> None:
+    def refuse_recording_without_frames(self) -> None:
         """Raise an error for a recording without frames, such as an overlay of two others.
 
         Raises:
@@ -181,10 +181,10 @@ def open_recording(path: str | Path, *, stored_names: bool = False) -> "Generato
     if not path.exists():
         raise RecordingError(f"{path}: no such recording; `payscope run` writes one")
     if not path.is_file():
-        raise RecordingError(f"{path}: a folder or device, not a recording; give the .rrd file")
+        raise RecordingError(f"{path}: is a folder or device, not a recording; give the .rrd file")
     with path.open("rb") as file:
         if file.read(3) != b"RRF":
-            raise RecordingError(f"{path}: not a Rerun recording (.rrd)")
+            raise RecordingError(f"{path}: is not a Rerun recording (.rrd)")
     import rerun as rr
     from rerun.error_utils import RerunWarning
 
@@ -219,12 +219,12 @@ def _read_manifest_and_provenance(
         found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
     if "manifest" not in found or "provenance" not in found:
         raise RecordingError(
-            f"{path}: a Rerun recording, but not one that payscope wrote; replay the log with "
+            f"{path}: is a Rerun recording, but not one that payscope wrote; replay the log with "
             "payscope run"
         )
     if found.get("format") != FORMAT:
         raise RecordingError(
-            f"{path}: written in format {found.get('format')}, this payscope reads {FORMAT}; "
+            f"{path}: has format {found.get('format')}, this payscope reads {FORMAT}; "
             "use the payscope that wrote it, or replay the log"
         )
     try:

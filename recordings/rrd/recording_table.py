@@ -12,15 +12,15 @@ from recordings.rrd.recording_views import (
     View,
     ViewKind,
     ViewSeries,
-    band_view,
-    line_view,
-    line_view_without_outliers,
-    state_lanes_view,
+    make_band_view,
+    make_line_view,
+    make_line_view_without_outliers,
+    make_state_lanes_view,
 )
 from recordings.rrd.stored_names import split_frame_name_to_path
 
-_FORCE = line_view("Force", "excitation", force_x_N="driving force")
-_ACCELERATION = line_view(
+_FORCE = make_line_view("Force", "excitation", force_x_N="driving force")
+_ACCELERATION = make_line_view(
     "Acceleration",
     "excitation",
     regressor_acc_x_m_s2="multiplies the mass",
@@ -28,9 +28,9 @@ _ACCELERATION = line_view(
     acc_x_m_s2="kinematic",
     speed_rate_x_m_s2="determines the phase",
 )
-_SPEED = line_view("Speed", "excitation", speed_x_m_s="speed")
-_YAW_TORQUE = line_view("Yaw torque", "excitation", torque_z_N_m="yaw torque")
-_INDEX = line_view(
+_SPEED = make_line_view("Speed", "excitation", speed_x_m_s="speed")
+_YAW_TORQUE = make_line_view("Yaw torque", "excitation", torque_z_N_m="yaw torque")
+_INDEX = make_line_view(
     "Information index",
     "gate",
     "gate.threshold_nat",
@@ -48,10 +48,12 @@ _LOADS = View(
     ),
     clips_outliers=True,
 )
-_MASS = band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
-_FRICTION = band_view("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
-_INERTIA = band_view("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
-_YAW_FRICTION = band_view(
+_MASS = make_band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
+_FRICTION = make_band_view(
+    "Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m"
+)
+_INERTIA = make_band_view("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
+_YAW_FRICTION = make_band_view(
     "Viscous friction of turning", "estimates", "friction_z_N_m_s", "friction_z_std_N_m_s"
 )
 _COM = View(
@@ -62,18 +64,19 @@ _COM = View(
         ViewSeries("planar", "com_y_m", "to the left", "com_y_std_m"),
     ),
 )
-_DECISIONS = state_lanes_view(
+_DECISIONS = make_state_lanes_view(
     "Gate and phase",
     ("gate", "reason_x", "gate"),
     ("gate", "reason_z", "yaw_gate"),
     ("excitation", "phase", "phase"),
 )
+_PAYLOAD = ("payload_kg", "payload_u_kg", "payload ± u")
 
 TABS: Final = (
     Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _LOADS, _MASS, _INERTIA), ("answer",)),
     Tab(
         "Findings",
-        (state_lanes_view("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
+        (make_state_lanes_view("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
         ("findings",),
         events=True,
         context=(_FORCE, _SPEED),
@@ -82,7 +85,7 @@ TABS: Final = (
         "Loads",
         (
             _LOADS,
-            band_view("Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"),
+            make_band_view("Payload of each load", "loads", *_PAYLOAD),
             _SPEED,
         ),
         context=(_SPEED,),
@@ -90,10 +93,8 @@ TABS: Final = (
     Tab(
         "Cycles",
         (
-            band_view(
-                "Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"
-            ),
-            state_lanes_view("Cycle", ("cycles", "quality", "cycle")),
+            make_band_view("Payload of each cycle", "cycles", *_PAYLOAD),
+            make_state_lanes_view("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),
         context=(_SPEED,),
@@ -105,7 +106,7 @@ TABS: Final = (
             _ACCELERATION,
             _SPEED,
             _YAW_TORQUE,
-            state_lanes_view(
+            make_state_lanes_view(
                 "Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")
             ),
         ),
@@ -115,20 +116,20 @@ TABS: Final = (
         "Gate",
         (
             _INDEX,
-            line_view(
+            make_line_view(
                 "Correlation of acceleration and force", "gate", corr_x_1="along", corr_z_1="yaw"
             ),
-            line_view(
+            make_line_view(
                 "Share of noise in the variance that the acceleration explains",
                 "gate",
                 "gate.noise_share_max",
                 noise_share_x_1="along",
                 noise_share_z_1="yaw",
             ),
-            line_view_without_outliers(
+            make_line_view_without_outliers(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
-            line_view_without_outliers(
+            make_line_view_without_outliers(
                 "Predicted standard deviation of the inertia",
                 "gate",
                 "predicted_std_z",
@@ -142,7 +143,7 @@ TABS: Final = (
         (
             _MASS,
             _FRICTION,
-            band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
+            make_band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
         ),
         methods=MethodLayout.ROWS,
     ),
@@ -150,41 +151,41 @@ TABS: Final = (
     Tab(
         "Residuals",
         (
-            line_view_without_outliers("Residual r.m.s.", "estimates", "residual_rms_N"),
-            line_view_without_outliers(
+            make_line_view_without_outliers("Residual r.m.s.", "estimates", "residual_rms_N"),
+            make_line_view_without_outliers(
                 "Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"
             ),
-            line_view_without_outliers("Condition number", "estimates", "condition_1"),
+            make_line_view_without_outliers("Condition number", "estimates", "condition_1"),
         ),
         methods=MethodLayout.ROWS,
     ),
     Tab(
         "Manoeuvres",
         (
-            band_view("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
-            band_view(
+            make_band_view("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
+            make_band_view(
                 "Viscous friction of each manoeuvre",
                 "segments",
                 "friction_x_N_s_m",
                 "friction_x_std_N_s_m",
                 "viscous friction",
             ),
-            band_view(
+            make_band_view(
                 "Coulomb friction of each manoeuvre",
                 "segments",
                 "coulomb_x_N",
                 "coulomb_x_std_N",
                 "Coulomb friction",
             ),
-            line_view("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
-            band_view(
+            make_line_view("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
+            make_band_view(
                 "Yaw inertia of each manoeuvre",
                 "segments",
                 "inertia_z_kg_m2",
                 "inertia_z_std_kg_m2",
                 "yaw inertia",
             ),
-            state_lanes_view(
+            make_state_lanes_view(
                 "Phase and outcome",
                 ("segments", "phase", "manoeuvre_phase"),
                 ("segments", "reason", "manoeuvre_outcome"),
@@ -195,64 +196,64 @@ TABS: Final = (
         "Planar",
         (
             _YAW_TORQUE,
-            line_view("Yaw rate", "excitation", yaw_rate_rad_s="yaw rate"),
-            line_view(
+            make_line_view("Yaw rate", "excitation", yaw_rate_rad_s="yaw rate"),
+            make_line_view(
                 "Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"
             ),
-            line_view(
+            make_line_view(
                 "Lateral force / mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
             ),
             _DECISIONS,
             _COM,
-            state_lanes_view("Outcome of arcs", ("planar", "reason", "arcs")),
+            make_state_lanes_view("Outcome of arcs", ("planar", "reason", "arcs")),
         ),
         ("planar",),
     ),
     Tab(
         "Channels",
         (
-            line_view(
+            make_line_view(
                 "Wheel torque",
                 "aligned",
                 torque_left_N_m="left",
                 torque_right_N_m="right",
                 torque_z_N_m="yaw",
             ),
-            line_view("Force as aligned", "aligned", force_x_N="driving force"),
-            line_view(
+            make_line_view("Force as aligned", "aligned", force_x_N="driving force"),
+            make_line_view(
                 "Speed as aligned",
                 "aligned",
                 speed_x_m_s="machine",
                 speed_left_m_s="left wheels",
                 speed_right_m_s="right wheels",
             ),
-            line_view(
+            make_line_view(
                 "Acceleration as aligned",
                 "aligned",
                 acc_x_m_s2="kinematic",
                 specific_force_x_m_s2="accelerometer x",
                 specific_force_y_m_s2="accelerometer y",
             ),
-            line_view(
+            make_line_view(
                 "Vertical specific force as aligned",
                 "aligned",
                 specific_force_z_m_s2="accelerometer z",
             ),
-            line_view("Position", "aligned", position_x_m="travelled"),
+            make_line_view("Position", "aligned", position_x_m="travelled"),
         ),
     ),
     Tab(
         "Attitude",
         (
-            line_view(
+            make_line_view(
                 "Angular rate",
                 "aligned",
                 roll_rate_rad_s="roll",
                 pitch_rate_rad_s="pitch",
                 yaw_rate_rad_s="yaw",
             ),
-            line_view("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
-            line_view(
+            make_line_view("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
+            make_line_view(
                 "Angle",
                 "aligned",
                 pitch_rad="pitch, nose-up",
@@ -260,8 +261,8 @@ TABS: Final = (
                 boom_rad="boom",
                 bucket_rad="bucket",
             ),
-            line_view("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
-            line_view("Gear", "aligned", gear_ratio_1="gear ratio"),
+            make_line_view("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
+            make_line_view("Gear", "aligned", gear_ratio_1="gear ratio"),
         ),
     ),
     Tab("Calibration", texts=("calibration",), pictures=("line", "errors")),

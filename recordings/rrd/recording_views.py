@@ -82,7 +82,7 @@ class Tab:
     pictures: tuple[str, ...] = ()
 
 
-def line_view(
+def make_line_view(
     view_name: str, frame_name: str, threshold: str | None = None, /, **label_by_column: str
 ) -> View:
     """Make a view of columns as labelled lines; `threshold` is a setting drawn as a limit."""
@@ -92,7 +92,7 @@ def line_view(
     return View(view_name, ViewKind.LINES, drawn, threshold)
 
 
-def line_view_without_outliers(
+def make_line_view_without_outliers(
     view_name: str, frame_name: str, column: str, line_label: str = ""
 ) -> View:
     """Make a view of a column as a line, on an axis that excludes outliers."""
@@ -104,7 +104,7 @@ def line_view_without_outliers(
     )
 
 
-def band_view(
+def make_band_view(
     view_name: str, frame_name: str, column: str, std_column: str, line_label: str = ""
 ) -> View:
     """Make a view of a column with a band of its standard deviation."""
@@ -116,6 +116,6 @@ def band_view(
     )
 
 
-def state_lanes_view(view_name: str, *series: tuple[str, str, str]) -> View:
+def make_state_lanes_view(view_name: str, *series: tuple[str, str, str]) -> View:
     """Make a view of states as lanes, from frame, column and label of each."""
     return View(view_name, ViewKind.STATES, tuple(ViewSeries(*each) for each in series))

@@ -41,7 +41,7 @@ def read_run_of_time_range(
     frames: dict[str, pl.DataFrame] = {}
     heights: dict[str, int] = {}
     with open_recording(path) as held:
-        held.refuse_without_frames()
+        held.refuse_recording_without_frames()
         for stored in held.manifest.frames:
             if not are_raw_frames_read and stored.name.startswith("raw/"):
                 heights[stored.name] = stored.rows

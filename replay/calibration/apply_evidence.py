@@ -48,15 +48,15 @@ class CalibrationRequest:
     Attributes:
         folder: folder of the evidence.
         key_file: public key of the required signer.
-        signed: whether a signature by a given or kept key is required.
-        ask: function that asks on a terminal whether to trust and keep an unknown key; None
-            without a terminal.
+        is_signature_required: whether a signature by a given or kept key is required.
+        prompt_for_key_owner: function that asks on a terminal whether to trust and keep an unknown
+            key; None without a terminal.
     """
 
     folder: Path
     key_file: Path | None = None
-    signed: bool = False
-    ask: Callable[[SignedBy], str] | None = None
+    is_signature_required: bool = False
+    prompt_for_key_owner: Callable[[SignedBy], str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +247,7 @@ def load_and_verify_calibration(request: CalibrationRequest) -> MachineCalibrati
         )
     by = (
         accept_signature_of_known_key(request, found.signed_by, keyring)
-        if request.signed
+        if request.is_signature_required
         else found.signed_by
     )
     if document.kind != "calibration":
@@ -279,7 +279,11 @@ def accept_signature_of_known_key(
         raise EvidenceError(
             f"{request.folder}: is unsigned; calibrate with --key, or leave out --require-signed"
         )
-    owner = "" if request.ask is None else request.ask(signature).strip()
+    owner = (
+        ""
+        if request.prompt_for_key_owner is None
+        else request.prompt_for_key_owner(signature).strip()
+    )
     if not owner:
         raise EvidenceError(
             f"{request.folder}: is {signature}; get the key from the signer, and give it with "

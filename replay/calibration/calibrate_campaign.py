@@ -190,7 +190,7 @@ def calibrate_from_campaign(  # noqa: PLR0913  each is an option of the command
             return campaign_file.parent / log
 
         learnt = None
-        if campaign.does_learn_priors and len(campaign.log_names) >= USE_LIMITS.min_logs:
+        if campaign.learns_priors and len(campaign.log_names) >= USE_LIMITS.min_logs:
             # with the machine's own priors, to learn priors from all logs together
             first = replay_campaign_logs(campaign, machine, find_path_of_log, None, on_log)
             refuse_campaign.refuse_run_days_unlike_logs(campaign_file, campaign, first, machine)

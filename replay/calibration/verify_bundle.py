@@ -57,8 +57,8 @@ class Verification:
         folder: folder of the bundle.
         findings: errors, each with its file or item.
         notes: remarks that are not errors.
-        done: checks that were made, as sentences.
-        unseen: statements that no check can verify.
+        checks_made: checks that were made, as sentences.
+        unverifiable_statements: statements that no check can verify.
         signed_by: signer of the bundle.
         checked: files read from the folder, and the result of each.
     """
@@ -66,8 +66,8 @@ class Verification:
     folder: Path
     findings: tuple[BundleFinding, ...]
     notes: tuple[str, ...]
-    done: tuple[str, ...]
-    unseen: tuple[str, ...]
+    checks_made: tuple[str, ...]
+    unverifiable_statements: tuple[str, ...]
     signed_by: SignedBy
     checked: CheckedBundle = field(repr=False)
 
@@ -91,8 +91,8 @@ class Verification:
                 {"kind": each.kind, "item": each.item, "what": each.what} for each in self.findings
             ],
             "notes": list(self.notes),
-            "checked": list(self.done),
-            "no_check_can_find": list(self.unseen),
+            "checked": list(self.checks_made),
+            "no_check_can_find": list(self.unverifiable_statements),
         }
 
 
@@ -161,7 +161,7 @@ def verify_bundle(
         bundle.notes.append(
             "the logs were not replayed: only --logs shows that the readings come from them"
         )
-    done += files.done
+    done += files.comparisons_made
     if document is not None:
         # with other findings, the points need not be such that a line can be fitted to them
         bundle.notes += [] if bundle.findings else describe_runs_with_swapped_loads(document)
@@ -175,7 +175,7 @@ def verify_bundle(
         if document is None
         else (
             *describe_undetectable_faults(document),
-            *files.unseen,
+            *files.comparisons_not_made,
             *iter_statements_nobody_can_verify(document),
         ),
         bundle.signed_by,
@@ -236,12 +236,12 @@ class FilesCheck:
     """Results of comparing files, and files that could not be compared.
 
     Attributes:
-        done: comparisons that were made, in words.
-        unseen: comparisons that could not be made, and why.
+        comparisons_made: comparisons that were made, in words.
+        comparisons_not_made: comparisons that could not be made, and why.
     """
 
-    done: tuple[str, ...] = ()
-    unseen: tuple[str, ...] = ()
+    comparisons_made: tuple[str, ...] = ()
+    comparisons_not_made: tuple[str, ...] = ()
 
 
 def compare_bundle_files_with_evidence(

@@ -87,11 +87,16 @@ def make_calibration_request(
 #: Option for properties of a table, for which there is no machine file yet.
 LogKeys = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="log.KEY=VALUE", help="A key of \\[log], for a table."),
+    typer.Option(
+        "--set", metavar="log.KEY=VALUE", help="Set a key of \\[log] for a table; repeatable."
+    ),
 ]
 TimeColumn = Annotated[str | None, typer.Option("--time", help="The time column of a table.")]
 TimeUnit = Annotated[
-    str | None, typer.Option("--time-unit", help="Its unit: s, ms, us or ns; else recognised.")
+    str | None,
+    typer.Option(
+        "--time-unit", help="Unit of that column: s, ms, us or ns; recognised by default."
+    ),
 ]
 _UNITS = ("s", "ms", "us", "ns")
 

@@ -30,7 +30,13 @@ def command(
             "-o", "--output", help="Write a recording of both, with their differences (.rrd)."
         ),
     ] = None,
-    rtol: Annotated[float, typer.Option(min=0.0, help="Relative tolerance.")] = 0.0,
+    rtol: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            help="Relative difference up to which numbers count as equal; 0 compares bit for bit.",
+        ),
+    ] = 0.0,
     other_logs: Annotated[
         bool,
         typer.Option(

@@ -62,7 +62,8 @@ def command(
             metavar="SHARE",
             min=0.0,
             max=1.0,
-            help="Replay the log so far in the background, in so much of one core; 0: do not.",
+            help="Replay the log so far in the background, using this fraction of one core; 0 "
+            "turns it off.",
         ),
     ] = 0.1,
     live: Annotated[
@@ -96,7 +97,7 @@ def command(
         FollowedLogState,
         MachineFileChange,
         follow_logs,
-        must_following_end_quickly,
+        should_skip_remaining_work,
     )
     from replay.follow.followed_outputs import FollowedOutputs
     from replay.follow.interrupts import InterruptCounter
@@ -153,7 +154,7 @@ def command(
         )
         if not following.loss_reason:
             printer.wait_for_last_replay_and_print_it(
-                following, lambda: must_following_end_quickly(following, interrupts)
+                following, lambda: should_skip_remaining_work(following, interrupts)
             )
         replays.kill_replay_process()
         for loss in following.losses:

@@ -65,7 +65,7 @@ def print_or_write_frame(
         OutputError: the output cannot be written.
     """
 
-    def frame_as_text() -> str:
+    def format_frame_as_text() -> str:
         match output_format:
             case "json":
                 return (
@@ -84,9 +84,9 @@ def print_or_write_frame(
 
     if output is None:
         if output_format == "csv":
-            sys.stdout.write(frame_as_text())
+            sys.stdout.write(format_frame_as_text())
         else:
-            typer.echo(frame_as_text(), nl=False)
+            typer.echo(format_frame_as_text(), nl=False)
         return
     with stage_output_file(output, force=force) as partial:
         if output_format in _BINARY:
@@ -98,7 +98,7 @@ def print_or_write_frame(
                 frame.write_parquet(written)
             partial.write_bytes(written.getvalue())
         else:
-            partial.write_text(frame_as_text(), encoding="utf-8")
+            partial.write_text(format_frame_as_text(), encoding="utf-8")
 
 
 def format_times_as_text(frame: pl.DataFrame) -> pl.DataFrame:

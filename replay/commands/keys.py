@@ -80,8 +80,8 @@ def revoke(
         dt.datetime | None,
         typer.Option(formats=_DAY, help="Day of the revocation; today by default."),
     ] = None,
-    because: Annotated[
-        str, typer.Option(help="Reason of the revocation, such as a lost disk.")
+    reason: Annotated[
+        str, typer.Option("--because", help="Reason of the revocation, such as a lost disk.")
     ] = "",
 ) -> None:
     """Revoke a key: its signatures no longer count, except those that a time stamp proves older."""
@@ -90,7 +90,7 @@ def revoke(
     is_id = all(digit in "0123456789abcdef" for digit in key) and key != ""
     key_id = key if is_id else _read_public_key_or_key_file(key).key_id
     since = dt.datetime.now(dt.UTC).date() if day is None else day.date()
-    keyring = revoke_key_in_keyring(load_keyring(), key_id, since, because)
+    keyring = revoke_key_in_keyring(load_keyring(), key_id, since, reason)
     typer.echo(f"{keyring.path}: key {key_id[:12]}… revoked on {since}")
 
 

@@ -113,7 +113,7 @@ def command(
         ),
     ] = "",
     author: Annotated[
-        str, typer.Option(help="Name of the one who gives the verdict.", rich_help_panel=_VERDICT)
+        str, typer.Option(help="Name of the reviewer.", rich_help_panel=_VERDICT)
     ] = "",
     overrides: Annotated[
         list[str] | None,
@@ -324,8 +324,8 @@ def print_shift_review(console: "Console", review: "ShiftReview") -> None:
         review.shift, review.ledger, state, review.target
     ):
         print_line(console, f"{name}: {value}")
-    if review.calibration.against:
-        print_line(console, f"{NOT_CALIBRATED}: {review.calibration.against}")
+    if review.calibration.contradiction_text:
+        print_line(console, f"{NOT_CALIBRATED}: {review.calibration.contradiction_text}")
     elif review.calibration.description:
         print_line(console, review.calibration.description)
     if failed := [check.check for check in state.mass_withholding_checks]:

@@ -82,7 +82,10 @@ def command(
     verbose: Annotated[
         int,
         typer.Option(
-            "-v", "--verbose", count=True, help="Print budget and methods; -vv: every check."
+            "-v",
+            "--verbose",
+            count=True,
+            help="Print the uncertainty budget and the methods; -vv: every check.",
         ),
     ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
@@ -300,7 +303,7 @@ def _iter_omitted_count_line(omitted_count: int, singular: str, plural: str) -> 
 
 
 def iter_yaw_inertia_lines(answer: "Answer") -> "Iterator[str]":
-    """Yield a line per row with the yaw inertia of the first method that has one."""
+    """Yield a line of text per row: its yaw inertia by the first method that estimated one."""
     from recordings.report.number_text import format_plus_minus
 
     for row in answer.rows:

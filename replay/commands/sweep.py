@@ -55,8 +55,8 @@ def command(
         typer.Option(
             "--over",
             metavar="KEY=VALUES",
-            help="Setting to vary: KEY=FROM:TO:STEP (both ends included) or KEY=A,B,C; "
-            "repeatable, for a grid.",
+            help="Setting to vary: KEY=FROM:TO:STEP (TO included if a step reaches it) or "
+            "KEY=A,B,C; repeatable, for a grid.",
         ),
     ],
     overrides: Annotated[

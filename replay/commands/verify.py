@@ -39,7 +39,9 @@ def command(
     on: Annotated[
         dt.datetime | None,
         typer.Option(
-            formats=["%Y-%m-%d"], metavar="DATE", help="Day for which to judge the expiry."
+            formats=["%Y-%m-%d"],
+            metavar="DATE",
+            help="Day on which the evidence must be valid; today by default.",
         ),
     ] = None,
     tsa: Annotated[
@@ -53,7 +55,7 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="File of that page.", show_default=False)
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite it.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing page.")] = False,
 ) -> None:
     """Check evidence: files, signature, chain, fit, budget, report and, with logs, every replay.
 
@@ -177,11 +179,11 @@ def _print_verification_findings(verification: "Verification") -> None:
     screen = make_stdout_console()
     for finding in verification.findings:
         print_line(screen, str(finding), "[bold red]!![/] ")
-    for done in verification.done:
+    for done in verification.checks_made:
         print_line(screen, f"checked: {done}")
     for note in verification.notes:
         print_line(screen, f"note: {note}")
     print_line(screen, "no check can find:")
-    for sentence in verification.unseen:
+    for sentence in verification.unverifiable_statements:
         print_line(screen, f"- {sentence}")
     print_line(screen, verification.verdict)

@@ -32,7 +32,7 @@ def command(
         str | None, typer.Option(help="With --screenshot: capture this tab only.")
     ] = None,
 ) -> None:
-    """Open a recording in the Rerun viewer (listens on 127.0.0.1 only), or photograph it."""
+    """Open a recording in the Rerun viewer (listens on 127.0.0.1 only), or take its screenshots."""
     from replay.recording.view_recording import parse_moment_of_run_s, view_recording
 
     at_s = None if at is None else parse_moment_of_run_s(recording, at)

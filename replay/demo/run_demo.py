@@ -206,7 +206,7 @@ def run_demo(
     plot_run(replayed, picture, force=force)
     on_stage("review")
     simulate_scenario_to_logs(hauling, shift, force=force)
-    by = CalibrationRequest(evidence, keys[1], signed=True)
+    by = CalibrationRequest(evidence, keys[1], is_signature_required=True)
     asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
     reviewed = review_shift(hauled, machine_file, page, asked)
     return DemoResults(

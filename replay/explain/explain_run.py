@@ -169,7 +169,7 @@ def _does_machine_differ_from_recorded(recording: OpenRecording, machine: Machin
 
 def read_frames_for_explanation(recording: OpenRecording, *, is_picture_drawn: bool) -> Run:
     """Read the frames needed for an explanation or a picture."""
-    recording.refuse_without_frames()
+    recording.refuse_recording_without_frames()
     wanted: dict[str, Sequence[str]] = {}
     for name, columns in recording.columns_by_frame.items():
         if name in SMALL:

@@ -104,7 +104,8 @@ def insert_proposals_into_machine_file(
                 place = place[section]
                 if not isinstance(place, Table | InlineTable | OutOfOrderTableProxy):
                     raise MachineError(
-                        f"{machine_path}: '{section}' of {change.key} is not a table"
+                        f"{machine_path}: '{section}' of {change.key} is not a table; make it a "
+                        "table, or apply the proposal by hand"
                     )
             new = tomlkit.item(change.value)
             # TOML allows no comment in an inline table

@@ -85,7 +85,7 @@ class PlanWithOtherSettings:
         """Replay setups of a log; evidence that does not fit the settings is skipped."""
         machine = self.machines[log]
         if machine not in self.last.machines:
-            raise FleetError(f"{log}: the last run has no machine '{machine}'; run the fleet again")
+            raise FleetError(f"{log}: no machine '{machine}' in the last run; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
         return _make_setups_with_fitting_evidence(

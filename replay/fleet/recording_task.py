@@ -385,7 +385,7 @@ def _replay_recording_of_result(
 ) -> None:
     known = results.last_run.machines.get(machine)
     if known is None:
-        raise FleetError(f"{source}: the last run has no machine '{machine}'; run the fleet again")
+        raise FleetError(f"{source}: no machine '{machine}' in the last run; run the fleet again")
     (log,) = list_logs_of_sources([source])
     setups = make_setups_of_machine(machine, known.files, is_unfit_evidence_skipped=True)
     with (

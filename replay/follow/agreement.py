@@ -30,7 +30,7 @@ from analysis.stages.noise.column_noise import collect_axis_noise
 from estimators.errors import DataError
 from recordings import read_recording, write_recording
 from recordings.report.atomic_output import refuse_input_as_output
-from replay.follow.background_replay import find_current_log_path, replay_log_so_far
+from replay.follow.background_replay import find_path_after_closing, replay_log_so_far
 from replay.follow.follow_limits import LIMITS
 
 GATE: Final = "gate"
@@ -214,7 +214,7 @@ def record_and_compare_followed_log(
     Raises:
         PayscopeError: the log is invalid or gone, or there is too little data.
     """
-    closed = [find_current_log_path(path) for path in paths]
+    closed = [find_path_after_closing(path) for path in paths]
     settings = machine.settings.copy_with_changes({"filter.causal": True})
     causal = machine.model_copy(update={"settings": settings})
     refuse_input_as_output(output, (path for path in closed if path.exists()))

@@ -40,7 +40,7 @@ _NEWEST_ROWS: Final = "-wal"
 #: Files beside a database that readers change, or that have no rows.
 _WITHOUT_ROWS: Final = ("-shm", "-journal")
 
-_Signature = dict[str, tuple[int, int]]
+_SizeAndModificationTimeByFile = dict[str, tuple[int, int]]
 
 
 class BackgroundReplays:
@@ -78,14 +78,14 @@ class BackgroundReplays:
         self._is_wanted = self._is_underway = self._is_last = False
         self._began_s, self._next_s = 0.0, 0.0
         self._ended = 0
-        #: size and time of change of each file when the current or last replay began
-        self._signature: _Signature = {}
+        #: size and modification time of each file when the current or last replay began
+        self._replayed_files: _SizeAndModificationTimeByFile = {}
         self._newest: ReplayReport | None = None
 
     def __enter__(self) -> Self:
         """Start with a replay if much is recorded already, since it is faster than following."""
         if (
-            sum(size for size, _ in read_log_sizes_and_change_times(self._logs).values())
+            sum(size for size, _ in read_log_sizes_and_modification_times(self._logs).values())
             >= LIMITS.worth_replaying_bytes
         ):
             self.request_replay_of_log_so_far()
@@ -116,8 +116,8 @@ class BackgroundReplays:
         if is_due and not self._is_underway and self._ended < LIMITS.max_ended_processes:
             self._is_wanted = False
             if (
-                self._signature != read_log_sizes_and_change_times(self._logs)
-                or not self._signature
+                self._replayed_files != read_log_sizes_and_modification_times(self._logs)
+                or not self._replayed_files
             ):
                 self._begin_replay(is_last=False)
         return report
@@ -142,8 +142,8 @@ class BackgroundReplays:
         """
         if self._share <= 0.0 or is_skipped():
             return None
-        now = read_log_sizes_and_change_times(self._logs)
-        if self._signature != now or not now:
+        now = read_log_sizes_and_modification_times(self._logs)
+        if self._replayed_files != now or not now:
             self._newest = None
             if self._is_underway:
                 self.kill_replay_process()  # its log was incomplete, so it must be repeated
@@ -181,7 +181,7 @@ class BackgroundReplays:
             return
         self._process, self._output, self._is_underway = process, bytearray(), True
         # a growing table is copied up to its last complete line, so that no number is truncated
-        names = [find_current_log_path(path) for path in self._logs]
+        names = [find_path_after_closing(path) for path in self._logs]
         is_copied = is_growing and any(is_text_table(path) for path in names)
         asked = {
             "logs": [str(path) for path in names],
@@ -189,7 +189,9 @@ class BackgroundReplays:
             "machine": self._machine.model_dump(mode="json", exclude_unset=True),
             "is_copied": is_copied,
         }
-        self._signature = {} if is_copied else read_log_sizes_and_change_times(self._logs)
+        self._replayed_files = (
+            {} if is_copied else read_log_sizes_and_modification_times(self._logs)
+        )
         assert process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # reading its output will show that it ended
             process.stdin.write(json.dumps(asked).encode() + b"\n")
@@ -224,7 +226,7 @@ class BackgroundReplays:
 
     def _warn_of_unexpected_end(self, exit_text: str) -> None:
         self._ended += 1
-        self._is_wanted, self._signature = True, {}
+        self._is_wanted, self._replayed_files = True, {}
         self._note_processor_time(time.monotonic() - self._began_s)
         if self._is_last:
             self._on_message(f"the process of the last replay {exit_text}")
@@ -258,7 +260,7 @@ def start_replay_process() -> "subprocess.Popen[bytes]":
     return process
 
 
-def find_current_log_path(path: Path) -> Path:
+def find_path_after_closing(path: Path) -> Path:
     """Current path of a log: a bag loses its suffix `.active` when its recorder closes it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path
@@ -269,10 +271,10 @@ def is_text_table(path: Path) -> bool:
     return path.is_file() and path.suffix.lower() not in (ACTIVE, ".bag", ".mcap", ".db3")
 
 
-def read_log_sizes_and_change_times(logs: Sequence[Path]) -> _Signature:
+def read_log_sizes_and_modification_times(logs: Sequence[Path]) -> _SizeAndModificationTimeByFile:
     """Read size in bytes and time of change in ns of each file of a log, by its final name."""
-    found: _Signature = {}
-    for log in map(find_current_log_path, logs):
+    found: _SizeAndModificationTimeByFile = {}
+    for log in map(find_path_after_closing, logs):
         files = [log, log.with_name(f"{log.name}{_NEWEST_ROWS}")]
         with contextlib.suppress(FileNotFoundError):
             files = sorted(log.iterdir()) if log.is_dir() else files

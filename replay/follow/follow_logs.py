@@ -19,7 +19,7 @@ from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
 from estimators.interpreted import force_compilation
 from estimators.threads import limit_blas_to_one_thread
-from replay.follow.background_replay import find_current_log_path, is_text_table
+from replay.follow.background_replay import find_path_after_closing, is_text_table
 from replay.follow.follow_limits import LIMITS
 from replay.follow.interrupts import InterruptCounter
 from replay.inputs.channel_inputs import list_channel_fields
@@ -27,7 +27,7 @@ from replay.logs import GrowingLogFile, open_growing_log
 from replay.machines.machine_file import (
     find_machine_file_or_shipped_one,
     find_time_axis_of_machine,
-    read_file_time_size_and_inode,
+    read_file_state,
 )
 
 _INTERRUPTED: Final = "interrupted"
@@ -130,7 +130,7 @@ def follow_logs(
         if following.loss_reason and not following.is_interrupted:
             following.end_reason = following.loss_reason
         try:
-            if not (following.is_interrupted and must_following_end_quickly(following, noted)):
+            if not (following.is_interrupted and should_skip_remaining_work(following, noted)):
                 process_new_log_data(log, following, on_rows, noted, is_last=True)
         except DataError as error:
             raise LogError(
@@ -139,7 +139,7 @@ def follow_logs(
     return following
 
 
-def must_following_end_quickly(following: FollowedLogState, interrupts: InterruptCounter) -> bool:
+def should_skip_remaining_work(following: FollowedLogState, interrupts: InterruptCounter) -> bool:
     """Whether a ctrl-C beyond the one that ends following asks to skip the remaining work."""
     return interrupts.count > (following.is_interrupted or not following.end_reason)
 
@@ -186,7 +186,7 @@ def describe_lost_log_file(paths: Sequence[Path], sizes_before: Mapping[Path, in
     """
     sizes = read_file_sizes(paths)
     for path in paths:
-        if not find_current_log_path(path).exists():
+        if not find_path_after_closing(path).exists():
             return f"{path} is no longer there"
         if is_text_table(path) and sizes.get(path, 0) < sizes_before.get(path, 0):
             return f"{path} has shrunk from {sizes_before[path]:,} to {sizes.get(path, 0):,} bytes"
@@ -220,7 +220,7 @@ def process_new_log_data(
     if frames or is_last:
         for row in following.follower.iter_complete_rows(is_log_complete=is_last):
             rows.append(row)
-            if must_following_end_quickly(following, interrupts):
+            if should_skip_remaining_work(following, interrupts):
                 break
         following.last_poll_s = time.monotonic() - began
     on_rows(following, rows)
@@ -233,15 +233,15 @@ class MachineFileChange:
     def __init__(self, path: Path) -> None:
         """Read the file; if it is missing or not a file, whoever loads it raises the error."""
         self._path = find_machine_file_or_shipped_one(path)
-        self._signature = read_file_time_size_and_inode(self._path)
+        self._file_state = read_file_state(self._path)
         self._text = self._read_file_or_empty()
 
     def has_file_changed(self) -> bool:
         """Whether the text has changed since the last call; a missing file has not changed."""
-        signature = read_file_time_size_and_inode(self._path)
-        if signature in (None, self._signature):
+        file_state = read_file_state(self._path)
+        if file_state in (None, self._file_state):
             return False
-        self._signature, before = signature, self._text
+        self._file_state, before = file_state, self._text
         self._text = self._read_file_or_empty()
         return self._text != before
 

@@ -193,9 +193,10 @@ class FollowedOutputs:
         if end is not None:
             if end.about.t0_unix_ns != basis.t0_unix_ns:
                 raise OutputError(
-                    f"{self._output}: begins at {format_utc_time_of_day(end.about.t0_unix_ns)}, "
-                    f"the log at {format_utc_time_of_day(basis.t0_unix_ns)}; give another output, "
-                    "or give --force"
+                    f"{self._output}: is the recording of another log of this name: it begins at "
+                    f"{format_utc_time_of_day(end.about.t0_unix_ns)}, this log at "
+                    f"{format_utc_time_of_day(basis.t0_unix_ns)}; give another output, or --force "
+                    "to replace it"
                 )
             about = end.about
         if self._output is not None:
@@ -251,8 +252,9 @@ def find_recording_resume_point(
             return None
         if end.about.identity != input_identity:
             raise OutputError(
-                f"{output}: follows {end.about.identity.partition(';')[0]} with another machine "
-                "file, settings or noise; give another output, or give --force"
+                f"{output}: was recorded from {end.about.identity.partition(';')[0]}, or with "
+                "another machine file, settings or noise; give another output, or --force to "
+                "replace it"
             )
         return ResumePoint(end.about.t0_unix_ns + end.until_ns, end)
     if not has_log_grown(output, paths, machine):

@@ -114,7 +114,7 @@ Batches = Callable[[list[str] | None, pl.Expr | None, int | None], Iterator[pl.D
 
 
 def make_lazy_frame_of_batches(batches: Batches, schema: pl.Schema, topic: str) -> pl.LazyFrame:
-    """Make a lazy frame of batches, which a process may abandon before it is read."""
+    """Make a lazy frame of batches; those unread when the interpreter exits are dropped."""
 
     def iter_requested_rows(
         columns: list[str] | None,

@@ -82,8 +82,7 @@ def strip_statement_terminator(sql: str) -> str:
     function = _FILE_FUNCTION.search(query)
     if function:
         raise QueryError(
-            f"query: {function[1]} would read a file directly; give the file before the SELECT "
-            "instead"
+            f"query: {function[1]} reads files itself; name the file before the SELECT instead"
         )
     return query
 

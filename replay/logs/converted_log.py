@@ -33,7 +33,7 @@ class ConvertedFieldError(Exception):
     """Raised if a field cannot be read; one line with the reason and the choices."""
 
 
-class ConvertedTopics:
+class ConvertedTopicColumns:
     """Columns of one topic, read from the parts that cover a time range."""
 
     def __init__(self, folder: Path, topic: ConvertedTopic) -> None:
@@ -175,7 +175,8 @@ class ConvertedLog(Log):
         super().__init__(path, f"converted {self._about.log_format}")
         self._losses = LossList()
         self._columns = {
-            str(each.summary["topic"]): ConvertedTopics(path, each) for each in self._about.topics
+            str(each.summary["topic"]): ConvertedTopicColumns(path, each)
+            for each in self._about.topics
         }
         missing = [part for part in self._part_files if not (path / part).is_file()]
         if missing:
@@ -212,7 +213,7 @@ class ConvertedLog(Log):
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
         """Describe the columns of fields; see `Log.leaf_fields`."""
         self._refuse_closed_log()
-        columns = self._require_topic(topic)
+        columns = self._get_readable_topic(topic)
         if fields is None:
             return tuple(columns.leaf_fields_by_name.values())
         try:
@@ -220,7 +221,7 @@ class ConvertedLog(Log):
         except ConvertedFieldError as error:
             raise LogError(f"{self.path}: topic '{topic}': {error}") from None
 
-    def _require_topic(self, topic: str) -> ConvertedTopics:
+    def _get_readable_topic(self, topic: str) -> ConvertedTopicColumns:
         found = self._columns.get(topic)
         if found is None:
             raise LogError(
@@ -242,7 +243,7 @@ class ConvertedLog(Log):
     def _iter_frames_of_topic(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> Iterator[pl.DataFrame]:
-        columns = self._require_topic(topic)
+        columns = self._get_readable_topic(topic)
         try:
             yield from columns.iter_frames_of_time_range(fields, start_ns, end_ns)
         except ConvertedFieldError as error:

@@ -70,7 +70,7 @@ class TailParts:
             if not following:
                 self.is_finished = self._tail is not None and (closed or self._tail.is_finished)
                 break
-            self._open_part(following[0])
+            self._finish_part_and_open_next(following[0])
             batches = self._read_new_batches_of_part()
         return batches
 
@@ -94,7 +94,7 @@ class TailParts:
             self._unreadable_since_s = now_s
         return now_s - self._unreadable_since_s < LIMITS.unreadable_part_s
 
-    def _open_part(self, path: Path) -> None:
+    def _finish_part_and_open_next(self, path: Path) -> None:
         if self._tail is not None:
             self._tail.finish_and_note_incomplete_end()
             self._losses += self._tail.losses

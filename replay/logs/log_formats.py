@@ -111,8 +111,8 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
     path = Path(path)
     if not is_encodable_as_utf8(str(path)):
         raise LogError(
-            f"{path}: has bytes in its name that are not UTF-8, which no answer and no recording "
-            "could repeat; rename it"
+            f"{path}: has bytes in its name that are not UTF-8, so answers and recordings could "
+            "not state it; rename the file"
         )
     try:
         if path.is_dir():

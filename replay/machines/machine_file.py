@@ -93,18 +93,18 @@ def find_machine_file_or_shipped_one(path: Path) -> Path:
     return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path
 
 
-class FileSignature(NamedTuple):
-    """Time of change, size and inode, by which a changed or replaced file is recognised."""
+class FileState(NamedTuple):
+    """Modification time, size and inode, by which a changed or replaced file is recognised."""
 
     modified_ns: int
     size_bytes: int
     inode: int
 
 
-def read_file_time_size_and_inode(path: Path) -> FileSignature | None:
-    """Read time of change, size and inode of a file; None if it is absent."""
+def read_file_state(path: Path) -> FileState | None:
+    """Read modification time, size and inode of a file; None if it is absent."""
     try:
         about = path.stat()
     except OSError:
         return None
-    return FileSignature(about.st_mtime_ns, about.st_size, about.st_ino)
+    return FileState(about.st_mtime_ns, about.st_size, about.st_ino)

@@ -86,8 +86,8 @@ def rename_old_keys_in_content(file_content: dict[str, Any]) -> dict[str, str]:
             place = place.setdefault(section, {})
             if not isinstance(place, dict):
                 raise OldKeyError(
-                    f"'{old}' is now '{new}', but '{section}' is a value there and not a table; "
-                    "rename or remove it"
+                    f"'{old}' is now '{new}', but '{section}' already has a value and cannot be a "
+                    f"table; rename or remove '{section}'"
                 )
         if name in place:
             raise OldKeyError(

@@ -228,7 +228,7 @@ def find_keys_and_model_of_location(
     here: Any = model
     keys: list[str] = []
     for part in location:
-        table = find_tagged_model_in_annotation(here, part)
+        table = find_tagged_pydantic_model_in_annotation(here, part)
         if table is not None and part not in table.model_fields:
             here = table  # `part` is the tag that selected this table
             continue
@@ -240,21 +240,23 @@ def find_keys_and_model_of_location(
             here = (
                 (arguments[-1] if get_origin(here) is dict else arguments[0]) if arguments else None
             )
-    return LocatedKeys(keys, find_tagged_model_in_annotation(here))
+    return LocatedKeys(keys, find_tagged_pydantic_model_in_annotation(here))
 
 
-def find_tagged_model_in_annotation(
+def find_tagged_pydantic_model_in_annotation(
     annotation: Any, tag: int | str | None = None
 ) -> type[BaseModel] | None:
     """Find the model in a type annotation; in a union, that with discriminator `tag`; else None."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     if get_origin(annotation) is Annotated:
-        return find_tagged_model_in_annotation(get_args(annotation)[0], tag)
+        return find_tagged_pydantic_model_in_annotation(get_args(annotation)[0], tag)
     if get_origin(annotation) not in (Union, UnionType):
         return None
     tables = [
-        table for table in map(find_tagged_model_in_annotation, get_args(annotation)) if table
+        table
+        for table in map(find_tagged_pydantic_model_in_annotation, get_args(annotation))
+        if table
     ]
     if len(tables) == 1:
         return tables[0]

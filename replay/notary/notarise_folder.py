@@ -159,7 +159,7 @@ def begin_list_or_refuse_other_signer(
             machine_id=machine_id,
             public_key=signing_key.public_key.base64_text,
             nonce=secrets.token_hex(32),
-            begun=_format_current_time_as_list_time(),
+            begun=_format_current_utc_second(),
         )
         open_list.append_line_durably(make_signed_line(head, signing_key))
         return [] if machine_id else ["the list names no machine; name it with --machine-id"]
@@ -256,7 +256,7 @@ def make_list_entry_of_log(
         ),
         begins=begins,
         ends=ends,
-        listed=_format_current_time_as_list_time(),
+        listed=_format_current_utc_second(),
         machine_id=machine,
         replaces=None if previous_entry is None else previous_entry.counter,
     )
@@ -285,18 +285,18 @@ def read_time_span_and_machine_of_log(log_path: Path) -> _LogSummary:
     if not isinstance(first, int) or not isinstance(last, int) or first < FIRST_DATE_NS:
         return _LogSummary("", "", machine[:_LONGEST_ID])
     return _LogSummary(
-        _format_unix_ns_as_list_time(first),
-        _format_unix_ns_as_list_time(last),
+        _format_unix_ns_as_utc_second(first),
+        _format_unix_ns_as_utc_second(last),
         machine[:_LONGEST_ID],
     )
 
 
-def _format_unix_ns_as_list_time(unix_ns: int) -> str:
+def _format_unix_ns_as_utc_second(unix_ns: int) -> str:
     return f"{dt.datetime.fromtimestamp(unix_ns // 10**9, dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def _format_current_time_as_list_time() -> str:
-    return _format_unix_ns_as_list_time(time.time_ns())
+def _format_current_utc_second() -> str:
+    return _format_unix_ns_as_utc_second(time.time_ns())
 
 
 def _iter_notes_on_wrong_clock(open_list: OpenNotaryList, entry: NotaryEntry) -> Iterator[str]:

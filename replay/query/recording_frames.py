@@ -91,6 +91,6 @@ def open_recording_frames(path: Path, *, has_source_column: bool) -> dict[str, R
         RecordingError: the file is not a recording with frames.
     """
     with open_recording(path) as held:
-        held.refuse_without_frames()
+        held.refuse_recording_without_frames()
         t0_unix_ns, frames = held.provenance.t0_unix_ns, held.manifest.frames
     return {each.name: RecordingFrame(path, each, t0_unix_ns, has_source_column) for each in frames}

@@ -172,7 +172,7 @@ class RequestedVerdicts:
                 raise ReviewError(f"--to {self.end} is not after --from {self.begin}")
             said = ShiftVerdict.model_validate(self._given_labels | span | signed)
             if not any(
-                said.does_apply_to_dump_at(ends_ns / NS_PER_S)
+                said.applies_to_dump_at(ends_ns / NS_PER_S)
                 for ends_ns in ledger_rows["end_unix_ns"]
             ):
                 raise ReviewError(

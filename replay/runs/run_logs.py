@@ -18,7 +18,7 @@ from replay.machines.machine_file import (
     find_machine_file_or_shipped_one,
     find_time_axis_of_machine,
     load_machine,
-    read_file_time_size_and_inode,
+    read_file_state,
 )
 from replay.pipeline import STAGES, run
 from replay.runs.run_limits import LIMITS
@@ -105,8 +105,8 @@ def replay_and_record_logs(
             raise DataError(f"{names} with {machine_file}: {error}") from None
         if strict and result.provenance.losses:
             first, *more = result.provenance.losses
-            others = f"and {len(more)} more; " if more else ""
-            raise LogError(f"{first} ({others}leave out --strict to accept)")
+            others = f" (and {len(more)} more)" if more else ""
+            raise LogError(f"{first}{others}; leave out --strict to replay despite such losses")
         if by is not None:
             result = by.calibrate_masses_of_run(result)
         if output.path is not None:
@@ -156,7 +156,7 @@ def watch_machine_file(
     view = open_requested_live_viewer(output)
     last: Machine | None = None
     failed = False
-    for _ in iter_machine_file_changes(path):
+    for _ in wait_for_machine_file_changes(path):
         try:
             machine = load_machine(path, overrides)
             changed = [] if last is None else list_changed_settings_and_keys(last, machine)
@@ -179,13 +179,13 @@ def watch_machine_file(
         on_answer(answer, changed)
 
 
-def iter_machine_file_changes(path: Path) -> Iterator[None]:
+def wait_for_machine_file_changes(path: Path) -> Iterator[None]:
     """Yield once at the start, after each change that has settled, and when the file vanishes."""
-    seen, missed = read_file_time_size_and_inode(path), 0
+    seen, missed = read_file_state(path), 0
     yield
     while True:
         time.sleep(LIMITS.check_interval_s)
-        now = read_file_time_size_and_inode(path)
+        now = read_file_state(path)
         missed = missed + 1 if now is None else 0
         if missed == LIMITS.checks_until_removed:
             seen = None  # if the same file reappears, it has changed
@@ -194,7 +194,7 @@ def iter_machine_file_changes(path: Path) -> Iterator[None]:
             continue
         while True:
             time.sleep(LIMITS.check_interval_s)
-            settled = read_file_time_size_and_inode(path)
+            settled = read_file_state(path)
             if settled == now:
                 break
             now = settled

@@ -215,7 +215,8 @@ def parse_swept_range(option: str, text: str) -> list[str]:
         raise MachineError(f"--over {option}: {_HOW}") from None
     if not steps.is_finite() or steps < 0:
         raise MachineError(
-            f"--over {option}: no whole number of steps of {step} leads from {first} to {last}"
+            f"--over {option}: steps of {step} do not lead from {first} to {last}; give finite "
+            "numbers, and a step of the right sign"
         )
     if steps >= LIMITS.max_grid_points:
         raise MachineError(

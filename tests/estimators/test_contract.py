@@ -169,10 +169,10 @@ def rms_of(state):
 
 
 def segments_by_lstsq(log, traced, options):
-    segment_id = segments_of(log)
+    manoeuvre_of_sample = segments_of(log)
     rows = []
-    for number in range(segment_id.max() + 1):
-        mine = segment_id == number
+    for number in range(manoeuvre_of_sample.max() + 1):
+        mine = manoeuvre_of_sample == number
         one = ls.fit(log.A[mine], log.f[mine], options, traced.autocorrelation)
         last = np.flatnonzero(mine)[-1]
         rows.append((last, one.theta, one.std, one.residual_rms, one.condition))

@@ -52,11 +52,11 @@ def textbook(A, f, theta):
 def test_nominal_95_percent_intervals_of_segments_cover_0_92_to_0_97_where_the_textbooks_miss():
     covered, covered_by_textbook = [], []
     for seed in range(200):
-        A, f, segment_id = campaign(seed)
-        traced = pooled.estimate_along_log(A, f, segment_id)
+        A, f, manoeuvre_of_sample = campaign(seed)
+        traced = pooled.estimate_along_log(A, f, manoeuvre_of_sample)
         covered.extend(np.abs(traced.theta - TRUTH) < 1.96 * traced.std)
         for run, theta in enumerate(traced.theta):
-            mine = segment_id == run
+            mine = manoeuvre_of_sample == run
             std = textbook(A[mine], f[mine], theta)
             covered_by_textbook.append(np.abs(theta - TRUTH) < 1.96 * std)
     assert (np.mean(covered, axis=0) > 0.92).all()

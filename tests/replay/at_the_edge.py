@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from replay.logs.bag import bag_grammar as bag_grammar
-from replay.logs.blocks.slabs import MessageRowIndex, RecordFinders
+from replay.logs.blocks.block_groups import MessageRowIndex, RecordFinders
 from replay.logs.decoding.decode_plan import DecodePlan
 from replay.logs.decoding.unaligned import load64
 from replay.logs.mcap import mcap_grammar as mcap_grammar

@@ -198,7 +198,7 @@ TAMPERINGS: dict[str, Tampering] = {
         "the schema of evidence at more: Extra inputs are not permitted"),
     "a number as text": Tampering(
         in_evidence("chain", "counter", to="2"), TAMPERED, TAMPERED, "the campaign",
-        "evidence.json: writes a value as another type"),
+        "evidence.json: a value has another type"),
     "the machine's id": Tampering(
         in_evidence("campaign", "machine", "id", to="sledge-8"),
         TAMPERED, IRREPRODUCIBLE, "the campaign",

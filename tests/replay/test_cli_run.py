@@ -258,7 +258,7 @@ class TestRun:
         log.write_bytes(log.read_bytes()[:-40])
         said = payscope("run", log, "-m", machine_file, "--strict")
         join_to_one_line(
-            said, "sledge.csv: its last row", "is cut off", "(leave out --strict to accept)"
+            said, "sledge.csv: its last row", "is cut off", "; leave out --strict to replay"
         )
 
 

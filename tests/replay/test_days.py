@@ -44,7 +44,9 @@ def test_the_day_is_that_of_the_machines_time_zone(tmp_path: Path) -> None:
     campaign = campaign_folder(tmp_path / "c", loads=(0,), begin_unix_s=BEGIN_UNIX_S)
     made = calibrate_from_campaign(campaign, tmp_path / "evidence")
     assert made.document.logs[0].begins == "2026-04-30 23:30:00 UTC"
-    assert not any("not provable" in each for each in verify_bundle(made.folder).unseen)
+    assert not any(
+        "not provable" in each for each in verify_bundle(made.folder).unverifiable_statements
+    )
 
 
 def began(*texts: str) -> Callable[[Bundle], None]:
@@ -121,7 +123,9 @@ def test_a_run_over_midnight_is_of_either_day(made: Made, tmp_path: Path) -> Non
 
 def test_days_of_logs_without_a_date_are_not_provable_and_said_so(made: Made) -> None:
     assert "not provable" in (made.bundle / "report.html").read_text()
-    said = [each for each in made.verify(made.bundle).unseen if "not provable" in each]
+    said = [
+        each for each in made.verify(made.bundle).unverifiable_statements if "not provable" in each
+    ]
     assert len(said) == 1
     assert "run-0, run-1, run-2, run-3" in said[0]
 

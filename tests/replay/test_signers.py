@@ -96,12 +96,12 @@ def test_a_required_signature_is_one_by_a_known_key(
     invented: Path, made: Made, keyring: Path, payscope: Payscope
 ) -> None:
     with pytest.raises(EvidenceError, match=r"unknown key.*payscope keys add"):
-        load_and_verify_calibration(CalibrationRequest(invented, signed=True))
+        load_and_verify_calibration(CalibrationRequest(invented, is_signature_required=True))
     said = payscope("verify", invented, "--require-signed")
     assert said.status == 5
     assert "a signature by a known key is required" in said.out
     add_key_to_keyring(load_keyring(), known(made))
-    held = load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
+    held = load_and_verify_calibration(CalibrationRequest(made.bundle, is_signature_required=True))
     assert "signed by Test lab, key" in held.describe_calibration_in_sentence("")
     assert "that calls itself 'T. Signer'" in held.describe_calibration_in_sentence("")
     assert verify_bundle(made.bundle, is_signature_required=True).outcome is None
@@ -111,14 +111,12 @@ def test_a_required_signature_is_one_by_a_known_key(
 
 def test_the_line_that_refuses_a_key_adds_it(made: Made, keyring: Path, payscope: Payscope) -> None:
     with pytest.raises(EvidenceError) as refused:
-        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
+        load_and_verify_calibration(CalibrationRequest(made.bundle, is_signature_required=True))
     line = str(refused.value).partition("payscope keys add ")[2]
     key, _, _ = line.partition(" --owner")
     assert payscope("keys", "add", key, "--owner", "Test lab").status == 0
-    assert (
-        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True)).signed_by.how
-        == "known"
-    )
+    request = CalibrationRequest(made.bundle, is_signature_required=True)
+    assert load_and_verify_calibration(request).signed_by.how == "known"
     assert "Test lab" in payscope("keys", "list").out
     join_to_one_line(
         payscope("keys", "add", made.public, "--owner", "Another"),
@@ -224,7 +222,7 @@ def test_a_key_out_of_its_validity_or_revoked_signs_nothing(
     assert words in items(found)
     assert not found.signed_by.is_trusted
     with pytest.raises(EvidenceError, match="cannot be used to calibrate"):
-        load_and_verify_calibration(CalibrationRequest(made.bundle, signed=True))
+        load_and_verify_calibration(CalibrationRequest(made.bundle, is_signature_required=True))
 
 
 def test_a_revoked_key_counts_where_a_time_stamp_is_older(made: Made) -> None:

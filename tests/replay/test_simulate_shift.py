@@ -160,7 +160,7 @@ class TestCommand:
         assert (said.status, said.out.split()) == (0, [str(tmp_path / "day.mcap")])
         assert (tmp_path / "day.cycles.json").is_file()
         again = payscope("simulate", scenario, "-o", tmp_path / "day.mcap")
-        join_to_one_line(again, "exists already; give another output, or give --force")
+        join_to_one_line(again, "exists already; give another output, or --force")
 
     @pytest.mark.parametrize(
         ("text", "says"),

@@ -72,7 +72,7 @@ def test_logs_of_released_evidence_replay_to_all_that_it_has_of_them(tmp_path: P
     ).parent
     found = verify_bundle(folder / "first", key_file=folder / "key.pub.pem", log_folder=logs)
     assert {each.outcome for each in found.findings} == {OTHER_VERSION}, items(found)
-    assert any("3 logs replayed: every reading" in done for done in found.done)
+    assert any("3 logs replayed: every reading" in done for done in found.checks_made)
 
 
 def test_evidence_of_0_1_0_calibrates_as_before(released: Path) -> None:

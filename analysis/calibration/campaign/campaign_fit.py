@@ -185,7 +185,9 @@ def average_readings_of_runs(
     """
     unknown = set(readings["load_id"]) - set(known_masses["load_id"])
     if unknown:
-        raise DataError(f"calibration: no reference for load '{min(unknown)}'")
+        raise DataError(
+            f"calibration: load '{min(unknown)}' has readings but no reference mass; add one"
+        )
     used = pl.col("used") & pl.col("mass_kg").is_not_null()
     rows = (
         readings.group_by("run_id", maintain_order=True)

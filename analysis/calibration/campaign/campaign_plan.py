@@ -168,7 +168,7 @@ class NotaryStretch(BaseModel):
         for number in numbers:
             if not self.first <= number <= self.last:
                 raise ValueError(
-                    f"notary: number {number} is left out, but is not between first and last"
+                    f"notary: number {number} in left_out is not between first and last; remove it"
                 )
             if numbers.count(number) > 1:
                 raise ValueError(
@@ -240,7 +240,7 @@ class CalibrationCampaign(BaseModel):
                 )
 
     @property
-    def does_learn_priors(self) -> bool:
+    def learns_priors(self) -> bool:
         """Whether the campaign learns priors from its logs for the calibrated mass."""
         return self.method.learn and self.method.estimator in JOINT_ESTIMATORS
 

@@ -99,7 +99,7 @@ def _refuse_inconsistent_references(
         )
     if covariance_kg2.shape != (loads, loads) or not np.isfinite(covariance_kg2).all():
         raise DataError(
-            f"calibration: the references' covariance is not {loads} by {loads} numbers"
+            f"calibration: the references' covariance must be {loads} by {loads} finite numbers"
         )
     largest = float(np.abs(covariance_kg2).max(initial=0.0))
     if not np.allclose(covariance_kg2, covariance_kg2.T, rtol=0.0, atol=1e-9 * largest):
@@ -107,10 +107,15 @@ def _refuse_inconsistent_references(
             "calibration: the references' covariance is not symmetric; give a symmetric matrix"
         )
     if loads and np.linalg.eigvalsh(covariance_kg2).min() < -1e-9 * largest:
-        raise DataError("calibration: the references' covariance has a negative variance")
+        raise DataError(
+            "calibration: the references' covariance is not positive semidefinite; check the "
+            "correlations"
+        )
     unknown = set(readings["load_id"]) - set(references["load_id"])
     if unknown:
-        raise DataError(f"calibration: no reference for load '{min(unknown)}'")
+        raise DataError(
+            f"calibration: load '{min(unknown)}' has readings but no reference mass; add one"
+        )
 
 
 def _refuse_points_without_line(points: Points) -> None:
@@ -118,9 +123,9 @@ def _refuse_points_without_line(points: Points) -> None:
     loads = np.unique(points.x_kg).size
     if loads < LIMITS.min_loads:
         raise DataError(
-            f"calibration: readings of {format_count(loads, 'different load')} only; at least "
-            f"{LIMITS.min_loads} are needed to check that the line is straight; add runs with "
-            "other loads"
+            f"calibration: the readings are of only {format_count(loads, 'different load')}; at "
+            f"least {LIMITS.min_loads} are needed to check that the line is straight; add runs "
+            "with other loads"
         )
     if np.ptp(points.y_kg) <= 1e-9 * np.abs(points.y_kg).max():
         raise DataError(

@@ -132,7 +132,7 @@ def fit_calibration_line(
     """
     missing = [name for name in _NEEDED if name not in readings.columns]
     if missing:
-        raise DataError(f"calibration: the readings have no column '{missing[0]}'")
+        raise DataError(f"calibration: the readings have no column '{missing[0]}'; add it")
     campaign = average_used_readings_by_run(readings, references, covariance_kg2)
     points = campaign.points
     line, test = fit_line_and_test_lack_of_fit(points, options.day_known_kg)

@@ -46,18 +46,19 @@ class LaterLog:
     """Facts about a later log besides its loads.
 
     Attributes:
-        refused: reason why no mass of the log is calibrated; "" if there is none.
+        refusal_reason: reason why no mass of the log is calibrated; "" if there is none.
         shared_errors: estimate by the log of errors shared with its campaign; None corrects none.
         empty_kg: known mass of the empty machine; None if unknown.
         empty_u_kg: standard uncertainty of that mass.
-        unseen: text on changes since the evidence that the log would not show, by load.
+        undetectable_change_text_by_load: text on changes since the evidence that the log would not
+            show, by load.
     """
 
-    refused: str = ""
+    refusal_reason: str = ""
     shared_errors: SharedErrors | None = None
     empty_kg: float | None = None
     empty_u_kg: float = 0.0
-    unseen: Mapping[int, str] = field(default_factory=dict[int, str])
+    undetectable_change_text_by_load: Mapping[int, str] = field(default_factory=dict[int, str])
 
 
 _NOTHING_MORE: Final = LaterLog()
@@ -91,7 +92,7 @@ def calibrate_loads(
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
     check = check_drift_of_empty_machine(rows, calibration, log)
-    refused = log.refused or describe_machine_change(check, log)
+    refused = log.refusal_reason or describe_machine_change(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
@@ -116,10 +117,10 @@ def _make_calibrated_columns(
     empty_weighings: int,
 ) -> dict[str, Any]:
     """Columns `CALIBRATED` of a load."""
-    off_kg, unlike_u_kg = estimate_driving_offset_and_u_kg(
+    off_kg, driving_u_kg = estimate_driving_offset_and_u_kg(
         load_row, calibration, later_log.shared_errors
     )
-    one = _calibrate_load_mass(load_row, calibration, refusal, off_kg, unlike_u_kg)
+    one = _calibrate_load_mass(load_row, calibration, refusal, off_kg, driving_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
         "calibrated_u_kg": one.u_kg,
@@ -130,9 +131,9 @@ def _make_calibrated_columns(
     }
     if one.mass_kg is None:
         return said
-    said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
+    said["calibrated_unlike_u_kg"] = driving_u_kg / abs(calibration.c1_1)
     days = calibration.day_count_with_unknown_scatter
-    unseen = later_log.unseen.get(load_row["load_id"], "")
+    unseen = later_log.undetectable_change_text_by_load.get(load_row["load_id"], "")
     if days and unseen and not drift_was_checked:
         said["calibrated_said"] = (
             f"evidence of {'one day' if days == 1 else f'{days} days'}: {unseen}"
@@ -221,7 +222,12 @@ def calibrate_payload_of_load(
         np.array([load_row["own_payload_kg"]]),
     )
     beside_kg = found.compute_common_u_not_absorbed_by_line_kg(np.array([common_kg]))[0]
-    parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
+    parts = (
+        random_kg / abs(calibration.c1_1),
+        beside_kg,
+        found.driving_u_kg[0],
+        found.line_u_kg[0],
+    )
     u_kg = float(np.linalg.norm(parts))
     half_kg = max(calibration.coverage_k_1, NORMAL) * u_kg
     return CalibratedPayload(float(found.payload_kg[0]), u_kg, half_kg)
@@ -244,9 +250,9 @@ def check_drift_of_empty_machine(
     )
     random_kg = float(np.linalg.norm(share * [row["u_random_kg"] for row in empty]))
     # shared errors have the same effect on all of them
-    unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
+    driving_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
     point = CheckPoint(mass_kg, random_kg, int(count.sum()))
-    u_kg = float(np.hypot(later_log.empty_u_kg, unlike_u_kg))
+    u_kg = float(np.hypot(later_log.empty_u_kg, driving_u_kg))
     return compare_known_mass_with_calibration(calibration, later_log.empty_kg, u_kg, point)
 
 

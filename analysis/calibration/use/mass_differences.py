@@ -32,23 +32,23 @@ class DifferenceOnLine:
 
     Attributes:
         payload_kg: calibrated payload.
-        line_kg: uncertainty of the line.
-        taken_kg: standard uncertainty absorbed by the line, in kg of m̂.
-        unlike_u_kg: standard uncertainty by driving differently from the campaign.
-        shared_u_kg: part of `unlike_u_kg` that is common to all payloads.
-        size_1: magnitude of the slope.
+        line_u_kg: uncertainty of the line.
+        absorbed_u_kg: standard uncertainty absorbed by the line, in kg of m̂.
+        driving_u_kg: standard uncertainty by driving differently from the campaign.
+        shared_u_kg: part of `driving_u_kg` that is common to all payloads.
+        abs_slope_1: magnitude of the slope.
     """
 
     payload_kg: Floats
-    line_kg: Floats
-    taken_kg: Floats
-    unlike_u_kg: Floats
+    line_u_kg: Floats
+    absorbed_u_kg: Floats
+    driving_u_kg: Floats
     shared_u_kg: Floats
-    size_1: float
+    abs_slope_1: float
 
     def compute_common_u_not_absorbed_by_line_kg(self, common_kg: Floats) -> Floats:
         """(n,) common uncertainty in kg of m̂ minus the absorbed part, in kg of mass."""
-        return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
+        return np.sqrt(np.maximum(common_kg**2 - self.absorbed_u_kg**2, 0.0)) / self.abs_slope_1
 
 
 def calibrate_mass_differences(
@@ -75,7 +75,7 @@ def calibrate_mass_differences(
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
     none = np.zeros(len(payload_kinds_and_numbers))
-    off_kg, taken_kg, unlike_u_kg, shared_u_kg = none, none, none, none
+    off_kg, absorbed_u_kg, driving_u_kg, shared_u_kg = none, none, none, none
     if shared_errors is not None and calibration.responses:
         centre_kg = calibration.centre_kg if absolute else 0.0
         nothing = np.zeros(len(shared_errors.terms))
@@ -95,12 +95,12 @@ def calibrate_mass_differences(
             shared_errors.compute_offset_from_line_kg_and_u_kg(*each)
             for each in zip(moved, line, strict=True)
         ]
-        off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
+        off_kg, driving_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
         scale_kg = np.array(
             [shared_errors.scale_kg.get(each, 0.0) for each in payload_kinds_and_numbers]
         )
-        taken_kg = np.hypot(
+        absorbed_u_kg = np.hypot(
             share * shared_errors.compute_shared_part_of_log_u_kg(moved.sum(axis=0)), scale_kg
         )
         shared_u_kg = share * shared_errors.compute_shared_error_u_kg((moved - line).sum(axis=0))
@@ -112,8 +112,8 @@ def calibrate_mass_differences(
     return DifferenceOnLine(
         mass_kg,
         np.sqrt(np.maximum(variance, 0.0)) / size,
-        taken_kg,
-        unlike_u_kg / size,
+        absorbed_u_kg,
+        driving_u_kg / size,
         shared_u_kg / size,
         size,
     )

@@ -20,7 +20,7 @@ from analysis.simulation.plant.integrated_motion import (
 )
 from analysis.simulation.plant.plant_inputs import DriveStage, make_machine_and_ground_of_scenario
 from analysis.simulation.plant.resistance import (
-    cold_friction_fraction,
+    compute_cold_friction_fraction,
     compute_rolling_resistance_newtons,
 )
 from analysis.simulation.scenario.scenario import Scenario
@@ -89,7 +89,7 @@ class MachineDriver:
         self._machine = make_machine_and_ground_of_scenario(scenario)
         self._load_index = load_index
         if self._machine.resonance_rad_s:
-            self.state[plant.STRETCH] = self._driveline_spring_elongation_m(
+            self.state[plant.STRETCH] = self._compute_driveline_stretch_at_start_m(
                 scenario.machine.mass_kg + load_kg
             )
         if scenario.chassis.squat_hz:
@@ -314,9 +314,9 @@ class MachineDriver:
         """Remaining fractions of cold viscous and Coulomb friction at a time."""
         viscous, coulomb = self._machine.friction_warming, self._machine.coulomb_warming
         warming_s = self._machine.warming_s
-        return cold_friction_fraction(time_s, viscous, warming_s), cold_friction_fraction(
-            time_s, coulomb, warming_s
-        )
+        return compute_cold_friction_fraction(
+            time_s, viscous, warming_s
+        ), compute_cold_friction_fraction(time_s, coulomb, warming_s)
 
     def draw_coulomb_friction_newtons(self) -> float:
         """Draw the Coulomb friction of the next start in N, on a cold machine."""
@@ -356,7 +356,7 @@ class MachineDriver:
         stop_m = (speed_m_s - slowed * math.log1p(speed_m_s / slowed)) / viscous_1_s
         return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
 
-    def _driveline_spring_elongation_m(self, mass_kg: float) -> float:
+    def _compute_driveline_stretch_at_start_m(self, mass_kg: float) -> float:
         """Elongation of the driveline's spring by the slope at the start of a log, in m."""
         wheel_kg = self._machine.wheel_share * mass_kg + self._machine.rotating_kg
         body_kg = mass_kg * (1.0 - self._machine.wheel_share)

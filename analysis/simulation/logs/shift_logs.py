@@ -24,7 +24,7 @@ from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import make_random_generator
-from analysis.simulation.sensors.recorder import list_recorded_topics, topic_phase_s
+from analysis.simulation.sensors.recorder import compute_topic_phase_s, list_recorded_topics
 from analysis.simulation.sensors.sensors import simulate_topics_of_log
 from analysis.simulation.trials.trial_limits import refuse_undrivable_shift
 from estimators.arrays import Floats
@@ -161,7 +161,7 @@ class ShiftSimulation:
             trials=pl.DataFrame(),
             manoeuvres=timeline.make_manoeuvre_table(),
             timeline=timeline,
-            phase_s={topic: topic_phase_s(scenario, topic, index) for topic in topics},
+            phase_s={topic: compute_topic_phase_s(scenario, topic, index) for topic in topics},
             torn_share=span.torn_share,
         )
 

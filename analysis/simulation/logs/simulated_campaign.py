@@ -17,7 +17,7 @@ from analysis.simulation.motion.timeline import (
     make_timeline_of_repeated_trial,
 )
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.recorder import TOPICS, make_sample_times_ns, topic_phase_s
+from analysis.simulation.sensors.recorder import TOPICS, compute_topic_phase_s, make_sample_times_ns
 from analysis.simulation.sensors.sensors import simulate_topics_of_log
 from analysis.simulation.trials.solve_trial import solve_motion
 from analysis.simulation.trials.switches import find_scenario_key_needing_integration
@@ -102,7 +102,7 @@ def _simulate_logs(scenario: Scenario) -> Iterator[SimulatedLog]:
             trials=timeline.make_trial_table(scenario.terrain.slope_deg),
             manoeuvres=timeline.make_manoeuvre_table(),
             timeline=timeline,
-            phase_s={topic: topic_phase_s(scenario, topic, index) for topic in TOPICS},
+            phase_s={topic: compute_topic_phase_s(scenario, topic, index) for topic in TOPICS},
         )
         start_ns = timeline.end_ns + convert_to_whole_ns(scenario.log.load_change_s)
 

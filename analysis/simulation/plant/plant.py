@@ -17,7 +17,7 @@ import numpy as np
 
 from analysis.simulation.plant.plant_inputs import DriveStage, MachineAndGround
 from analysis.simulation.plant.resistance import (
-    cold_friction_fraction,
+    compute_cold_friction_fraction,
     compute_coulomb_friction_newtons,
     compute_gentle_brake_force_newtons,
     compute_rolling_resistance_newtons,
@@ -148,7 +148,7 @@ def _fill_state_rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and w
     share = machine.wheel_share if soft else 1.0
     wheel_kg = share * mass + _rotating_mass_kg(wheel, machine)
     body_kg = (1.0 - share) * mass
-    friction = machine.friction_N_s_m * cold_friction_fraction(
+    friction = machine.friction_N_s_m * compute_cold_friction_fraction(
         t, machine.friction_warming, machine.warming_s
     )
     pull = ground - friction * wheel - share * mass * gravity

@@ -11,7 +11,9 @@ _AXLES_APART_M: Final = 1.2
 
 
 @compiled_inline
-def cold_friction_fraction(time_s: float, cold_excess_fraction: float, warming_s: float) -> float:
+def compute_cold_friction_fraction(
+    time_s: float, cold_excess_fraction: float, warming_s: float
+) -> float:
     """Friction at a time over that of the cold machine, as the machine warms up."""
     if cold_excess_fraction == 0.0:
         return 1.0
@@ -23,7 +25,7 @@ def compute_coulomb_friction_newtons(
     time_s: float, turn_rad_s: float, machine: MachineAndGround, stage: DriveStage
 ) -> float:
     """Coulomb friction at a time and yaw rate, in N: limit at rest, friction force in motion."""
-    coulomb_N = stage.coulomb_N * cold_friction_fraction(
+    coulomb_N = stage.coulomb_N * compute_cold_friction_fraction(
         time_s, machine.coulomb_warming, machine.warming_s
     )
     capacity = coulomb_N + machine.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)

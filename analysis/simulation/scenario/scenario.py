@@ -75,7 +75,7 @@ class SimulatedStarts(BaseModel):
     @model_validator(mode="after")
     def _refuse_reversed_throttle_range(self) -> Self:
         if self.throttle_least > self.throttle_most:
-            raise ValueError("'throttle_least' is above 'throttle_most'")
+            raise ValueError("'throttle_least' is above 'throttle_most'; correct one of them")
         return self
 
 

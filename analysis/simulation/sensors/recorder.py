@@ -21,20 +21,20 @@ def list_recorded_topics(scenario: Scenario) -> tuple[TopicName, ...]:
     return TOPICS if scenario.shift is None else (*TOPICS, *scenario.shift.topics)
 
 
-def topic_rate_hz(scenario: Scenario, topic: TopicName) -> float:
+def get_topic_rate_hz(scenario: Scenario, topic: TopicName) -> float:
     """Rate of a topic in Hz."""
     if topic == "gnss" and scenario.shift is not None:
         return scenario.shift.gnss_rate_hz
     return scenario.sampling.rate_hz(topic, scenario.sensors.rate_hz)
 
 
-def topic_phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
+def compute_topic_phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
     """Time of a topic's first sample after the start of a log, in s."""
     asked_s = scenario.sampling.phase_s(topic)
     if asked_s >= 0.0:
         return asked_s
     drawn = make_random_generator(scenario.sensors.seed, load_index, 0, f"{topic}_phase").random()
-    return float(drawn) / topic_rate_hz(scenario, topic)
+    return float(drawn) / get_topic_rate_hz(scenario, topic)
 
 
 def make_sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[np.int64]:

@@ -19,11 +19,11 @@ from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.simulation_limits import LIMITS
 from analysis.simulation.sensors.random_streams import RandomStreams
 from analysis.simulation.sensors.recorder import (
+    compute_topic_phase_s,
+    get_topic_rate_hz,
     list_recorded_topics,
     make_sample_times_ns,
     record_topic,
-    topic_phase_s,
-    topic_rate_hz,
 )
 from estimators.arrays import Floats
 from estimators.numerics.play import apply_play_hysteresis
@@ -50,8 +50,8 @@ def simulate_topics_of_log(
     """
     frames: dict[str, pl.DataFrame] = {}
     for topic in list_recorded_topics(scenario):
-        phase = topic_phase_s(scenario, topic, load_index)
-        at_ns = make_sample_times_ns(timeline, topic_rate_hz(scenario, topic), phase)
+        phase = compute_topic_phase_s(scenario, topic, load_index)
+        at_ns = make_sample_times_ns(timeline, get_topic_rate_hz(scenario, topic), phase)
         streams = RandomStreams(
             scenario.sensors.seed, load_index, timeline.assign_trial_numbers(at_ns)
         )
@@ -164,7 +164,7 @@ def _compute_true_imu_signals(scenario: Scenario, motion: Channels) -> dict[str,
 def draw_vibration(scenario: Scenario, seconds: Floats, random_streams: RandomStreams) -> Floats:
     """Draw narrow-band noise (n,): a carrier with two Gauss-Markov amplitudes, in m/s²."""
     defects = scenario.defects
-    samples = topic_rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
+    samples = get_topic_rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
     turn = 2.0 * math.pi * defects.vibration_hz * seconds
     in_phase, in_quadrature = (
         random_streams.draw_gauss_markov_drift(f"vibration_{name}", defects.vibration_m_s2, samples)
@@ -193,7 +193,7 @@ def _simulate_torque_readings(
         drift = random_streams.draw_gauss_markov_drift(
             f"torque_{side}_drift",
             sensors.force_drift_N * lever_m / math.sqrt(2),
-            sensors.force_drift_s * topic_rate_hz(scenario, "torque"),
+            sensors.force_drift_s * get_topic_rate_hz(scenario, "torque"),
         )
         follows = apply_play_hysteresis(signals[name], play_N_m) if play_N_m else signals[name]
         reading = _add_sensor_errors(

@@ -97,7 +97,8 @@ class _TrialSolver:
                 return self._solve_excitation(manoeuvre, start_s, heading_rad)
             case Travel():
                 raise AssertionError(
-                    "needs a whole log, which `find_scenario_key_needing_integration` says"
+                    "a travel needs a whole log; `find_scenario_key_needing_integration` must "
+                    "refuse it"
                 )
 
     def stand_at_heading(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:

@@ -13,7 +13,7 @@ from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.simulation_limits import LIMITS
-from analysis.simulation.sensors.recorder import list_recorded_topics, topic_rate_hz
+from analysis.simulation.sensors.recorder import get_topic_rate_hz, list_recorded_topics
 from analysis.simulation.trials.arc import make_arc_phases_and_times
 from analysis.simulation.trials.switches import refuse_settings_without_plant_support
 from estimators.errors import ScenarioError
@@ -36,7 +36,7 @@ def refuse_undrivable_scenario(scenario: Scenario, loads_kg: Sequence[float]) ->
     refuse_settings_without_plant_support(scenario)
     if (
         scenario.log.latency_jitter_s
-        * max(topic_rate_hz(scenario, topic) for topic in list_recorded_topics(scenario))
+        * max(get_topic_rate_hz(scenario, topic) for topic in list_recorded_topics(scenario))
         >= 1
     ):
         raise ScenarioError(

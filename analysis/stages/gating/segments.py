@@ -66,8 +66,8 @@ def estimate_each_manoeuvre_by_pooling(
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.gate.exclude_braking:
         refused_for["braking"] = "braking"
-    segment_id = assign_manoeuvre_numbers_to_samples(excitation, settings)
-    used = np.zeros(segment_id.size, np.bool_)
+    manoeuvre_of_sample = assign_manoeuvre_numbers_to_samples(excitation, settings)
+    used = np.zeros(manoeuvre_of_sample.size, np.bool_)
     parts: list[pl.DataFrame] = []
     for axis in list_axes_allowed_by_channels(excitation):
         pooled_ids = assign_pooled_manoeuvre_numbers_to_samples(excitation, gated, settings, axis)
@@ -88,7 +88,7 @@ def estimate_each_manoeuvre_by_pooling(
     table = (
         pl.DataFrame(
             {
-                "segment_id": segment_id,
+                "segment_id": manoeuvre_of_sample,
                 "t_ns": excitation["t_ns"],
                 "phase": excitation["phase"].cast(pl.String),
                 "used": used,

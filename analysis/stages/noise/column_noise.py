@@ -61,10 +61,10 @@ class ColumnNoise:
         """(p,) standard deviations of one sample."""
         return np.sqrt(np.maximum(np.diagonal(self.covariances[:, :, 0]), 0.0))
 
-    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
-        """(p, p) covariance of trailing means of `mean_samples`."""
+    def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
+        """(p, p) covariance of trailing means of `samples_per_mean`."""
         lag = np.arange(self.covariances.shape[2])
-        pairs = np.maximum(mean_samples - lag, 0) / mean_samples**2
+        pairs = np.maximum(samples_per_mean - lag, 0) / samples_per_mean**2
         return find_nearest_semidefinite_matrix(self._sum_covariances_over_lags(pairs))
 
     def power_at_zero_frequency(self) -> Floats:
@@ -92,15 +92,15 @@ class DerivativeNoise:
     columns: ColumnNoise
     rate_hz: float
 
-    def compute_covariance_of_means(self, mean_samples: int) -> Floats:
+    def compute_covariance_of_means(self, samples_per_mean: int) -> Floats:
         """(3, 3) noise covariance of a trailing mean of so many samples."""
-        found = self.columns.compute_covariance_of_means(mean_samples)
-        if mean_samples < LIMITS.derivative_mean_samples:
+        found = self.columns.compute_covariance_of_means(samples_per_mean)
+        if samples_per_mean < LIMITS.derivative_mean_samples:
             return found
         found = found.copy()
         speed = self.columns.compute_covariance_of_means(1)[1, 1]
         found[0, :] = found[:, 0] = 0.0
-        found[0, 0] = 2.0 * speed * (self.rate_hz / mean_samples) ** 2
+        found[0, 0] = 2.0 * speed * (self.rate_hz / samples_per_mean) ** 2
         return found
 
 

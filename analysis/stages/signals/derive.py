@@ -272,7 +272,7 @@ def _read_field_numbers(
     dtype = frame[field].dtype
     if not (dtype.is_numeric() or dtype == pl.Boolean or dtype == pl.Null):
         where = f"{field} of {channel.topic or 'the table'}"
-        raise DataError(f"{name}: {where} is {dtype}, not a number")
+        raise DataError(f"{name}: {where} is {dtype}, not a number; choose another field")
     return frame[field].cast(pl.Float64).to_numpy()
 
 
@@ -297,7 +297,7 @@ def select_usable_readings(
     told = finite & (np.abs(readings) <= LIMITS.largest_si)
     limit = f"beyond {LIMITS.largest_si:g} {find_unit_in_name(name)}, which cannot be a reading"
     if not told.any():
-        raise DataError(f"{name}: {where} holds only numbers {limit}: check its unit, scale")
+        raise DataError(f"{name}: {where} holds only numbers {limit}; check its unit and scale")
     # in messages, as opposed to a table, every missing reading was lost
     lost = int((~finite).sum()) if channel.topic else filters.count_lost_readings(t, finite)
     counts = ((lost, "missing or not finite"), (int((finite & ~told).sum()), limit))

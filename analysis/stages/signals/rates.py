@@ -60,7 +60,7 @@ class ChannelSeries:
         )
 
     def find_newest_known_instant_ns(self, now_ns: Ints) -> Ints:
-        """Latest instant (rows,) in ns whose value is known at each time; -2⁶² if none is yet."""
+        """Latest instant (rows,) in ns whose value was known at each time; -2⁶² if none was."""
         last = np.searchsorted(self.known_ns, now_ns, side="right") - 1
         return np.where(last >= 0, self.t_ns[last] - self.width_ns // 2, np.int64(-(2**62)))
 

@@ -61,7 +61,7 @@ def parse_bag_record(
 def scan_bag_records(
     data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
 ) -> CountAndStop:
-    """Find the rows of messages and connections; see `slabs.RecordFinders`.
+    """Find the rows of messages and connections; see `block_groups.RecordFinders`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """

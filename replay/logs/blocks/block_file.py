@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block
+from replay.logs.blocks.block_groups import RecordFinders
 from replay.logs.blocks.block_messages import BlockStore
-from replay.logs.blocks.slabs import RecordFinders
 from replay.logs.storage import BatchGroup, Connection, FileBytes
 
 
@@ -39,7 +39,7 @@ class BlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _import_record_finders() -> RecordFinders:
+    def _load_record_finders() -> RecordFinders:
         """Import the functions that find records of the format in bytes."""
 
     @abstractmethod
@@ -47,7 +47,7 @@ class BlockFile(ABC):
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
-        return BlockStore(self._file, self._import_record_finders, self._process_non_message_record)
+        return BlockStore(self._file, self._load_record_finders, self._process_non_message_record)
 
     def _make_second_pass_store(self) -> BlockStore:
         """Make a store for a second pass over the file, which shares the notes of damage."""

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.logs.blocks.block import Block
-from replay.logs.blocks.lost_blocks import BlockDamage
-from replay.logs.blocks.slabs import (
+from replay.logs.blocks.block_damage import BlockDamage
+from replay.logs.blocks.block_groups import (
     ChunkStats,
     RecordFinders,
     UnpackedBlockGroup,

@@ -27,7 +27,7 @@ _PROVEN: Final = 4
 def scan_mcap_records(
     data: NDArray[np.uint8], begin: int, end: int, out_rows: NDArray[np.int64], first_row: int
 ) -> CountAndStop:
-    """Find the rows of messages, schemas and channels; see `slabs.RecordFinders`.
+    """Find the rows of messages, schemas and channels; see `block_groups.RecordFinders`.
 
     It stops at an incomplete record, and at a record that only occurs outside chunks.
     """

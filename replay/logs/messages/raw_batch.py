@@ -44,7 +44,7 @@ class RawBatch:
                 or (self.data.size - starts < sizes).any()
             )
         ):
-            raise ValueError("a batch whose messages reach out of its data")
+            raise ValueError("the offset or size of a message lies outside the batch")
         data = self.data.view()
         # also since numba would compile another version for writable data
         data.flags.writeable = False

@@ -339,7 +339,7 @@ def _decompress_file(unpacker: zstandard.ZstdDecompressor, compressed: bytes) ->
     room = min(_MOST_GROWTH * len(compressed) + _ANY_MESSAGE, LARGEST_BYTES)
     declared = zstandard.frame_content_size(compressed)
     if declared > room:
-        raise zstandard.ZstdError("it would decompress to an implausible size")
+        raise zstandard.ZstdError(f"it would decompress to more than {room:,} bytes")
     if declared >= 0:
         return unpacker.decompress(compressed, max_output_size=room)
     return _decompress_frame_of_unknown_size(unpacker, compressed, room)
@@ -351,11 +351,12 @@ def _decompress_frame_of_unknown_size(
     """Decompress a frame of unknown size step by step, at most to `max_bytes`."""
     stream = unpacker.decompressobj()
     parts: list[bytes] = []
+    room = max_bytes
     for at in range(0, len(compressed), _FEW_BYTES):
         parts.append(stream.decompress(compressed[at : at + _FEW_BYTES]))
-        max_bytes -= len(parts[-1])
-        if max_bytes < 0:
-            raise zstandard.ZstdError("it would decompress to an implausible size")
+        room -= len(parts[-1])
+        if room < 0:
+            raise zstandard.ZstdError(f"it would decompress to more than {max_bytes:,} bytes")
         if stream.eof:
             return b"".join(parts)
     raise zstandard.ZstdError("it is truncated")

@@ -50,12 +50,12 @@ class RowFilter(NamedTuple):
     """Requested rows, and whether to read their messages."""
 
     #: topic ids, ascending, unless all are requested
-    keys: NDArray[np.int64]
-    every_topic: bool
+    topic_ids: NDArray[np.int64]
+    is_every_topic_requested: bool
     #: first and last log time in ns
     first_ns: int
     last_ns: int
-    with_data: bool
+    are_messages_read: bool
 
 
 def read_page_layout_of_messages_table(

@@ -189,7 +189,7 @@ def scan_requested_rows_of_leaf_pages(
     row_filter: RowFilter,
     overflow_begin: int,
     max_overflow_bytes: int,
-    state: NDArray[np.int64],
+    scan_position: NDArray[np.int64],
     out_rows: ScannedRows,
 ) -> tuple[int, int, int, bool]:
     """Find requested rows in leaf pages, until the output is full or a row is unusual.
@@ -201,42 +201,44 @@ def scan_requested_rows_of_leaf_pages(
         row_filter: requested rows.
         overflow_begin: offset in `data` of messages joined from overflow pages.
         max_overflow_bytes: maximum bytes of these messages, unless it is a single one.
-        state: (7,) in: state at which to begin; out: state at which it stopped.
+        scan_position: (7,) in: where to begin; out: where the scan stopped.
         out_rows: receives the rows.
 
     Returns:
-        Numbers of rows and of spilled rows, bytes needed from `overflow_begin` on, and False if the
-        scan stopped at an unusual row.
+        Number of rows, number of spilled rows, bytes needed from `overflow_begin` on, and whether
+        the scan met no unusual row.
     """
     rows, spills, gaps = out_rows
-    keys = row_filter.keys
+    keys = row_filter.topic_ids
     found = spilled = used = 0
-    while state[AT_LEAF] < leaves.size:
-        base = int(leaves[state[AT_LEAF]])
+    while scan_position[AT_LEAF] < leaves.size:
+        base = int(leaves[scan_position[AT_LEAF]])
         end = base + layout.usable_bytes
         cells = read_big_endian(data, base + 3, 2)
         contents = base + _LEAF_HEAD + 2 * cells
         if data[base] != LEAF or cells == 0 or contents > end:
             cells = 0
-            _begin_row_id_gap(gaps, state)
-        while state[AT_CELL] < cells:
-            at = base + read_big_endian(data, base + _LEAF_HEAD + 2 * int(state[AT_CELL]), 2)
+            _begin_row_id_gap(gaps, scan_position)
+        while scan_position[AT_CELL] < cells:
+            at = base + read_big_endian(
+                data, base + _LEAF_HEAD + 2 * int(scan_position[AT_CELL]), 2
+            )
             what, row_id, topic, time, begin, length, local, stop = parse_row_cell(
-                data, at, contents, end, layout, row_filter.with_data
+                data, at, contents, end, layout, row_filter.are_messages_read
             )
             if what == UNUSUAL:
-                _end_row_id_gap(gaps, state, row_id)
+                _end_row_id_gap(gaps, scan_position, row_id)
                 return found, spilled, used, False
             in_time = row_filter.first_ns <= time <= row_filter.last_ns
             if (
                 what == MESSAGE
                 and in_time
-                and (row_filter.every_topic or is_key_in_sorted_array(keys, topic))
+                and (row_filter.is_every_topic_requested or is_key_in_sorted_array(keys, topic))
             ):
                 if found == rows.shape[1]:
                     return found, spilled, used, True
                 offset = begin
-                if local < length and row_filter.with_data:
+                if local < length and row_filter.are_messages_read:
                     if spilled == spills.shape[1] or (used and used + length > max_overflow_bytes):
                         return found, spilled, used, True
                     offset = overflow_begin + used
@@ -254,16 +256,16 @@ def scan_requested_rows_of_leaf_pages(
                 rows[ID, found] = row_id
                 found += 1
             elif what == NO_MESSAGE:
-                _count_row_without_message(state, row_id)
+                _count_row_without_message(scan_position, row_id)
             if what == DAMAGED:
-                _begin_row_id_gap(gaps, state)
+                _begin_row_id_gap(gaps, scan_position)
             else:
-                state[LAST_ID] = row_id
-                if state[IN_GAP]:
-                    _end_row_id_gap(gaps, state, row_id)
-            state[AT_CELL] += 1
-        state[AT_LEAF] += 1
-        state[AT_CELL] = 0
+                scan_position[LAST_ID] = row_id
+                if scan_position[IN_GAP]:
+                    _end_row_id_gap(gaps, scan_position, row_id)
+            scan_position[AT_CELL] += 1
+        scan_position[AT_LEAF] += 1
+        scan_position[AT_CELL] = 0
     return found, spilled, used, True
 
 

@@ -95,8 +95,8 @@ class MessageTable:
     def _iter_rows_from_sqlite(
         self, after_row_id: int, row_filter: RowFilter, note_damage: Callable[[str], None]
     ) -> Iterator[TableRows]:
-        query = _MESSAGES if row_filter.with_data else _TIMES
-        has_blob = row_filter.with_data
+        query = _MESSAGES if row_filter.are_messages_read else _TIMES
+        has_blob = row_filter.are_messages_read
         for rows in iter_row_batches(
             self._database, query, after_row_id, note_damage, has_blob=has_blob
         ):
@@ -109,20 +109,20 @@ class MessageTable:
                 found = _make_row_columns(whole, has_blob=has_blob)
             time = found.rows[TIME]
             use = (time >= row_filter.first_ns) & (time <= row_filter.last_ns)
-            if not row_filter.every_topic:
-                use &= np.isin(found.rows[KEY], row_filter.keys)
+            if not row_filter.is_every_topic_requested:
+                use &= np.isin(found.rows[KEY], row_filter.topic_ids)
             yield found if use.all() else TableRows(found.data, found.rows[:, use])
 
 
 def _make_row_columns(rows: list[Row], *, has_blob: bool) -> TableRows:
     messages = [row[3] for row in rows] if has_blob else []
     if {*map(type, messages)} - {bytes}:
-        raise _NoMessageError("a message that is not a blob")
+        raise _NoMessageError("a message is not a blob")
     columns = np.zeros((4, len(rows)), np.int64)
     for column, place in ((KEY, 1), (TIME, 2)):
         numbers = np.array([row[place] for row in rows])
         if rows and numbers.dtype != np.int64:
-            raise _NoMessageError("a number that is not an integer")
+            raise _NoMessageError("the topic id or time of a message is not an integer")
         columns[column] = numbers
     if has_blob:
         columns[LENGTH] = [len(message) for message in messages]

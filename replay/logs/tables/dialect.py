@@ -102,7 +102,7 @@ def sniff_dialect(lines: Sequence[str], hints: TableHints) -> Dialect:
     csv.field_size_limit(min(sys.maxsize, 2**31 - 1))
     separators = _list_candidate_separators(hints)
     if hints.decimal not in (None, ".", ","):
-        raise DialectError(f"no decimal sign '{hints.decimal}'; [log] decimal is '.' or ','")
+        raise DialectError(f"no decimal sign '{hints.decimal}'; set [log] decimal to '.' or ','")
     decimals = (hints.decimal,) if hints.decimal else (".", ",")
     found = [
         reading
@@ -132,7 +132,8 @@ def _list_candidate_separators(hints: TableHints) -> tuple[str, ...]:
     given = words.get(hints.separator.lower(), hints.separator)
     if len(given.encode()) != 1 or given.isalnum() or given in "\"'.+-\n\r":
         raise DialectError(
-            f"no separator '{hints.separator}'; [log] separator is ',', ';', '|', 'tab' or 'blanks'"
+            f"'{hints.separator}' cannot be a separator; set [log] separator to one character, "
+            "such as ',', ';' or '|', or to 'tab' or 'blanks'"
         )
     return (given,)
 

@@ -234,7 +234,8 @@ def find_name_and_unit_rows(
     for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
         if line and line not in by_line:
             raise DialectError(
-                f"[log] {key} = {line}: line {line} is not above the data, or has no cells"
+                f"[log] {key} = {line}: line {line} must be above the data and have cells; correct "
+                "the number"
             )
     given = by_line.get(hints.header_row or -1)
     stated = by_line.get(hints.units_row or -1)

@@ -75,7 +75,8 @@ def convert_file_to_utf8(path: Path, encoding: str | None) -> Utf8Text:
         io.TextIOWrapper(io.BytesIO(), found)
     except (LookupError, ValueError):
         raise BrokenBytesError(
-            f"no encoding '{found}'; [log] encoding is utf-8, utf-16 or latin-1"
+            f"no encoding '{found}'; set [log] encoding, such as utf-8, utf-16, latin-1, cp1251 or "
+            "cp932"
         ) from None
     notes = () if encoding or name.startswith("utf-8") else (f"its text is decoded as {found}",)
     if _does_file_use_cr_line_ends(path):

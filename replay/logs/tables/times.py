@@ -111,7 +111,7 @@ def refuse_times_beyond_64_bits(extremes: Iterable[object], max_value: int, unit
     for extreme in extremes:
         if isinstance(extreme, (int, float)) and abs(extreme) > max_value:
             raise TimeError(
-                f"{extreme} {unit} does not fit into 64 bit nanoseconds; its unit is wrong"
+                f"{extreme} {unit} exceeds 64-bit nanoseconds; the unit of the time is wrong"
             )
 
 

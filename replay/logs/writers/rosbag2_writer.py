@@ -97,7 +97,7 @@ class _Storage:
         )
 
     def write(self, connection: "Connection", timestamp: int, data: bytes | memoryview) -> None:
-        raise NotImplementedError("messages come by columns")
+        raise NotImplementedError("this writer writes whole topics; call write_topics")
 
     def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
         self._mcap.write_all_messages(topics)

@@ -48,7 +48,9 @@ class TestWheelsAgainstTheAccelerometer:
             "relative_u",
         }
         assert found.check("wheel_imu_residual").passed is False
-        assert "by the wheels alone the mass moves by" in found.check("wheel_imu_residual").meaning
+        assert (
+            "with the wheels alone the mass changes by" in found.check("wheel_imu_residual").meaning
+        )
 
     @pytest.mark.heavy
     def test_of_an_acceleration_by_the_wheels_the_accelerometer_is_the_other_one(
@@ -59,7 +61,7 @@ class TestWheelsAgainstTheAccelerometer:
             tmp_path, ("verdict", {"wheels_max": 1e-9}), ("forces", {"acceleration": "kinematic"})
         )
         assert (
-            "by the accelerometer alone the mass moves by +"
+            "with the accelerometer alone the mass changes by +"
             in found.check("wheel_imu_residual").meaning
         )
 

@@ -151,7 +151,7 @@ def test_a_term_beyond_its_prior_is_named():
     assert log.load["withheld_for"] == "term_beyond_prior"
     check = log.check("term_beyond_prior")
     assert check.meaning.endswith("(load_transfer)")
-    assert check.remedy.endswith("has so much, settings.priors.load_transfer_s2_m")
+    assert check.remedy.endswith("is so large, widen settings.priors.load_transfer_s2_m")
 
 
 def test_soft_ground_is_weighed_though_its_resistance_explains_most_of_the_force():

@@ -228,7 +228,7 @@ def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Name
     assert row["setting"] == "channels.torque_left_N_m.delay_s, channels.torque_right_N_m.delay_s"
     for value in row["value"].split(", "):
         assert float(value) == pytest.approx(0.04, abs=0.005)
-    assert "late against speed and accelerometer" in row["evidence"]
+    assert "late relative to speed and accelerometer" in row["evidence"]
     assert row["mass_change_u_kg"] > 0.0
 
 
@@ -238,7 +238,7 @@ def test_without_an_accelerometer_a_late_speed_may_be_an_early_force() -> None:
     replay = run([MemoryLog(log)], copy_machine_with_simulated_channels(machine(DERIVED), log))
     row = replay.frames["findings"].row(0, named=True)
     assert row["cause"] == "delay"
-    assert "ms late against force, or the force is early" in row["evidence"]
+    assert "ms late relative to force, or the force is early" in row["evidence"]
 
 
 @pytest.mark.heavy

@@ -12,7 +12,7 @@ from tests.analysis.weighing.weighed import RICH, weighed
 
 REACH_S = 0.4
 #: A force and a speed that are moved in time as far as a fit may move them.
-FOUND = PreviousEstimates(lag_s=-0.29, slip_1_N=1e-5, speed_delay_s=0.15)
+FOUND = PreviousEstimates(force_delay_s=-0.29, slip_1_N=1e-5, speed_delay_s=0.15)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
     assert near.force.size < fit.motion.force.size
     for found in (PreviousEstimates(), FOUND):
         whole, part = (
-            average_and_weight_fit_columns(motion, noise, fit.terms, fit.mean_samples, found)
+            average_and_weight_fit_columns(motion, noise, fit.terms, fit.samples_per_mean, found)
             for motion in (fit.motion, near)
         )
         np.testing.assert_array_equal(part.group, whole.group)

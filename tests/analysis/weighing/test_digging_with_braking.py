@@ -11,7 +11,7 @@ from analysis.model.schema import PHASE
 from analysis.model.settings import Settings
 from analysis.stages.gating.digging import add_column_of_digging_starts
 from analysis.weighing.braking_comparison import compare_mass_with_braking_to_driving
-from analysis.weighing.fitted_stretches import mark_rows_from_dig_to_stand
+from analysis.weighing.fitted_stretches import mark_rows_from_dig_to_standstill
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.weigh import weigh
 from estimators.arrays import Floats, Ints
@@ -60,7 +60,7 @@ def test_a_dig_lasts_until_the_machine_stands_or_turns_back() -> None:
     digs = np.repeat([False, True, False, False, False, False], step)
     for how, speed in speeds.items():
         named = [p if how == "stands" else p.replace("standstill", "braking") for p in phases]
-        marked = mark_rows_from_dig_to_stand(
+        marked = mark_rows_from_dig_to_standstill(
             pl.DataFrame({"digs": digs}),
             pl.DataFrame({"phase": pl.Series(np.repeat(named, step).tolist(), dtype=PHASE)}),
             np.repeat(speed, step).astype(np.float64),
@@ -74,7 +74,7 @@ def test_a_dig_lasts_until_the_machine_stands_or_turns_back() -> None:
 def test_without_a_dig_nothing_is_marked() -> None:
     still = pl.DataFrame({"phase": pl.Series(["standstill"] * 9, dtype=PHASE)})
     for grid in (pl.DataFrame({"digs": [False] * 9}), pl.DataFrame({"t_ns": range(9)})):
-        assert not mark_rows_from_dig_to_stand(grid, still, np.zeros(9), Settings()).any()
+        assert not mark_rows_from_dig_to_standstill(grid, still, np.zeros(9), Settings()).any()
 
 
 @dataclass

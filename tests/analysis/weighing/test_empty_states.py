@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from analysis.weighing.empty_states import (
     compute_largest_excess_of_empty_state_kg,
-    find_returns,
+    find_return_states,
 )
 
 
@@ -46,12 +46,14 @@ def test_a_machine_is_empty_where_it_returns_after_each_load(
     if begins_loaded:
         masses_kg = [15_000.0, *masses_kg]
     first = int(begins_loaded)
-    found = find_returns(np.array(masses_kg), np.repeat(np.arange(len(masses_kg)), 2))
+    found = find_return_states(np.array(masses_kg), np.repeat(np.arange(len(masses_kg)), 2))
     assert found == list(range(first, len(masses_kg), 2))
 
 
 def test_a_state_that_recurs_is_one() -> None:
-    assert find_returns(np.array([13_000.0, 15_000.0]), np.array([0, 1, 0, 1, 0, 1, 0])) == [0]
+    assert find_return_states(np.array([13_000.0, 15_000.0]), np.array([0, 1, 0, 1, 0, 1, 0])) == [
+        0
+    ]
 
 
 @given(st.lists(st.floats(13_000.0, 20_000.0), min_size=2, max_size=20, unique=True))
@@ -59,10 +61,10 @@ def test_loads_that_only_grow_or_only_shrink_tell_of_no_empty_machine(
     mass_kg: list[float],
 ) -> None:
     for masses_kg in (np.sort(mass_kg), np.sort(mass_kg)[::-1]):
-        assert find_returns(masses_kg, np.arange(len(mass_kg))) == []
+        assert find_return_states(masses_kg, np.arange(len(mass_kg))) == []
 
 
 def test_loads_any_of_which_may_be_the_lightest_tell_of_no_empty_machine() -> None:
     dice = np.random.default_rng(3)
-    found = [find_returns(dice.uniform(13e3, 18e3, 11), np.arange(11)) for _ in range(500)]
+    found = [find_return_states(dice.uniform(13e3, 18e3, 11), np.arange(11)) for _ in range(500)]
     assert sum(map(bool, found)) < 5

@@ -52,8 +52,8 @@ def test_farther_from_any_dump_than_a_haul_the_machine_is_at_the_end_of_the_rout
     assert route is not None
     position = route.compute_relative_distances_to_dump(motion)
     # two hauls before the first dump; the last haul has no dump behind it
-    assert (position[motion.driven_m < route.dumps_m[0] - route.length_m] == 1.0).all()
-    assert (position[motion.driven_m > route.dumps_m[-1] + route.length_m] == 1.0).all()
+    assert (position[motion.driven_m < route.dump_positions_m[0] - route.length_m] == 1.0).all()
+    assert (position[motion.driven_m > route.dump_positions_m[-1] + route.length_m] == 1.0).all()
 
 
 def test_a_load_that_is_taken_for_none_is_where_the_others_are():
@@ -65,7 +65,7 @@ def test_a_load_that_is_taken_for_none_is_where_the_others_are():
     )
     assert route is not None
     assert whole is not None
-    np.testing.assert_array_equal(route.dumps_m, whole.dumps_m)
+    np.testing.assert_array_equal(route.dump_positions_m, whole.dump_positions_m)
 
 
 def test_a_long_way_that_is_no_number_of_cycles_has_no_dump():
@@ -74,7 +74,7 @@ def test_a_long_way_that_is_no_number_of_cycles_has_no_dump():
     motion = replace(motion, driven_m=longer)
     route = HaulRoute.from_motion(motion, unit, loaded & (unit != 4))
     assert route is not None
-    assert route.dumps_m.size == 5
+    assert route.dump_positions_m.size == 5
 
 
 def test_loads_that_are_never_dumped_have_no_route():

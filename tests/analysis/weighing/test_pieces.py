@@ -11,7 +11,7 @@ from tests.analysis.weighing.weighed import RICH, weighed
 
 #: Of what earlier rounds find, everything reaches to other samples or other columns.
 FOUND = PreviousEstimates(
-    lag_s=0.13,
+    force_delay_s=0.13,
     slip_1_N=1e-5,
     load_transfer_s2_m=0.02,
     offset_N=40.0,

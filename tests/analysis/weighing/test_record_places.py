@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.force_by_place import make_position_force_columns, make_position_force_slopes
+from analysis.weighing.force_by_position import (
+    make_position_force_columns,
+    make_position_force_slopes,
+)
 from analysis.weighing.record_places import estimate_record_position_offsets
 
 TURNS = np.linspace(0.0, 40.0 * np.pi, 4000)

@@ -11,26 +11,26 @@ def interleaved(n=600, seed=1):
     generator = np.random.default_rng(seed)
     A = generator.normal(size=(n, 2)) + 1.0
     noise = np.convolve(generator.normal(size=n + 4), np.ones(5) / 5, "valid")
-    segment_id = np.tile([3, 3, 3, 8, 8, -1, 3, 8, 8, 8], n // 10).astype(np.int64)
-    truth = np.where((segment_id == 3)[:, None], [100.0, 20.0], [300.0, 50.0])
+    manoeuvre_of_sample = np.tile([3, 3, 3, 8, 8, -1, 3, 8, 8, 8], n // 10).astype(np.int64)
+    truth = np.where((manoeuvre_of_sample == 3)[:, None], [100.0, 20.0], [300.0, 50.0])
     f = np.einsum("ij,ij->i", A, truth) + noise
-    A[segment_id < 0] = np.nan
-    return A, f, segment_id
+    A[manoeuvre_of_sample < 0] = np.nan
+    return A, f, manoeuvre_of_sample
 
 
 def test_rows_are_in_ascending_order_of_the_segments_at_their_last_samples():
-    A, f, segment_id = interleaved()
-    traced = pooled.estimate_along_log(A, f, segment_id)
+    A, f, manoeuvre_of_sample = interleaved()
+    traced = pooled.estimate_along_log(A, f, manoeuvre_of_sample)
     assert traced.index.tolist() == [596, 599]
     np.testing.assert_allclose(traced.theta, [[100, 20], [300, 50]], rtol=0.01)
 
 
 def test_the_deviation_is_the_sandwich_over_the_segments_own_samples():
-    A, f, segment_id = interleaved()
-    traced = pooled.estimate_along_log(A, f, segment_id)
+    A, f, manoeuvre_of_sample = interleaved()
+    traced = pooled.estimate_along_log(A, f, manoeuvre_of_sample)
     lags = traced.autocorrelation
     for row, number in enumerate((3, 8)):
-        at = np.flatnonzero(segment_id == number)
+        at = np.flatnonzero(manoeuvre_of_sample == number)
         lag = np.abs(np.subtract.outer(at, at))
         R = np.where(lag < lags.size, lags[np.minimum(lag, lags.size - 1)], 0.0)
         bread = np.linalg.inv(A[at].T @ A[at])
@@ -46,10 +46,12 @@ def test_the_deviation_is_the_sandwich_over_the_segments_own_samples():
 
 
 def test_a_segment_that_does_not_determine_its_parameters_is_nan_and_spoils_no_other():
-    A, f, segment_id = interleaved()
-    alone = pooled.estimate_along_log(A, f, np.where(segment_id == 8, 8, -1).astype(np.int64))
-    A[segment_id == 3, 1] = 2.0 * A[segment_id == 3, 0]
-    both = pooled.estimate_along_log(A, f, segment_id)
+    A, f, manoeuvre_of_sample = interleaved()
+    alone = pooled.estimate_along_log(
+        A, f, np.where(manoeuvre_of_sample == 8, 8, -1).astype(np.int64)
+    )
+    A[manoeuvre_of_sample == 3, 1] = 2.0 * A[manoeuvre_of_sample == 3, 0]
+    both = pooled.estimate_along_log(A, f, manoeuvre_of_sample)
     assert np.isnan(both.theta[0]).all()
     assert np.isnan(both.std[0]).all()
     np.testing.assert_allclose(both.theta[1], alone.theta[0], rtol=1e-12)
@@ -88,9 +90,9 @@ def test_noise_that_columns_and_force_share_is_taken_off_as_well():
 
 
 def test_noise_that_is_larger_than_the_columns_leaves_no_number():
-    A, f, segment_id = interleaved()
+    A, f, manoeuvre_of_sample = interleaved()
     lost = pooled.estimate_along_log(
-        A, f, segment_id, pooled.PooledOptions(np.diag([81.0, 81.0, 0.0]))
+        A, f, manoeuvre_of_sample, pooled.PooledOptions(np.diag([81.0, 81.0, 0.0]))
     )
     assert np.isnan(lost.theta).all()
     assert np.isnan(lost.std).all()

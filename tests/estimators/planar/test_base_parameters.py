@@ -138,7 +138,7 @@ def test_straight_spin_and_arc_together_determine_what_each_alone_does_not():
     stretches = [MOTIONS["straight"], MOTIONS["spin about the origin"], constant_arc()]
     A = np.concatenate([planar_rows.make_planar_regressor(**motion) for motion in stretches])
     f = np.concatenate([forces(motion) for motion in stretches])
-    found = fit(A, f, planar_rows.PARAMETERS, segment_id=np.repeat([4, 7, 9], 2000))
+    found = fit(A, f, planar_rows.PARAMETERS, stretch_of_sample=np.repeat([4, 7, 9], 2000))
     assert found.identifiability.rank == 6
     np.testing.assert_allclose(found.theta, LOADER, rtol=1e-9)
     ratio, _ = found.ratio_and_std("first_moment_x_kg_m", "mass_kg")
@@ -247,12 +247,16 @@ def test_what_a_known_one_errs_by_is_passed_on_through_the_columns_without_their
 
 def test_a_log_of_many_blocks_is_fitted_as_one_and_blocks_need_not_be_an_array(monkeypatch):
     A, f, noise = noisy(MOTIONS["joint"], 2, mean=10)
-    segment_id = np.where(np.arange(1991) % 700 < 30, -1, np.arange(1991) // 700)
-    whole = fit(A, f, planar_rows.PARAMETERS, segment_id, noise=noise)
+    stretch_of_sample = np.where(np.arange(1991) % 700 < 30, -1, np.arange(1991) // 700)
+    whole = fit(A, f, planar_rows.PARAMETERS, stretch_of_sample, noise=noise)
     monkeypatch.setattr(blockwise_qr, "BLOCK", 137)
     channels = measured(MOTIONS["joint"], NOISE, np.random.default_rng(2), 10)
     parts = fit(
-        planar_rows.PlanarRegressor(**channels), f, planar_rows.PARAMETERS, segment_id, noise=noise
+        planar_rows.PlanarRegressor(**channels),
+        f,
+        planar_rows.PARAMETERS,
+        stretch_of_sample,
+        noise=noise,
     )
     np.testing.assert_allclose(parts.theta, whole.theta, rtol=1e-10)
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-8)
@@ -300,9 +304,9 @@ def test_one_axis_in_one_stretch_is_ordinary_least_squares():
 def test_samples_left_out_may_be_nan():
     motion = MOTIONS["joint"]
     A, f = planar_rows.make_planar_regressor(**motion), forces(motion)
-    segment_id = np.where(np.arange(2000) % 50 < 5, -1, np.arange(2000) // 1000)
-    A[segment_id < 0] = f[segment_id < 0] = np.nan
-    found = fit(A, f, planar_rows.PARAMETERS, segment_id=segment_id)
+    stretch_of_sample = np.where(np.arange(2000) % 50 < 5, -1, np.arange(2000) // 1000)
+    A[stretch_of_sample < 0] = f[stretch_of_sample < 0] = np.nan
+    found = fit(A, f, planar_rows.PARAMETERS, stretch_of_sample=stretch_of_sample)
     np.testing.assert_allclose(found.theta, LOADER, rtol=1e-9)
 
 

@@ -106,12 +106,14 @@ def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
 
 
 def test_a_panel_is_as_high_as_its_legend_needs() -> None:
-    def panel(*labels: str, named_above: bool = False) -> Panel:
+    def panel(*labels: str, shares_legend_of_panel_above: bool = False) -> Panel:
         drawn = tuple(DisplayColumn("frame", "column", label, "#000000") for label in labels)
-        return Panel("any", ViewKind.LINES, drawn, named_above=named_above)
+        return Panel(
+            "any", ViewKind.LINES, drawn, shares_legend_of_panel_above=shares_legend_of_panel_above
+        )
 
     five = panel("a", "b", "c", "d", "e")
-    above = panel("a", "b", "c", "d", "e", named_above=True)
+    above = panel("a", "b", "c", "d", "e", shares_legend_of_panel_above=True)
     twice = panel("a", "a", "b", "b")
     shares = compute_relative_panel_heights(
         Page("page", (panel("x"), panel("x"), five, above, twice, panel("x")))
@@ -150,7 +152,7 @@ def test_views_of_frames_that_are_missing_or_empty_are_left_out(drives):
 
 
 def _methods_of(panel: Panel) -> set[str]:
-    frames = {each.frame for each in panel.drawn}
+    frames = {each.frame for each in panel.columns}
     return {method for method in METHODS if f"display/estimates/{method}" in frames}
 
 
@@ -163,7 +165,9 @@ def test_no_view_draws_two_methods_over_each_other(drives, tab: Tab) -> None:
         assert [_methods_of(row[0]) for row in rows] == [{method} for method in METHODS]
         assert all(_methods_of(panel) == _methods_of(row[0]) for row in rows for panel in row)
         # below each other they can be compared: one axis
-        assert all(len({panel.bulk for panel in each}) == 1 for each in zip(*rows, strict=True))
+        assert all(
+            len({panel.axis_range for panel in each}) == 1 for each in zip(*rows, strict=True)
+        )
 
 
 def _with_cycles(run: Run, *qualities: str) -> Run:
@@ -198,7 +202,7 @@ def test_a_lane_of_gaps_needs_a_gap(drives) -> None:
     for frames, lanes in ((run.frames, 2), ({**run.frames, "aligned": whole}, 1)):
         each = replace(run, frames=frames)
         *_, states = make_panels_of_tab(tab, each, make_display_frames(each))
-        assert len(states.drawn) == lanes
+        assert len(states.columns) == lanes
 
 
 def test_a_centre_of_mass_that_no_arc_tells_has_no_view(drives) -> None:

@@ -163,7 +163,7 @@ def no_response(*given: Any) -> tuple[RunResponse, ...]:
 def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(printed: Path) -> None:
     found = verify_bundle(printed, log_folder=printed.with_name("logs"))
     assert not found.findings, items(found)
-    done, unseen = "\n".join(found.done), "\n".join(found.unseen)
+    done, unseen = "\n".join(found.checks_made), "\n".join(found.unverifiable_statements)
     assert "the frames of each run's recording, by their fingerprint" in done
     assert "the frames of calibration.rrd, recomputed" in done
     assert "topics, counts, stamps, losses, notes, speeds and verdict of each log" in done
@@ -260,7 +260,8 @@ def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     )
     folder = exchanged(bundle, tmp_path, RECORDING, lambda path: write_recording(forged, path))
     assert any(
-        "calibration.rrd and report.pdf show" in each for each in verify_bundle(folder).unseen
+        "calibration.rrd and report.pdf show" in each
+        for each in verify_bundle(folder).unverifiable_statements
     )
     found = verify_bundle(folder, log_folder=bundle.with_name("logs"))
     assert found.outcome is TAMPERED

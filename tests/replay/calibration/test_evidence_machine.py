@@ -78,7 +78,7 @@ def test_evidence_keeps_what_each_log_calls_its_machine(
     assert [log.machine_id for log in made.document.logs] == [OWN, OWN, ""]
     found = verify_bundle(made.folder, log_folder=folder)
     assert not found.findings, items(found)
-    unseen = "\n".join(found.unseen)
+    unseen = "\n".join(found.unverifiable_statements)
     assert "load-2.parquet. They do not name theirs" in unseen
     assert "Whether 2 logs whose metadata name this machine were recorded by it" in unseen
 

@@ -50,7 +50,7 @@ def test_evidence_of_earlier_procedures_seeks_loads_as_it_did() -> None:
 
 def test_a_refusal_says_its_cause_in_words_and_what_mends_it() -> None:
     said = describe_why_log_cannot_weigh(to_and_fro(0.05).replayed)
-    assert said.startswith("gain by direction: the force reads ")
+    assert said.startswith("gain by direction: in reverse the gain of the force differs by ")
     assert "settings.loads.single_load" in said
     assert "invalidating_causes" not in said
 

@@ -88,10 +88,10 @@ def keyring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_every_log_between_is_accounted_for_and_that_is_said(notarised: Notarised) -> None:
     found = notarised.verify(notarised.bundle)
     assert not found.findings, items(found)
-    done = "\n".join(found.done)
+    done = "\n".join(found.checks_made)
     assert "the recorder's list, number 1 to 4: signatures, chain, and each log" in done
     assert "signed by an unknown key" in done
-    unseen = "\n".join(found.unseen)
+    unseen = "\n".join(found.unverifiable_statements)
     assert "does not have between number 1 and 4: by a second recorder" in unseen
     assert "nothing in a bundle shows that it was ever made" not in unseen
     assert "Left out: 4: shift work between the runs" in (
@@ -107,7 +107,7 @@ def test_a_required_signature_asks_for_a_known_recorder_as_well(notarised: Notar
     add_key_to_keyring(load_keyring(), KnownKey(key=key, owner="Recorder 7"))
     found = notarised.verify(notarised.bundle, is_signature_required=True)
     assert not found.findings
-    assert "signed by Recorder 7" in "\n".join(found.done)
+    assert "signed by Recorder 7" in "\n".join(found.checks_made)
 
 
 def test_the_list_of_a_revoked_recorder_counts_for_nothing(notarised: Notarised) -> None:
@@ -127,7 +127,7 @@ def test_the_list_of_a_revoked_recorder_counts_for_nothing(notarised: Notarised)
     [
         ("last = 4", "last = 9", "notary.last is 9, but .* ends at number 4"),
         ("first = 1", "first = 5", "last is 4, before first, 5; correct one"),
-        ("number = 4", "number = 7", "number 7 is left out, but is not between first and last"),
+        ("number = 4", "number = 7", "number 7 in left_out is not between first and last"),
         ('reason = "shift work between the runs"', 'reason = ""', "notary.left_out.*reason"),
         ('list = "notary.jsonl"', 'list = "none.jsonl"', "none.jsonl: cannot be read"),
     ],
@@ -247,7 +247,7 @@ def test_what_is_done_to_a_stretch_is_found_though_the_evidence_is_signed_anew(
     change, outcome, words = ATTACKS[name]
     found = notarised.verify(resigned(notarised, tmp_path, change))
     if outcome is None:  # the list ends before the log: what came later is said not to be known
-        assert "between number 1 and 3" in "\n".join(found.unseen)
+        assert "between number 1 and 3" in "\n".join(found.unverifiable_statements)
         return
     assert outcome in {each.outcome for each in found.findings}, items(found)
     assert words in items(found)

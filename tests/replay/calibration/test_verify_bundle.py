@@ -91,7 +91,7 @@ def test_the_statement_of_other_evidence_is_found(made: Made, tmp_path: Path) ->
 def test_an_untouched_bundle_verifies(made: Made) -> None:
     found = made.verify(made.bundle)
     assert not found.findings
-    assert any("left out before" in sentence for sentence in found.unseen)
+    assert any("left out before" in sentence for sentence in found.unverifiable_statements)
 
 
 def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> None:

@@ -92,7 +92,7 @@ def test_two_signed_of_one_number_are_a_fork(
 
 def test_an_older_head_cannot_be_told_and_that_is_said(made: Made) -> None:
     for folder, number in ((made.first, 1), (made.bundle, 2)):
-        unseen = "\n".join(verify_bundle(folder).unseen)
+        unseen = "\n".join(verify_bundle(folder).unverifiable_statements)
         assert f"Whether later evidence of this machine exists: this is number {number}" in unseen
 
 

@@ -102,18 +102,18 @@ def test_a_time_range_a_projection_and_a_limit_are_as_read(
 def test_a_time_range_unpacks_the_chunks_that_hold_it_and_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import replay.logs.blocks.slabs as slabs
+    import replay.logs.blocks.block_groups as block_groups
 
     path = tmp_path / "shift.bag"
     write_bag(path, joints(2000), chunk_bytes=4000)
     unpacked: list[Block] = []
-    unpack = slabs.unpack_block_into
+    unpack = block_groups.unpack_block_into
 
     def counted(block: Block, *rest: Any) -> int:
         unpacked.append(block)
         return unpack(block, *rest)
 
-    monkeypatch.setattr(slabs, "unpack_block_into", counted)
+    monkeypatch.setattr(block_groups, "unpack_block_into", counted)
     lazy = payscope.scan_log(path, "/joints")
     lazy.select("log_time").collect()
     whole, unpacked[:] = len(unpacked), []

@@ -53,8 +53,8 @@ def test_a_range_has_as_many_values_as_steps_fit(first: int, step: int, count: i
         ("k=a:b:c", "KEY=FROM:TO:STEP"),
         ("k=1:2:0", "KEY=FROM:TO:STEP"),
         ("k=0:1e999999:1e-999999", "KEY=FROM:TO:STEP"),
-        ("k=1:2:-1", "no whole number of steps of -1 leads from 1 to 2"),
-        ("k=1:nan:1", "no whole number of steps"),
+        ("k=1:2:-1", "steps of -1 do not lead from 1 to 2"),
+        ("k=1:nan:1", "steps of 1 do not lead from 1 to NaN"),
         ("k=0:1:0.0000001", "more than 10,000"),
     ],
 )

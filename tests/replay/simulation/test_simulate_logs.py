@@ -185,7 +185,7 @@ def test_nothing_is_overwritten_without_force_and_everything_with_it(tmp_path, s
     output = named(tmp_path, suffix)
     simulate_scenario_to_logs(ONE, output)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
-    with pytest.raises(OutputError, match="exists already; give another output, or give --force"):
+    with pytest.raises(OutputError, match="exists already; give another output, or --force"):
         simulate_scenario_to_logs(ONE, output)
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     other = ONE.model_copy(update={"sensors": ONE.sensors.model_copy(update={"seed": 7})})

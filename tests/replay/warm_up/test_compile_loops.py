@@ -23,7 +23,7 @@ TWO_LOOPS = """
 import numpy as np
 from estimators.interpreted import force_compilation
 from estimators.numerics.small_systems import compute_condition_numbers
-from replay.logs.blocks.slabs import find_indices_of_values
+from replay.logs.blocks.block_groups import find_indices_of_values
 with force_compilation():
     keys = find_indices_of_values(np.arange(3), np.arange(2))
     print(compute_condition_numbers(np.ones((1, 2)), 1, 1).tolist(), keys)

@@ -286,7 +286,10 @@ def test_more_readings_narrow_an_interval_down_to_what_they_share():
         (lambda r: r.with_columns(used=False), "0 different loads"),
         (lambda r: r.with_columns(mass_kg=pl.lit(3614.0)), "are equal for all loads"),
         (lambda r: r.with_columns(run_id=pl.lit("x")), "several loads or days"),
-        (lambda r: r.with_columns(load_id=pl.lit("gold")), "no reference for load 'gold'"),
+        (
+            lambda r: r.with_columns(load_id=pl.lit("gold")),
+            "load 'gold' has readings but no reference",
+        ),
         (lambda r: r.drop("day"), "no column 'day'"),
     ],
 )
@@ -298,10 +301,10 @@ def test_readings_that_no_line_can_be_fitted_to_are_refused(change, said):
 @pytest.mark.parametrize(
     ("covariance", "said"),
     [
-        (np.eye(5), "not 6 by 6"),
+        (np.eye(5), "must be 6 by 6 finite"),
         (np.triu(np.ones((6, 6))), "not symmetric"),
-        (-np.eye(6), "negative variance"),
-        (np.full((6, 6), np.nan), "not 6 by 6"),
+        (-np.eye(6), "not positive semidefinite"),
+        (np.full((6, 6), np.nan), "must be 6 by 6 finite"),
     ],
 )
 def test_a_covariance_that_is_none_is_refused(covariance, said):

@@ -102,13 +102,13 @@ def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
     of = ("cycle", 1)
     like = calibrate_mass_differences(line, log(2.0, of=of, scale_kg=3.0), [of], np.array([100.0]))
     # the campaign's responses grow by 0.02 for each kg as well: 2 kg of 100 are in the slope
-    assert like.unlike_u_kg[0] == pytest.approx(0.0, abs=0.05)
-    assert like.taken_kg[0] == pytest.approx(np.hypot(2.0, 3.0), rel=0.01)
+    assert like.driving_u_kg[0] == pytest.approx(0.0, abs=0.05)
+    assert like.absorbed_u_kg[0] == pytest.approx(np.hypot(2.0, 3.0), rel=0.01)
     assert like.compute_common_u_not_absorbed_by_line_kg(np.array([5.0]))[0] == pytest.approx(
         np.sqrt(25.0 - 13.0), rel=0.02
     )
     other = calibrate_mass_differences(line, log(32.0, of=of), [of], np.array([100.0]))
-    assert other.unlike_u_kg[0] == pytest.approx(30.0, rel=0.02)
+    assert other.driving_u_kg[0] == pytest.approx(30.0, rel=0.02)
 
 
 def test_a_slope_that_has_rolling_resistance_in_it_is_no_gain_of_a_difference():
@@ -117,7 +117,7 @@ def test_a_slope_that_has_rolling_resistance_in_it_is_no_gain_of_a_difference():
     of = ("payload", 0)
     found = calibrate_mass_differences(line, log(0.0, of=of), [of], np.array([200.0]))
     assert found.payload_kg[0] == pytest.approx(200.0, abs=1.0)
-    assert found.line_kg[0] < 1.0
+    assert found.line_u_kg[0] < 1.0
 
 
 def test_a_gain_of_the_force_is_in_level_and_slope_alike():
@@ -180,14 +180,20 @@ def test_an_empty_part_that_weighs_otherwise_refuses_the_calibration_of_the_log(
 def test_evidence_of_few_days_says_so_unless_the_log_has_an_empty_part():
     line = calibration(days=1)
     unseen = {0: "no log can reveal it", 1: "no log can reveal it"}
-    said = calibrate_loads(loads(), line, LaterLog(unseen=unseen))["calibrated_said"]
+    said = calibrate_loads(loads(), line, LaterLog(undetectable_change_text_by_load=unseen))[
+        "calibrated_said"
+    ]
     assert said.to_list() == ["evidence of one day: no log can reveal it"]
-    two = calibrate_loads(loads(), calibration(days=2), LaterLog(unseen=unseen))
+    two = calibrate_loads(
+        loads(), calibration(days=2), LaterLog(undetectable_change_text_by_load=unseen)
+    )
     assert two["calibrated_said"].to_list() == ["evidence of 2 days: no log can reveal it"]
     empty = pl.concat([loads(mass_kg=3614.0, empty=True), loads(load_id=1)], how="vertical_relaxed")
-    told = LaterLog(unseen=unseen, empty_kg=3614.0)
+    told = LaterLog(undetectable_change_text_by_load=unseen, empty_kg=3614.0)
     assert calibrate_loads(empty, line, told)["calibrated_said"].to_list() == ["", ""]
-    several = calibrate_loads(loads(), calibration(), LaterLog(unseen=unseen))
+    several = calibrate_loads(
+        loads(), calibration(), LaterLog(undetectable_change_text_by_load=unseen)
+    )
     assert several["calibrated_said"].to_list() == [""]
 
 

@@ -6,7 +6,7 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from analysis.simulation import solve_motion
-from analysis.simulation.sensors.recorder import topic_phase_s
+from analysis.simulation.sensors.recorder import compute_topic_phase_s
 from tests.analysis.simulation.quiet import log, mean_speed, scenario
 
 FREE = {"imu_phase_s": -1.0, "torque_phase_s": -1.0, "speed_phase_s": -1.0}
@@ -18,7 +18,7 @@ def test_phases_are_drawn_from_the_seed_uniformly_in_a_period_of_each_topic():
     drawn = np.array(
         [
             [
-                topic_phase_s(
+                compute_topic_phase_s(
                     scenario(sampling={**FREE, "speed_rate_hz": 20.0}, sensors={"seed": s}), t, 0
                 )
                 for t in TOPICS

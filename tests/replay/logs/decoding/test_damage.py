@@ -237,7 +237,7 @@ def test_an_encapsulation_that_cannot_be_read_is_named(head: bytes, fault: str) 
 
 def test_a_batch_whose_messages_reach_out_of_its_data_is_a_programming_error() -> None:
     one = np.ones(1, np.int64)
-    with pytest.raises(ValueError, match="reach out of its data"):
+    with pytest.raises(ValueError, match="lies outside the batch"):
         RawBatch(0, np.zeros(4, np.uint8), one, 4 * one, one)
-    with pytest.raises(ValueError, match="reach out of its data"):
+    with pytest.raises(ValueError, match="lies outside the batch"):
         RawBatch(0, np.zeros(4, np.uint8), one, one * (2**63 - 1), one)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from estimators import interpreted
 from replay.logs.bag.bag_grammar import RECORD_FINDERS as BAG
 from replay.logs.blocks import Block, RecordFinders
-from replay.logs.blocks.slabs import (
+from replay.logs.blocks.block_groups import (
     MessageRowIndex,
     UnpackedBlockGroup,
     count_messages_of_chunks,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block, DamagedBlockError, unpack_block_into
-from replay.logs.blocks.slabs import MessageRowIndex, RecordFinders
+from replay.logs.blocks.block_groups import MessageRowIndex, RecordFinders
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import (
     KEY,
@@ -53,7 +53,7 @@ class GrowingBlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _import_record_finders() -> RecordFinders:
+    def _load_record_finders() -> RecordFinders:
         """Import the functions that find records of the format in bytes."""
 
     @abstractmethod
@@ -119,7 +119,7 @@ class GrowingBlockFile(ABC):
 
     def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
         """Find messages in bytes (n,), and the offset of the first incomplete record."""
-        finders = self._import_record_finders()
+        finders = self._load_record_finders()
         _, whole = finders.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = MessageRowIndex(finders, data, 0)
         index.add_rows_of_span(0, whole)

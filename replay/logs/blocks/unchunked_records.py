@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 
 from replay.logs.blocks.block import Block
+from replay.logs.blocks.block_groups import UNPACKED_GROUP_BYTES, Find, MessageRowIndex
 from replay.logs.blocks.block_messages import BlockStore
-from replay.logs.blocks.slabs import UNPACKED_GROUP_BYTES, Find, MessageRowIndex
 from replay.logs.storage import LARGEST_BYTES, FileBytes
 
 #: Bytes of the first read; they grow for a longer record.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, lfilter, lsim
 
-from analysis.weighing.lever_arm import (
+from analysis.weighing.body_swing import (
     BodySwing,
     estimate_body_swing,
     fit_body_spring_rates,

@@ -47,13 +47,13 @@ def _make_position_wave_term(half_waves: int) -> Nuisance:
 def _make_load_proportional_term(term: Nuisance) -> Nuisance:
     """Term of the part of `term` that is proportional to the load."""
 
-    def column_of_load(m: ColumnInputs) -> Floats:
+    def make_load_column(m: ColumnInputs) -> Floats:
         return term.column(m) * m.relative_load
 
     return replace(
         term,
         name=f"{term.name}_by_load",
-        column=column_of_load,
+        column=make_load_column,
         meaning=f"{term.meaning}; in proportion to the load",
         by_load=True,
     )

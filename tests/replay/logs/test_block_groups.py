@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.logs.blocks.slabs import MessageRowIndex, find_indices_of_values
+from replay.logs.blocks.block_groups import MessageRowIndex, find_indices_of_values
 from replay.logs.mcap.mcap_grammar import RECORD_FINDERS
 from replay.logs.storage.message_rows import KEY, TIME
 
