@@ -17,7 +17,7 @@ from analysis.calibration.campaign.method_errors import compute_rms_mass_errors_
 from analysis.model.axes import make_straight_regressor_and_force
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from benchmarks.page import markdown, put
 from benchmarks.simulated import excitation, joined, scenario

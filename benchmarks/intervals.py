@@ -15,8 +15,7 @@ import typer
 from analysis import Machine
 from analysis.model.axes import make_straight_regressor_and_force
 from analysis.simulation import simulate_campaign
-from analysis.stages.estimation.masses import summarise_masses
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import summarise_masses, trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import assign_pooled_manoeuvre_numbers_to_samples
 from analysis.stages.motion.smooth import compute_trailing_mean

@@ -24,8 +24,7 @@ from analysis.diagnosis import CheckInputs, judge_log_by_checks
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario
-from analysis.stages.estimation.masses import summarise_masses
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import summarise_masses, trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling
 from analysis.stages.motion.forces import compute_excitation

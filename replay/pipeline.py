@@ -28,12 +28,12 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import make_planar_frames
-from analysis.stages.estimation.masses import (
+from analysis.stages.estimation.method_estimates import (
     list_reasons_for_no_answer,
     summarise_masses,
+    trace_estimates,
     withhold_masses,
 )
-from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.digging import (
     add_column_of_digging_starts,
     find_digging_starts,

@@ -23,7 +23,7 @@ from analysis.paper.cramer_rao import (
     compute_equation_noise_std_newtons,
 )
 from analysis.simulation import Scenario
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_in_accepted_windows
 
 #: The four errors, r.m.s. in kg over all trials, or over the loads' means.

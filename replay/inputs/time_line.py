@@ -12,6 +12,7 @@ from estimators.errors import LogError
 from replay.inputs.input_limits import LIMITS
 from replay.logs import TABLE, Log
 
+#: A day in ns.
 _DAY_NS: Final = 86_400 * 10**9
 #: Pairs of a topic and a field that channels name.
 _TopicsAndFields = frozenset[tuple[str, str]]

@@ -8,8 +8,11 @@ import polars as pl
 from analysis.diagnosis import CheckInputs, judge_log_by_checks
 from analysis.model.verdict import Verdict
 from analysis.simulation import Scenario, solve_motion
-from analysis.stages.estimation.masses import summarise_masses, withhold_masses
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import (
+    summarise_masses,
+    trace_estimates,
+    withhold_masses,
+)
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth_by_trailing_mean

@@ -11,8 +11,11 @@ from analysis.diagnosis import CheckInputs, judge_log_by_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import make_planar_frames
-from analysis.stages.estimation.masses import summarise_masses, withhold_masses
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import (
+    summarise_masses,
+    trace_estimates,
+    withhold_masses,
+)
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import estimate_each_manoeuvre_by_pooling
 from analysis.stages.motion.forces import compute_excitation

@@ -4,8 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.stages.estimation.masses import summarise_masses
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import summarise_masses, trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.motion.forces import compute_excitation
 from analysis.stages.motion.smooth import smooth_by_trailing_mean

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.model.machine_body import ImuMounting
 from analysis.model.windows import mark_samples_in_accepted_windows
-from analysis.stages.estimation.masses import list_reasons_for_no_answer
+from analysis.stages.estimation.method_estimates import list_reasons_for_no_answer
 from tests.analysis.plane_drives import (
     LOADER,
     braked,

@@ -11,7 +11,7 @@ import pytest
 from analysis.model.answer import make_answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
-from analysis.stages.estimation.masses import summarise_masses
+from analysis.stages.estimation.method_estimates import summarise_masses
 from replay import load_machine, open_log, run
 from replay.machines.machine_file import find_time_axis_of_machine
 from tests.twins import mark_slow_after

@@ -11,7 +11,7 @@ from analysis.diagnosis import CHECKS, CheckInputs, judge_log_by_checks
 from analysis.diagnosis.fit_checks import compare_methods_with_joint_fit
 from analysis.diagnosis.measured_channels import RawSignals
 from analysis.model.prior_settings import PriorSettings
-from analysis.stages.estimation.masses import summarise_masses
+from analysis.stages.estimation.method_estimates import summarise_masses
 from analysis.weighing.nuisances import NUISANCES
 from tests.analysis.weighing.weighed import RICH, RUNS, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS

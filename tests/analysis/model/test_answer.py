@@ -8,12 +8,12 @@ import pytest
 from analysis.diagnosis import CHECKS, CheckInputs, judge_log_by_checks
 from analysis.model.answer import make_answer
 from analysis.model.run_record import Loss, Provenance, Run
-from analysis.stages.estimation.masses import (
+from analysis.stages.estimation.method_estimates import (
     explain_why_gate_accepted_nothing,
     summarise_masses,
+    trace_estimates,
     withhold_masses,
 )
-from analysis.stages.estimation.trace import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_in_accepted_windows
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 

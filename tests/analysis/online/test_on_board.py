@@ -13,7 +13,7 @@ from analysis.model.axes import X, Z, read_parameters_and_stds, select_estimate_
 from analysis.model.methods import METHODS
 from analysis.model.settings import Settings
 from analysis.online import on_board as online
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import trace_estimates
 from analysis.stages.gating.gate import gate_windows
 from analysis.stages.gating.segments import assign_pooled_manoeuvre_numbers_to_samples
 from analysis.stages.noise.channel_noise import estimate_channel_noise

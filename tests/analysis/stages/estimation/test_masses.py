@@ -5,8 +5,11 @@ import polars as pl
 import pytest
 
 from analysis.model.axes import make_straight_regressor_and_force
-from analysis.stages.estimation.masses import summarise_masses, withhold_masses
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import (
+    summarise_masses,
+    trace_estimates,
+    withhold_masses,
+)
 from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
 from estimators.methods import pooled
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.model.settings import Settings
-from analysis.stages.estimation.trace import trace_estimates
+from analysis.stages.estimation.method_estimates import trace_estimates
 from analysis.stages.gating.gate import gate_windows, mark_samples_for_pooling
 from analysis.stages.gating.segments import (
     assign_manoeuvre_numbers_to_samples,

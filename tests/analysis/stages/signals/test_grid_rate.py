@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.stages.estimation.masses import explain_why_gate_accepted_nothing
+from analysis.stages.estimation.method_estimates import explain_why_gate_accepted_nothing
 from analysis.stages.signals import filters
 from analysis.stages.signals.grid_rate import choose_grid_rate_by_log
 from tests.analysis.conftest import make_machine
