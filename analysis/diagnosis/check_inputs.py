@@ -115,16 +115,21 @@ class EmptyMassDifference:
         return list_possible_causes_of_mass_ratio(self.mass_ratio, self.machine)
 
 
-def list_possible_causes_of_mass_ratio(mass_ratio: float, machine: Machine) -> list[str]:
-    """Possible causes of masses that are wrong by a factor, as text, the gear or gain first."""
+def list_possible_causes_of_mass_ratio(
+    mass_ratio: float, machine: Machine | None = None
+) -> list[str]:
+    """Possible causes of masses that are wrong by a factor, as text, the gear or gain first.
+
+    With a machine file its own factors are among them.
+    """
     if mass_ratio <= 0.0:
         return ["a force with the wrong sign"]
     times = max(mass_ratio, 1.0 / mass_ratio)
-    body = machine.machine
     known = dict(_CANDIDATES)
-    if body.force_share < 1.0:
-        known[1.0 / body.force_share] = f"machine.force_share ({body.force_share:g})"
-    radius_m = body.wheel_radius_m
+    share_1 = 1.0 if machine is None else machine.machine.force_share
+    if share_1 < 1.0:
+        known[1.0 / share_1] = f"machine.force_share ({share_1:g})"
+    radius_m = None if machine is None else machine.machine.wheel_radius_m
     if radius_m is not None and radius_m != 1.0:
         stated = f"machine.wheel_radius_m ({radius_m:g}) applied twice, or not at all"
         known[max(radius_m, 1.0 / radius_m)] = stated
@@ -173,7 +178,7 @@ class AxisMotion:
         own = self.ungated_fit.r_squared
         if not own < settings.verdict.r_squared_min:
             return own
-        rows = round(LIMITS.explained_mean_s * settings.align.rate_hz)
+        rows = max(1, round(LIMITS.explained_mean_s * settings.align.rate_hz))
         of_means = fit_quality.compute_r_squared_of_means(self.A, self.f, self.moving, rows)
         return float(np.fmax(own, of_means))
 

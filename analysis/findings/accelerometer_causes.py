@@ -23,9 +23,10 @@ from analysis.findings.constant_forces import (
     has_pitch_channel,
 )
 from analysis.findings.delay_causes import find_accelerometer_filter_delay
-from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_inputs import ACC, SPEEDS, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import compute_mass_change_by_refit
+from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.schema import get_column_values
 from analysis.model.windows import find_flagged_runs
@@ -253,13 +254,21 @@ def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
         return []
     force = compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     speed = get_column_values(inputs.aligned, "speed_x_m_s")
+    if not np.isfinite(force + speed).any():
+        return []
     rest_N, _ = inputs.compute_mean_and_std_of_signal_at_rest(force)
     # an offset of the sensor may hide the force of a cruise
     along = np.sign(speed) * force + abs(np.nan_to_num(rest_N))
     driving_N = np.nanquantile(inputs.absolute_force_newtons, 0.98)
     idle = (along < LIMITS.idle_force_fraction * driving_N) & ~inputs.is_standing_sample
     rate_hz = inputs.machine.settings.align.rate_hz
-    window, end = (round(s * rate_hz) for s in (LIMITS.descent_window_s, LIMITS.descent_end_s))
+    end = max(1, round(LIMITS.descent_end_s * rate_hz))
+    noise_m_s = float(np.nanmedian(np.abs(np.diff(speed, 2)))) / np.sqrt(6.0 * end)
+    for name in inputs.select_measured_channels(*SPEEDS):
+        noise_m_s += measure_repeat_fraction_and_resolution(inputs, name)[1]
+    # on level ground the least rolling resistance takes off more than noise
+    slowed_s = LIMITS.descent_noise_factor * noise_m_s / LIMITS.least_rolling_m_s2
+    window = max(2 * end, round(max(LIMITS.descent_window_s, slowed_s) * rate_hz))
     samples = 0
     for first, last in zip(*find_flagged_runs(idle), strict=True):
         for begin in range(first, last + 2 - window, window):

@@ -274,7 +274,7 @@ CAUSES: Final = (
     ),
     Cause(
         "warming_friction",
-        "friction or rolling resistance falls as the machine warms",
+        "friction or rolling resistance changes after the start, as when a machine warms",
         "starts at the beginning of the log and at its end",
         residual_causes.find_warming_friction,
         explains=("coulomb", "gain_drift", "load_changed_inside", "gain_by_speed"),

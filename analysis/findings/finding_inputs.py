@@ -220,14 +220,19 @@ class FindingInputs:
         None where no reading is, or where the channel is derived.
         """
         readings, channel = self.unfiltered_readings[name][1], self.machine.channels.get(name)
-        low, high = (float(q) for q in np.quantile(readings, LIMITS.usual_reading_quantiles))
-        gap = LIMITS.error_code_gap_fraction * (high - low)
-        lowest_usual = -_skip_to_gap(-readings[readings <= low], gap)
-        highest_usual = _skip_to_gap(readings[readings >= high], gap)
-        usual = (readings >= lowest_usual) & (readings <= highest_usual)
-        if usual.all() or channel is None or channel.field is None:
+        middle = float(np.median(readings))
+        above, below = (
+            _find_edge_of_usual_readings(sign * (readings - middle)) for sign in (1, -1)
+        )
+        if channel is None or channel.field is None or np.isinf([above, below]).all():
             return None, None
-        limits = np.array([lowest_usual - gap / 2.0, highest_usual + gap / 2.0])
+        # a side without codes is left as wide as the other
+        reach = min(above, below)
+        limits = middle + np.array([-1.0, 1.0]) * np.where(
+            np.isinf([below, above]),
+            max(reach, float(np.max(np.abs(readings - middle)))),
+            [below, above],
+        )
         gain, offset = 1.0, 0.0
         if channel.unit:
             gain, offset = find_gain_and_offset_to_si(channel.unit, find_unit_in_name(name))
@@ -291,8 +296,23 @@ def find_insertion_indices_of_stamps(sorted_stamps: Ints, stamps: Ints) -> Ints:
     return out
 
 
-def _skip_to_gap(readings: Floats, gap: float) -> float:
-    """Largest of the readings, (n,), up to the first gap between their values."""
-    ordered = np.sort(readings)
-    far = np.flatnonzero(np.diff(ordered) > gap)
-    return float(ordered[far[0] if far.size else -1])
+def _find_edge_of_usual_readings(distances: Floats) -> float:
+    """Find the edge between usual readings and error codes on one side of the middle.
+
+    It lies in the largest gap between readings, if that is wide beside the usual ones; infinite
+    otherwise.
+
+    Args:
+        distances: (n,) distances from the middle, negative on the other side.
+    """
+    side = distances[distances >= 0.0]
+    if side.size < 2:
+        return float("inf")
+    ordered = np.sort(side[side >= np.quantile(side, LIMITS.error_code_searched_quantile)])
+    gaps = np.diff(ordered)
+    if not gaps.size:
+        return float("inf")
+    at = int(np.argmax(gaps))
+    wide = gaps[at] > LIMITS.error_code_gap_fraction * ordered[at] > 0.0
+    few = ordered.size - 1 - at < LIMITS.error_code_max_fraction * distances.size
+    return float(ordered[at] + gaps[at] / 2.0) if wide and few else float("inf")

@@ -65,11 +65,13 @@ class FindingLimits:
     stand_min_blocks: int = 6
     #: Fraction of the largest force that a machine has at a stand, by drag of its drive.
     idle_force_fraction: float = 0.05
-    #: Quantiles between which the usual readings of a channel are,
-    usual_reading_quantiles: tuple[float, float] = (0.05, 0.95)
-    #: and fraction of that range without readings that divides them from error codes: readings of
-    #: a sensor that clips come up to its limit.
-    error_code_gap_fraction: float = 0.15
+    #: Gap before an error code, as a fraction of the largest usual distance from the middle:
+    #: readings of a sensor that clips come up to its limit.
+    error_code_gap_fraction: float = 0.25
+    #: Largest fraction of the readings that are error codes,
+    error_code_max_fraction: float = 0.1
+    #: and quantile of one side's distances from the middle above which they are looked for.
+    error_code_searched_quantile: float = 0.75
 
     # fit_causes
     #: Standard deviations from 0 from which a term of the fit shows.
@@ -372,8 +374,12 @@ class FindingLimits:
     gravity_min_fraction: float = 0.5
     #: Smallest pitch, in rad, whose gravity is missed.
     slope_min_pitch_rad: float = 0.002
-    #: Time in s over which rolling resistance slows a machine on level ground by more than noise.
+    #: Shortest time in s over which a machine on level ground slows down without drive,
     descent_window_s: float = 3.0
+    #: at the least deceleration in m/s² by rolling resistance, that of a railway vehicle,
+    least_rolling_m_s2: float = 0.02
+    #: by so many times the noise and resolution of the speed.
+    descent_noise_factor: float = 3.0
     #: Time in s at either end of it over which the speed is averaged.
     descent_end_s: float = 0.25
     #: Mean force along the motion up to which there is no drive, as a fraction of the largest

@@ -116,8 +116,8 @@ def find_drift_of_empty_mass(inputs: FindingInputs) -> list[Symptom]:
 def find_step_of_lightest_load(inputs: FindingInputs) -> list[Symptom]:
     """Find a time after which the machine returns to another lightest load than before it.
 
-    Loads come and go, but the empty machine comes back: if it does on both sides of a time, with
-    another mass, then the scale of force or speed has changed there, or the machine has.
+    Loads come and go, but the empty machine comes back: if the lightest load does on both sides of
+    a time, with another mass, the scale of force or speed may have changed there, or the machine.
     """
     fit = inputs.log_only_fit
     if fit is None or fit.states is None:
@@ -133,13 +133,13 @@ def find_step_of_lightest_load(inputs: FindingInputs) -> list[Symptom]:
     first_manoeuvre = states.manoeuvre_ids[firsts[step.first_state_run]]
     t_ns = inputs.aligned["t_ns"].to_numpy()[fit.motion.is_fittable]
     start = np.argmax(find_manoeuvre_of_fitted_samples(fit.motion) >= first_manoeuvre)
-    causes = " or ".join(list_possible_causes_of_mass_ratio(step.mass_ratio, inputs.machine))
+    causes = " or ".join(list_possible_causes_of_mass_ratio(step.mass_ratio))
     return [
         Symptom(
             abs(float(np.log(step.mass_ratio))) / np.log(LIMITS.lightest_load_step_ratio),
             f"the lightest load weighs {step.before.format_mass()} before "
             f"{t_ns[start] / NS_PER_S:,.0f} s and {step.after.format_mass()} from then on: another "
-            f"machine or attachment, or {causes}",
+            f"machine or attachment, a machine that is never empty on one side, or {causes}",
             span_ns=(int(t_ns[start]), int(t_ns[-1])),
             # which side is right is not known
             change=lambda: MassChange(0.0, abs(step.after.mass_kg - step.before.mass_kg)),
@@ -160,8 +160,14 @@ def _find_largest_step_of_lightest_load(
     for border in range(1, masses_kg.size):
         before = _find_lightest_returning_load(masses_kg[:border], stds_kg[:border])
         after = _find_lightest_returning_load(masses_kg[border:], stds_kg[border:])
-        if before is not None and after is not None:
-            steps.append(_LightestLoadStep(border, before, after))
+        if before is None or after is None:
+            continue
+        step = _LightestLoadStep(border, before, after)
+        # a load that the lighter side has as well is of the same scale
+        lighter = masses_kg[:border] if step.mass_ratio > 1.0 else masses_kg[border:]
+        heavier_kg = max(before.mass_kg, after.mass_kg)
+        if not (np.abs(np.log(lighter / heavier_kg)) < np.log(LIMITS.as_light_ratio)).any():
+            steps.append(step)
     sure = [
         each
         for each in steps

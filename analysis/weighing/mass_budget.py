@@ -141,7 +141,8 @@ _PARTS: Final = {
     ),
     "warming": _FitPart(
         "common",
-        "Coulomb friction or rolling resistance that falls as the machine warms: this log shows it",
+        "Coulomb friction or rolling resistance that changes after the start, as when a machine "
+        "warms: this log shows it",
         "a machine that is warm; loads that come back",
     ),
     "elasticity": _FitPart(

@@ -1,7 +1,7 @@
 """Place logs whose times have no date on a common time line: consecutive, or in parallel."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Final, NamedTuple, Self
 
@@ -62,25 +62,32 @@ def compute_log_offsets_ns(
     return _place_logs_in_given_order(tables, starts_ns) or none
 
 
-def sort_logs_by_time(logs: Iterable[Log]) -> list[Log]:
+def sort_logs_by_time(logs: Sequence[Log], wanted_fields: Mapping[str, Sequence[str]]) -> list[Log]:
     """Sort logs by their first messages, so that the order of arguments does not matter.
 
-    Times of day without a date that end at midnight and begin there again, with half a day between,
-    are of two days.
+    Logs without dates that follow one another as given keep that order. Times of day that end at
+    midnight and begin there again, with half a day between, are of two days.
+
+    Args:
+        logs: logs in the given order.
+        wanted_fields: fields that the channels name, by topic.
     """
+    if any(compute_log_offsets_ns(logs, wanted_fields).values()):
+        return list(logs)
     tables = {log: log.topics() for log in logs}
     spans_ns = {
         log: (table["start_ns"].min() or 0, table["end_ns"].max() or 0)
         for log, table in tables.items()
     }
     ordered = sorted(spans_ns, key=lambda log: (spans_ns[log][0], str(log.path)))
+    if len(ordered) < 2:
+        return ordered
     starts_ns, ends_ns = np.array([spans_ns[log] for log in ordered]).T
     between_ns = starts_ns[1:] - np.maximum.accumulate(ends_ns)[:-1]
-    if not between_ns.size or max(between_ns) <= _DAY_NS // 2:
-        return ordered
-    if 0 <= starts_ns[0] + _DAY_NS - max(ends_ns) < LIMITS.around_midnight_ns:
-        midnight = int(np.argmax(between_ns)) + 1
-        return [*ordered[midnight:], *ordered[:midnight]]
+    at_midnight = 0 <= starts_ns[0] + _DAY_NS - max(ends_ns) < LIMITS.around_midnight_ns
+    if at_midnight and max(between_ns) > _DAY_NS // 2:
+        second_day = int(np.argmax(between_ns)) + 1
+        return [*ordered[second_day:], *ordered[:second_day]]
     return ordered
 
 
@@ -91,23 +98,22 @@ def _place_logs_in_given_order(
     lattice = _SampleLattice.from_sample_times(next(iter(tables.values())))
     ends_ns = {log: int(table["end_ns"].to_numpy().max()) for log, table in tables.items()}
     found: dict[Log, int] = {}
-    previous: Log | None = None
+    previous, last_ns = next(iter(tables)), 0
     for log, table in tables.items():
-        restarts = starts_ns[log] < LIMITS.from_zero_ns
-        if previous is None or (starts_ns[log] >= starts_ns[previous] and not restarts):
-            found[log] = found[previous] if previous else 0
-        elif 0 <= starts_ns[log] + _DAY_NS - ends_ns[previous] < LIMITS.around_midnight_ns:
+        restarts = starts_ns[log] < LIMITS.from_zero_ns and log is not previous
+        if starts_ns[log] >= starts_ns[previous] and not restarts:
+            found[log] = found.get(previous, 0)
+        elif 0 <= starts_ns[log] + found[previous] + _DAY_NS - last_ns < LIMITS.around_midnight_ns:
             found[log] = found[previous] + _DAY_NS
         elif restarts:
             slowest_s = LIMITS.between_logs_periods / float(
                 table["rate_hz"].fill_null(1.0).to_numpy().min()
             )
             between_ns = round(max(LIMITS.between_logs_s, slowest_s) * 1e9)
-            ended_ns = found[previous] + ends_ns[previous]
-            found[log] = lattice.find_next_offset_on_lattice_ns(ended_ns + between_ns, table)
+            found[log] = lattice.find_next_offset_on_lattice_ns(last_ns + between_ns, table)
         else:
             return None
-        previous = log
+        previous, last_ns = log, max(last_ns, found[log] + ends_ns[log])
     return found
 
 

@@ -137,7 +137,8 @@ def review_shift(
             [
                 stack.enter_context(open_log(path, time=find_time_axis_of_machine(machine)))
                 for path in logs
-            ]
+            ],
+            list_channel_fields(machine),
         )
         if by is not None:
             logged = by.refuse_logs_of_other_machine(opened)

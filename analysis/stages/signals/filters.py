@@ -12,6 +12,7 @@ from analysis.model.settings import AlignSettings
 from analysis.stages.signals.resample import interpolate_in_stretches
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
+from estimators.errors import NoReadingError
 
 
 def drop_readings_outside_range(
@@ -24,19 +25,31 @@ def drop_readings_outside_range(
         channel: the channel.
         frame: samples of its topic.
         losses: the number of dropped samples is added.
+
+    Raises:
+        NoReadingError: no reading is within the range.
     """
     if channel.valid_range is None:
         return frame
     low, high = channel.valid_range
-    reading = pl.col(str(channel.field)).cast(pl.Float64)
-    left = frame.filter(reading.is_between(low, high).fill_null(value=True))
+    field = str(channel.field)
+    if not frame[field].dtype.is_numeric():
+        return frame
+    reading = pl.col(field).cast(pl.Float64)
+    inside = (reading.is_between(low, high) | reading.is_nan()).fill_null(value=True)
+    left = frame.filter(inside)
+    if left.is_empty() and not frame.is_empty():
+        raise NoReadingError(
+            f"{name}: {field} of {channel.topic or 'the table'} has no reading in valid_range, "
+            f"{low:g} to {high:g}"
+        )
     if left.height < frame.height:
         losses.append(
             Loss(
                 source=name,
                 topic=channel.topic or "",
-                what=f"{frame.height - left.height} of {frame.height} samples of {channel.field} "
-                f"are outside valid_range, {low:g} to {high:g}; they were excluded",
+                what=f"{frame.height - left.height} of {frame.height} samples of {field} are "
+                f"outside valid_range, {low:g} to {high:g}; they were excluded",
             )
         )
     return left

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from analysis.model.uncertainty_sources import STD_OF_MAD
+from analysis.model.windows import find_flagged_runs
 from analysis.stages.signals.signal_limits import LIMITS
 from estimators.arrays import Floats
 
@@ -59,16 +60,16 @@ def assign_timestamps(raw_frames: Mapping[str, pl.DataFrame]) -> StampedTopics:
         for topic, frame in raw_frames.items()
     }
     # a recorder whose clock runs away does so for all topics alike
-    least_ns = min(changes_ns.values(), default=0.0)
+    least_ns = min(changes_ns.values(), key=abs, default=0.0)
     for topic, change_ns in changes_ns.items():
-        if change_ns - least_ns > LIMITS.clock_jump_ns:
+        if abs(change_ns - least_ns) > LIMITS.clock_jump_ns:
             headers[topic] = False
             losses.append(
                 Loss(
                     source="stamps",
                     topic=topic,
-                    what=f"header stamps move by {change_ns / 1e9:.3g} s against log time over the "
-                    "log, so log time is used instead",
+                    what=f"header stamps move by {-change_ns / 1e9:+.3g} s against log time over "
+                    "the log, so log time is used instead",
                 )
             )
     # delay of log time behind the stamps that would place the samples of each topic
@@ -183,6 +184,17 @@ def are_header_stamps_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]
                 )
             )
         return False
+    stopped_ns = measure_longest_time_of_one_stamp_ns(frame)
+    if stopped_ns > LIMITS.clock_jump_ns:
+        losses.append(
+            Loss(
+                source="stamps",
+                topic=topic,
+                what=f"header stamps stay the same for {stopped_ns / 1e9:.3g} s of log time, so "
+                "log time is used instead",
+            )
+        )
+        return False
     steps = np.diff(stamps.to_numpy())
     if steps.size and steps.min() < -LIMITS.clock_jump_ns:
         losses.append(
@@ -197,8 +209,16 @@ def are_header_stamps_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]
     return True
 
 
+def measure_longest_time_of_one_stamp_ns(frame: pl.DataFrame) -> float:
+    """Longest log time in ns between successive messages with the same header stamp."""
+    stamped = frame.select("log_time_ns", "header_stamp_ns").drop_nulls()
+    log, header = (stamped[name].to_numpy() for name in stamped.columns)
+    first, last = find_flagged_runs(np.diff(header) == 0)
+    return float(np.max(log[last + 1] - log[first], initial=0))
+
+
 def compute_log_delay_change_ns(frame: pl.DataFrame) -> float:
-    """Change in ns of the smallest delay of log time behind header stamps, first to last quarter.
+    """Change in ns of the least delay of log time behind header stamps, first to last quarter.
 
     A queue delays log time for a while; a clock that is set or that stops stays apart.
     """
@@ -210,7 +230,7 @@ def compute_log_delay_change_ns(frame: pl.DataFrame) -> float:
         (part["log_time_ns"] - part["header_stamp_ns"]).to_numpy().min()
         for part in (stamped.head(quarter), stamped.tail(quarter))
     )
-    return abs(float(last - first))
+    return float(last - first)
 
 
 def compute_median_log_delay_ns(frame: pl.DataFrame) -> float:

@@ -83,6 +83,21 @@ def test_error_codes_outside_the_valid_range_are_no_readings(raw_topic, machine)
     ]
 
 
+def test_a_range_without_readings_and_a_text_are_named_in_a_line(raw_topic, machine):
+    far = {"topic": "/can", "field": "force", "valid_range": (2e4, 3e4)}
+    with pytest.raises(DataError, match=r"force of /can has no reading in valid_range, 20000 to"):
+        derived(loader(raw_topic), machine(force_x_N=far))
+    with pytest.raises(DataError, match="not a number"):
+        derived(loader(raw_topic, force=["a"] * T.size), machine(force_x_N=far))
+
+
+def test_cells_without_a_number_are_not_outside_the_valid_range(raw_topic, machine):
+    force = np.where(np.arange(T.size) % 5, np.nan, 50.0)
+    near = {"topic": "/can", "field": "force", "valid_range": (0.0, 100.0)}
+    _, losses, _ = derived(loader(raw_topic, force=force), machine(force_x_N=near))
+    assert not any("valid_range" in loss.what for loss in losses)
+
+
 def test_empty_cells_of_a_table_that_merges_two_rates_are_no_loss():
     assert count_lost_readings(T, np.arange(500) % 5 == 2) == 0
 
@@ -114,7 +129,7 @@ def test_of_samples_that_share_a_stamp_the_last_is_kept_and_the_others_counted(r
 @pytest.mark.parametrize(
     ("values", "fault"),
     [
-        (["fast"] * 500, "is String, not a number"),
+        (["fast"] * 500, "is String, not a number; choose another field"),
         ([None] * 500, "holds no number in 500 samples"),
         ([np.nan] * 499 + [1.0], "holds a single sample, but at least two are needed"),
     ],

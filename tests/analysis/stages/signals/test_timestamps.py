@@ -137,10 +137,32 @@ def test_headers_of_a_clock_that_is_set_or_stops_are_not_used(raw_topic, clock):
     raw["/torque"] = raw_topic(log, clock(log), x=log * 1.0)
     frames, clocks, (lost,) = assign_timestamps(raw)
     assert clocks == {"/imu": "header", "/speed": "header", "/torque": "log"}
-    assert "against log time" in lost.what
+    assert "log time is used instead" in lost.what
     np.testing.assert_array_equal(frames["/torque"]["unix_ns"], log)
     drifts = measure_clock_drifts_by_topic(raw, clocks)
     assert set(drifts["topic"]) == {"/imu", "/speed"}
+
+
+def test_a_clock_that_stops_late_is_not_used_even_if_it_is_that_of_all_topics(raw_topic):
+    log = LOG[0] + np.arange(4_000) * (SECOND // 100)
+    stopped = np.minimum(log, log[3_200])
+    raw = {name: raw_topic(log, stopped, x=log * 1.0) for name in ("/imu", "/speed")}
+    frames, clocks, losses = assign_timestamps(raw)
+    assert clocks == {"/imu": "log", "/speed": "log"}
+    assert all("stay the same for 7.99 s" in loss.what for loss in losses)
+    assert frames["/imu"].height == log.size
+
+
+def test_clocks_that_move_apart_both_ways_are_not_used(raw_topic):
+    log = LOG[0] + np.arange(4_000) * (SECOND // 100)
+    later = np.arange(4_000) >= 2_000
+    raw = {
+        "/imu": raw_topic(log, log + 5 * SECOND * later, x=log * 1.0),
+        "/speed": raw_topic(log, log - SECOND // 2 * later, x=log * 1.0),
+        "/torque": raw_topic(log, log, x=log * 1.0),
+    }
+    _, clocks, _ = assign_timestamps(raw)
+    assert clocks == {"/imu": "log", "/speed": "header", "/torque": "header"}
 
 
 def test_a_queue_that_delays_log_time_for_a_while_leaves_the_headers(raw_topic):
