@@ -221,18 +221,13 @@ class FindingInputs:
         """
         readings, channel = self.unfiltered_readings[name][1], self.machine.channels.get(name)
         middle = float(np.median(readings))
-        above, below = (
-            _find_edge_of_usual_readings(sign * (readings - middle)) for sign in (1, -1)
-        )
-        if channel is None or channel.field is None or np.isinf([above, below]).all():
+        sides = (middle - readings, readings - middle)
+        edges = np.array([_find_edge_of_usual_readings(side) for side in sides])
+        if channel is None or channel.field is None or np.isinf(edges).all():
             return None, None
-        # a side without codes is left as wide as the other
-        reach = min(above, below)
-        limits = middle + np.array([-1.0, 1.0]) * np.where(
-            np.isinf([below, above]),
-            max(reach, float(np.max(np.abs(readings - middle)))),
-            [below, above],
-        )
+        # a side without codes reaches as far as the other, and no reading of it is left out
+        whole = np.maximum(edges.min(), [side.max() for side in sides])
+        limits = middle + np.array([-1.0, 1.0]) * np.where(np.isinf(edges), whole, edges)
         gain, offset = 1.0, 0.0
         if channel.unit:
             gain, offset = find_gain_and_offset_to_si(channel.unit, find_unit_in_name(name))

@@ -41,3 +41,19 @@ def test_the_proposed_range_leaves_error_codes_out(
     assert not mended["withheld"].any()
     off_kg = (mended["mass_kg"] - sound["mass_kg"]).abs()
     assert (off_kg < 2.0 * mended["u_kg"]).all()
+
+
+def test_the_proposed_range_keeps_the_motion_of_a_machine_that_mostly_stands(
+    tmp_path: Path,
+) -> None:
+    """Its usual readings are zeros, and those of its motion are few."""
+    hauled = haul(np.random.default_rng(4), grade_rad=0.0)
+    parked = pl.DataFrame({name: np.zeros(150_000) for name in hauled.columns})
+    whole = pl.concat([parked, hauled]).with_columns(time_s=pl.int_range(pl.len()) / 50.0)
+    speed = whole["speed_m_s"].to_numpy().copy()
+    speed[150_300::200] = 71.11
+    found = replay_haul(whole.with_columns(speed_m_s=pl.Series(speed)), tmp_path)["findings"]
+    (value,) = found.filter(pl.col("cause") == "spikes")["value"]
+    (low, high) = tomllib.loads(f"range = {value}")["range"]
+    assert low < -3.5
+    assert 3.5 < high < 71.11
