@@ -249,12 +249,12 @@ def find_slope_missing_from_acceleration(inputs: FindingInputs) -> list[Symptom]
 
 def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
     """Find an idle drive whose machine does not slow down, in a log of speeds alone."""
-    forces = inputs.machine.settings.forces
-    if forces.acceleration != "kinematic" or has_pitch_channel(inputs):
+    if inputs.machine.settings.forces.acceleration != "kinematic" or has_pitch_channel(inputs):
         return []
     force = compute_longitudinal_force(inputs.aligned, inputs.machine.machine)
     speed = get_column_values(inputs.aligned, "speed_x_m_s")
-    if not np.isfinite(force + speed).any():
+    changes_m_s = np.diff(speed, 2)
+    if not (np.isfinite(force).any() and np.isfinite(changes_m_s).any()):
         return []
     rest_N, _ = inputs.compute_mean_and_std_of_signal_at_rest(force)
     # an offset of the sensor may hide the force of a cruise
@@ -263,7 +263,7 @@ def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
     idle = (along < LIMITS.idle_force_fraction * driving_N) & ~inputs.is_standing_sample
     rate_hz = inputs.machine.settings.align.rate_hz
     end = max(1, round(LIMITS.descent_end_s * rate_hz))
-    noise_m_s = float(np.nanmedian(np.abs(np.diff(speed, 2)))) / np.sqrt(6.0 * end)
+    noise_m_s = float(np.nanmedian(np.abs(changes_m_s))) / np.sqrt(6.0 * end)
     for name in inputs.select_measured_channels(*SPEEDS):
         noise_m_s += measure_repeat_fraction_and_resolution(inputs, name)[1]
     # on level ground the least rolling resistance takes off more than noise
@@ -281,9 +281,8 @@ def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             held_s / LIMITS.descent_min_s,
-            f"without drive the machine held or gained speed for {held_s:.0f} s, as on "
-            "falling ground: a pitch channel, or an accelerometer that includes gravity, would "
-            "show the grade",
+            f"without drive the machine held or gained speed for {held_s:.0f} s, as on falling "
+            "ground: a pitch channel, or an accelerometer that includes gravity, would show it",
             alternatives=("external_force",),
         )
     ]

@@ -103,6 +103,8 @@ def _place_logs_in_given_order(
         restarts = starts_ns[log] < LIMITS.from_zero_ns and log is not previous
         if starts_ns[log] >= starts_ns[previous] and not restarts:
             found[log] = found.get(previous, 0)
+        elif 0 <= starts_ns[previous] - ends_ns[log] <= _DAY_NS // 2:
+            return None  # one counter, given in another order
         elif 0 <= starts_ns[log] + found[previous] + _DAY_NS - last_ns < LIMITS.around_midnight_ns:
             found[log] = found[previous] + _DAY_NS
         elif restarts:

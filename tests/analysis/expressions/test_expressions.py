@@ -116,9 +116,9 @@ def test_an_expression_has_the_dimension_of_what_it_says(text: str, unit: str) -
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("torque_N_m + speed_x_m_s", "torque_N_m is .*, speed_x_m_s is .*one sum"),
+        ("torque_N_m + speed_x_m_s", "torque_N_m is .*, speed_x_m_s is .*a sum must have one"),
         ("max(torque_N_m, 3)", "3 is a pure number"),
-        ("where(speed_x_m_s > 1, torque_N_m)", "one comparison"),
+        ("where(speed_x_m_s > 1, torque_N_m)", "a comparison must have one"),
         ("current_A * 2 [bananas]", r"no unit 'bananas'"),
     ],
 )

@@ -24,7 +24,7 @@ from replay import load_machine
 from replay.follow.background_replay import (
     BackgroundReplays,
     is_text_table,
-    read_log_sizes_and_change_times,
+    read_log_sizes_and_modification_times,
     serve_replay_request,
 )
 from replay.follow.report_file import (
@@ -365,10 +365,10 @@ def test_rows_that_a_database_keeps_beside_itself_are_news(tmp_path: Path) -> No
     with closing(sqlite3.connect(path, isolation_level=None)) as database:
         database.execute("PRAGMA journal_mode = WAL")
         database.execute("CREATE TABLE messages (data BLOB)")
-        before, size = read_log_sizes_and_change_times([path]), path.stat().st_size
+        before, size = read_log_sizes_and_modification_times([path]), path.stat().st_size
         database.execute("INSERT INTO messages VALUES (x'00')")
         assert path.stat().st_size == size
-        assert read_log_sizes_and_change_times([path]) != before
+        assert read_log_sizes_and_modification_times([path]) != before
 
 
 @pytest.mark.parametrize("name", ["a.MCAP", "a.bag", "a.bag.active", "a.db3"])

@@ -216,7 +216,7 @@ def test_a_recording_of_another_log_or_of_other_settings_is_not_continued(
     for words in (["--set", "settings.gate.threshold_nat=0.5"], ["--set", "machine.name=other"]):
         said = payscope("follow", "drive.mcap", *ALONE, *words, "-o", "out.rrd")
         assert said.status == 2
-        assert "out.rrd: follows drive.mcap" in said.err
+        assert "out.rrd: was recorded from drive.mcap" in said.err
         assert said.error is not None
         assert_one_line(said.error)
 

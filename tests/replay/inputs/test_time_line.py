@@ -87,6 +87,8 @@ DAY_S = 86_400.0
         pytest.param((50_400.0, 25_200.0), (0.0, 0.0), id="logs of a day, the later one first"),
         pytest.param((4_000_000.0, 0.0), (0.0, 4_000_039.9), id="a counter that restarts"),
         pytest.param((100.0, 5_000.0), (0.0, 0.0), id="a counter that goes on"),
+        pytest.param((30.0, 0.0), (0.0, 0.0), id="a counter, the later log first"),
+        pytest.param((20.0, 0.0), (0.0, 59.9), id="a counter that restarts within the first log"),
     ],
 )
 def test_logs_whose_times_begin_again_follow_one_another(

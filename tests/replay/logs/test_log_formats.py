@@ -30,7 +30,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_a_name_that_is_not_utf_8_is_to_be_changed(tmp_path: Path) -> None:
     latin = Path(os.fsdecode(os.fsencode(tmp_path) + b"/gr\xf6\xdfe.csv"))
     latin.write_text("time_s,force_N\n0,1\n1,2\n")
-    with pytest.raises(LogError, match=r"e\.csv: .* not UTF-8, .*; rename it") as caught:
+    with pytest.raises(LogError, match=r"e\.csv: .* not UTF-8, .*; rename the file") as caught:
         open_log(latin)
     assert_one_line(caught.value)
     assert open_log(latin.rename(tmp_path / "größe.csv")).path

@@ -128,7 +128,9 @@ def test_a_table_without_its_time_names_the_columns_and_the_remedy(
 
 def test_a_time_column_in_another_unit_is_found_out(tmp_path: Path) -> None:
     log = open_log(write_csv(tmp_path, "time_s,a\n1700000000123456789,1\n"))
-    with pytest.raises(LogError, match=r"its unit is wrong. Set \[log\] time and time_unit"):
+    with pytest.raises(
+        LogError, match=r"unit of the time is wrong. Set \[log\] time and time_unit"
+    ):
         log.topics()
 
 

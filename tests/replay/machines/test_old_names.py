@@ -132,7 +132,7 @@ def test_what_a_file_looks_like_afterwards(old: str, new: str) -> None:
     [
         ("[settings]\nrate_hz = 5\nalign.rate_hz = 4\n", "both are given"),
         ("settings = { rate_hz = 5 }\n", "rename it by hand"),
-        ("[settings]\nsmooth_samples = 3\nsmooth = 1\n", "'smooth' is a value"),
+        ("[settings]\nsmooth_samples = 3\nsmooth = 1\n", "'smooth' already has a value"),
         ("[settings\n", "is not TOML"),
     ],
 )
