@@ -29,7 +29,7 @@ from analysis.findings.refit import compute_mass_change_by_refit
 from analysis.findings.sampling_causes import measure_repeat_fraction_and_resolution
 from analysis.model.physical_units import find_gain_and_offset_to_si
 from analysis.model.schema import get_column_values
-from analysis.model.windows import find_flagged_runs
+from analysis.model.windows import list_whole_blocks_of_runs
 from analysis.stages.motion.forces import compute_longitudinal_force
 from analysis.stages.motion.phases import average_acceleration_over_rate_span
 from analysis.stages.signals.grid_rate import count_rows_in_duration
@@ -259,8 +259,7 @@ def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
     rest_N, _ = inputs.compute_mean_and_std_of_signal_at_rest(force)
     # an offset of the sensor may hide the force of a cruise
     along = np.sign(speed) * force + abs(np.nan_to_num(rest_N))
-    driving_N = np.nanquantile(inputs.absolute_force_newtons, 0.98)
-    idle = (along < LIMITS.idle_force_fraction * driving_N) & ~inputs.is_standing_sample
+    idle = (along < inputs.idle_force_newtons) & ~inputs.is_standing_sample
     rate_hz = inputs.machine.settings.align.rate_hz
     end = max(1, round(LIMITS.descent_end_s * rate_hz))
     noise_m_s = float(np.nanmedian(np.abs(changes_m_s))) / np.sqrt(6.0 * end)
@@ -269,14 +268,13 @@ def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
     # on level ground the least rolling resistance takes off more than noise
     slowed_s = LIMITS.descent_noise_factor * noise_m_s / LIMITS.least_rolling_m_s2
     window = max(2 * end, round(max(LIMITS.descent_window_s, slowed_s) * rate_hz))
+    undriven_N = LIMITS.descent_force_fraction * inputs.largest_force_newtons
     samples = 0
-    for first, last in zip(*find_flagged_runs(idle), strict=True):
-        for begin in range(first, last + 2 - window, window):
-            rows = slice(begin, begin + window)
-            size = np.abs(speed[rows])
-            holds = size[-end:].mean() - size[:end].mean() >= 0.0
-            if holds and along[rows].mean() < LIMITS.descent_force_fraction * driving_N:
-                samples += window
+    for rows in list_whole_blocks_of_runs(idle, window):
+        size = np.abs(speed[rows])
+        holds = size[-end:].mean() - size[:end].mean() >= 0.0
+        if holds and along[rows].mean() < undriven_N:
+            samples += window
     held_s = samples / rate_hz
     return [
         Symptom(

@@ -107,12 +107,19 @@ class FindingInputs:
         return np.abs(compute_longitudinal_force(self.aligned, self.machine.machine))
 
     @cached_property
+    def largest_force_newtons(self) -> float:
+        """98 % quantile of the magnitude of the force, in N."""
+        return float(np.nanquantile(self.absolute_force_newtons, 0.98))
+
+    @property
+    def idle_force_newtons(self) -> float:
+        """Force in N below which the drive is idle."""
+        return LIMITS.idle_force_fraction * self.largest_force_newtons
+
+    @cached_property
     def is_idle_sample(self) -> Bools:
         """Whether each grid sample's force is small enough for an idle drive, (n,)."""
-        limit_N = LIMITS.idle_force_fraction * float(
-            np.nanquantile(self.absolute_force_newtons, 0.98)
-        )
-        return self.absolute_force_newtons < limit_N
+        return self.absolute_force_newtons < self.idle_force_newtons
 
     @cached_property
     def is_resting_sample(self) -> Bools:

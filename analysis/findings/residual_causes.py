@@ -213,7 +213,7 @@ def find_force_hysteresis(inputs: FindingInputs) -> list[Symptom]:
 
 
 def find_warming_friction(inputs: FindingInputs) -> list[Symptom]:
-    """Find Coulomb friction or rolling resistance that falls from the beginning of the log on."""
+    """Find Coulomb friction or rolling resistance that changes after the beginning of the log."""
     fit = inputs.log_only_fit
     found = [each for each in inputs.reportable_missing_terms if each.term is WARMING]
     if fit is None or not found:

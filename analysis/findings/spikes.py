@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.cause import Symptom, list_only_strongest_symptom
+from analysis.findings.cause import Symptom
 from analysis.findings.channel_limits import LIMITS
 from analysis.findings.finding_inputs import ACCELERATIONS, FORCES, FindingInputs
 from analysis.findings.refit import compute_mass_change_by_refit_without_samples
@@ -35,27 +35,34 @@ class ChannelSpikes:
     largest_distance_std: float
     near: Bools
 
+    @property
+    def strength(self) -> float:
+        """Distance of the farthest spike over its detection threshold; more spikes are surer."""
+        often = float(np.sqrt(min(self.unix_ns.size, 25)))
+        return self.largest_distance_std / LIMITS.spike_std * often / LIMITS.single_spike_ratio
+
 
 def find_spikes(inputs: FindingInputs) -> list[Symptom]:
     """Find single readings far from both neighbours, which agree with each other."""
-    return list_only_strongest_symptom(
-        [_make_spike_symptom(inputs, *each) for each in get_spikes_by_channel(inputs).items()]
-    )
-
-
-def _make_spike_symptom(inputs: FindingInputs, channel: str, spikes: ChannelSpikes) -> Symptom:
-    count, largest_std = spikes.unix_ns.size, spikes.largest_distance_std
+    by_channel = get_spikes_by_channel(inputs)
+    if not by_channel:
+        return []
+    channel, spikes = max(by_channel.items(), key=lambda each: each[1].strength)
+    first_ns, last_ns = int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])
     setting, value = inputs.propose_valid_range_settings(channel)
-    return Symptom(
-        largest_std / LIMITS.spike_std * float(np.sqrt(min(count, 25))) / LIMITS.single_spike_ratio,
-        f"{count} single readings differ from their neighbours by {spikes.median_distance:.3g} "
-        f"(median), up to {largest_std:.0f} standard deviations",
-        channel=channel,
-        span_ns=inputs.convert_unix_to_aligned_ns(int(spikes.unix_ns[0]), int(spikes.unix_ns[-1])),
-        setting=setting,
-        value=value,
-        change=lambda: compute_mass_change_by_refit_without_samples(inputs, spikes.near),
-    )
+    return [
+        Symptom(
+            spikes.strength,
+            f"{spikes.unix_ns.size} single readings differ from their neighbours by "
+            f"{spikes.median_distance:.3g} (median), up to {spikes.largest_distance_std:.0f} "
+            "standard deviations",
+            channel=channel,
+            span_ns=inputs.convert_unix_to_aligned_ns(first_ns, last_ns),
+            setting=setting,
+            value=value,
+            change=lambda: compute_mass_change_by_refit_without_samples(inputs, spikes.near),
+        )
+    ]
 
 
 def get_spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:

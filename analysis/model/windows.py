@@ -35,3 +35,12 @@ def find_flagged_runs(is_flagged: Bools) -> tuple[Ints, Ints]:
     """First and last sample of each run of flagged samples, (runs,) each."""
     edges = np.diff(np.concatenate([[0], is_flagged.astype(np.int8), [0]]))
     return np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+
+
+def list_whole_blocks_of_runs(is_flagged: Bools, block_rows: int) -> list[slice]:
+    """Successive blocks of `block_rows` samples that fit into the runs of flagged samples."""
+    return [
+        slice(begin, begin + block_rows)
+        for first, last in zip(*find_flagged_runs(is_flagged), strict=True)
+        for begin in range(first, last + 2 - block_rows, block_rows)
+    ]

@@ -50,10 +50,9 @@ def compute_log_offsets_ns(
     has = [_find_topics_with_wanted_fields(table, wanted_fields) for table in tables.values()]
     if not any(one & other for one, other in combinations(has, 2)):
         return none
-    from_zero = all(start_ns < LIMITS.from_zero_ns for start_ns in starts_ns.values())
-    if not from_zero and len(set(has)) > 1:
-        return none
     if len(set(has)) > 1:
+        if any(start_ns >= LIMITS.from_zero_ns for start_ns in starts_ns.values()):
+            return none
         raise LogError(
             f"{', '.join(str(log.path) for log in logs)}: the times of each begin at 0, and they "
             "share only some channels, so their order is unknown; give consecutive logs with the "

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.replay.test_descents import haul, replay_haul
+from tests.replay.haul import haul, replay_haul
 
 
 @pytest.mark.parametrize(("cold_1", "is_named"), [(0.0, False), (2.0, True)])

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tests.replay.test_descents import haul, replay_haul
+from tests.replay.haul import haul, replay_haul
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from tests.replay.test_descents import haul, replay_haul
+from tests.replay.haul import haul, replay_haul
 
 
 @pytest.mark.parametrize(("column", "factor"), [("force_N", 1.356), ("speed_m_s", 0.6214)])

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.model.windows import find_flagged_runs
+from analysis.model.windows import list_whole_blocks_of_runs
 from analysis.stages.stage_limits import LIMITS
 from estimators.arrays import Bools, Floats
 from estimators.methods import pooled
@@ -29,25 +29,25 @@ def fit_ungated(A: Floats, f: Floats, is_moving: Bools) -> UngatedFit:
         return UngatedFit(float("nan"), float("nan"), float("nan"))
     traced = pooled.estimate_along_log(A, f, np.where(is_moving, 0, -1))
     residual = f[is_moving] - A[is_moving] @ traced.theta[0]
-    total = float(((f[is_moving] - f[is_moving].mean()) ** 2).sum())
-    r_squared = 1.0 - float(residual @ residual) / total if total > 0 else float("nan")
+    r_squared = _compute_r_squared(residual, f[is_moving])
     return UngatedFit(float(traced.theta[0, 0]), float(traced.std[0, 0]), r_squared)
+
+
+def _compute_r_squared(residual: Floats, f: Floats) -> float:
+    """Fraction of the force's variance that a fit explains; NaN for a constant force."""
+    total = float(((f - f.mean()) ** 2).sum())
+    return 1.0 - float(residual @ residual) / total if total > 0 else float("nan")
 
 
 def compute_r_squared_of_means(A: Floats, f: Floats, is_moving: Bools, rows_per_mean: int) -> float:
     """R² of least squares over means of consecutive moving samples; NaN if they are too few."""
-    spans = [
-        slice(begin, begin + rows_per_mean)
-        for first, last in zip(*find_flagged_runs(is_moving), strict=True)
-        for begin in range(first, last + 2 - rows_per_mean, rows_per_mean)
-    ]
+    spans = list_whole_blocks_of_runs(is_moving, rows_per_mean)
     if len(spans) < LIMITS.samples_per_parameter * A.shape[1]:
         return float("nan")
     means = np.array([[*A[span].mean(axis=0), f[span].mean()] for span in spans])
     columns, force = means[:, :-1], means[:, -1]
     residual = force - columns @ np.linalg.lstsq(columns, force, rcond=None)[0]
-    total = float(((force - force.mean()) ** 2).sum())
-    return 1.0 - float(residual @ residual) / total if total > 0 else float("nan")
+    return _compute_r_squared(residual, force)
 
 
 def compute_partial_correlation(A: Floats, f: Floats, is_moving: Bools) -> float:
