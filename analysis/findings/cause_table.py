@@ -270,6 +270,7 @@ CAUSES: Final = (
         "the scale of force or speed, or the machine, changes within the log",
         "an empty machine that comes back after a load, before the change and after it",
         mass_drifts.find_step_of_lightest_load,
+        withholds=True,
         explains=("gain_drift", "coulomb", "gain_by_speed", "wrong_scale"),
     ),
     Cause(

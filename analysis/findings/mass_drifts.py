@@ -133,16 +133,19 @@ def find_step_of_lightest_load(inputs: FindingInputs) -> list[Symptom]:
     first_manoeuvre = states.manoeuvre_ids[firsts[step.first_state_run]]
     t_ns = inputs.aligned["t_ns"].to_numpy()[fit.motion.is_fittable]
     start = np.argmax(find_manoeuvre_of_fitted_samples(fit.motion) >= first_manoeuvre)
-    causes = " or ".join(list_possible_causes_of_mass_ratio(step.mass_ratio))
+    gear, *units = list_possible_causes_of_mass_ratio(step.mass_ratio)
     return [
         Symptom(
             abs(float(np.log(step.mass_ratio))) / np.log(LIMITS.lightest_load_step_ratio),
             f"the lightest load weighs {step.before.format_mass()} before "
             f"{t_ns[start] / NS_PER_S:,.0f} s and {step.after.format_mass()} from then on: another "
-            f"machine or attachment, a machine that is never empty on one side, or {causes}",
+            f"machine or attachment, a machine that is never empty on one side, or "
+            f"{' or '.join([gear, *units])}",
             span_ns=(int(t_ns[start]), int(t_ns[-1])),
             # which side is right is not known
             change=lambda: MassChange(0.0, abs(step.after.mass_kg - step.before.mass_kg)),
+            # a step by the ratio of two units is hardly another machine
+            invalidates=bool(units),
         )
     ]
 

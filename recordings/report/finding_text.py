@@ -6,7 +6,7 @@ from typing import Any, Final
 from analysis.explain import Finding
 from analysis.model.run_record import Run
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import format_number, format_plus_minus
+from recordings.report.number_text import format_number, format_plus_minus, round_to_uncertainty
 
 _LEADS_TO: Final = {
     "withhold": "invalidates the mass",
@@ -48,6 +48,9 @@ def describe_mass_change_if_fixed(finding: Finding) -> str:
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
         return ""
+    if change == 0.0 and u is not None:
+        # the direction is not known
+        return f"fixing it may change the mass by ± {round_to_uncertainty(u, u)} kg"
     text = format_plus_minus(change, u)
     signed = f"+{text}" if change > 0 else text.replace("-", "−", 1)
     return f"fixing it changes the mass by {signed} kg"

@@ -50,6 +50,12 @@ def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_tol
     assert "- **1** delay (force_x_N): it is 42 ± 3 ms late" in format_answer_markdown(drives(30.0))
 
 
+def test_a_change_of_unknown_direction_is_only_its_uncertainty(drives) -> None:
+    run = drives(30.0)
+    run.frames["findings"] = run.frames["findings"].with_columns(mass_change_kg=pl.lit(0.0))
+    assert "fixing it may change the mass by ± 10 kg" in format_findings_markdown(run)
+
+
 def test_silence_is_an_answer_and_a_run_that_was_not_looked_at_says_nothing(drives) -> None:
     run = drives(30.0)
     assert "None of the known causes" in format_findings_markdown(healthy(run))

@@ -13,12 +13,14 @@ from tests.replay.haul import haul, replay_haul
 def test_a_unit_that_changes_in_the_middle_is_found(
     column: str, factor: float, tmp_path: Path
 ) -> None:
-    """Payloads of 4.8 t instead of 1.5 t were open, without a word."""
+    """Payloads of 4.8 t instead of 1.5 t were open: both units share one empty machine."""
     hauled = haul(np.random.default_rng(4), grade_rad=0.0)
     later = pl.int_range(pl.len()) >= pl.len() // 2
     scaled = hauled.with_columns(pl.when(later).then(pl.col(column) * factor).otherwise(column))
-    found = replay_haul(scaled, tmp_path)["findings"].filter(pl.col("cause") == "scale_step")
+    run = replay_haul(scaled, tmp_path)
+    found = run["findings"].filter(pl.col("cause") == "scale_step")
     assert found.height == 1
+    assert found["severity"][0] == "withhold"
     assert int(found["start_t_ns"][0]) / 1e9 == pytest.approx(80.0, abs=5.0)
 
 
