@@ -134,6 +134,7 @@ def test_every_key_of_a_fleet_file_is_documented_with_its_meaning() -> None:
             assert_has_row(page, name, field.description)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "pages",
     [
@@ -154,6 +155,7 @@ def test_every_command_in_the_documentation_gives_the_output_written_there(
     assert left.returncode == 0, left.stdout + left.stderr
 
 
+@pytest.mark.heavy
 def test_the_library_example_of_the_readme_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

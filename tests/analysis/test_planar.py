@@ -110,6 +110,7 @@ def test_v_and_omega_in_step_mix_mass_and_inertia_with_the_lateral_moment():
     assert row["first_moment_x_std_kg_m"] > 0.2 * LOADER[2]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     # fewer than 4 of 6 logs hold once in 450 times
     ("logs", "least"),

@@ -207,6 +207,7 @@ def test_what_once_ended_in_a_fault_does_not(case: str, tmp_path: Path) -> None:
     assert not payscope.faults, "\n".join(payscope.faults)
 
 
+@pytest.mark.heavy
 def test_a_run_that_says_two_things_is_a_fault(tmp_path: Path) -> None:
     log, machine = tmp_path / "sledge.csv", tmp_path / "sledge.toml"
     sledge().write_csv(log)

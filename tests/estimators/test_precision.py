@@ -106,6 +106,7 @@ def test_ols_over_twelve_hours_is_that_of_each_window_alone(twelve_hours):
         assert_digits(solved.theta[part], by_qr(A, f, index[part]))
 
 
+@pytest.mark.heavy
 def test_the_correlation_over_twelve_hours_is_that_of_exact_sums(twelve_hours):
     A, f, index = twelve_hours
     rho, _ = compute_window_correlation(A[:, 0].copy(), f, W)

@@ -22,6 +22,7 @@ def test_brakes_that_hold_a_descent_are_no_part_of_a_payload(seed: int, tmp_path
     assert (np.abs(off_kg) < 2.0 * payloads["payload_u_kg"].to_numpy()).all(), payloads
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [1, 2, 3]))
 def test_descents_that_no_pitch_shows_are_named_first(seed: int, tmp_path: Path) -> None:
     """The log was refused for too little excitation, its grade taken for Coulomb friction."""

@@ -46,6 +46,7 @@ def rows(frames):
             yield row["method"], "inertia_z_kg_m2", "inertia_z_std_kg_m2", row
 
 
+@pytest.mark.heavy
 def test_inertia_is_within_two_percent_and_the_centre_of_mass_of_all_motion_within_five(replays):
     for truth, frames in replays:
         names = set()

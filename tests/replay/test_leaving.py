@@ -115,6 +115,7 @@ def test_a_disk_that_fills_up_under_a_table_is_one_line_and_leaves_nothing(
     assert list(out.parent.iterdir()) == []
 
 
+@pytest.mark.heavy
 @pytest.mark.skipif(sys.platform == "win32", reason="files have no limit there")
 def test_a_disk_that_fills_up_under_rows_of_a_query_is_one_line_and_leaves_nothing(
     log: Path, tmp_path: Path
@@ -177,6 +178,7 @@ def test_a_signal_while_the_hidden_folder_goes_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "number", mark_slow_after(1, [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 )

@@ -55,6 +55,7 @@ def weigh(table: pl.DataFrame, folder: Path) -> pl.DataFrame:
     return run(open_log(path), machine).frames["loads"]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [1, 2, 3]))
 def test_each_load_is_told_where_the_machine_creeps(seed: int, tmp_path: Path) -> None:
     """They were one mass, of 16 manoeuvres, with an interval that held none of them."""

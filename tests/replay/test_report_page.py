@@ -38,6 +38,7 @@ def test_the_page_needs_nothing_complains_of_nothing_and_is_accessible(
     assert not opened.complaints
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("opened", [(PHONE, "light")], indirect=True)
 def test_on_a_phone_the_page_scrolls_down_only_and_its_texts_can_be_read(opened: Any) -> None:
     assert opened.evaluate("document.documentElement.scrollWidth") <= PHONE

@@ -87,6 +87,7 @@ def test_a_review_that_is_refused_leaves_nothing_behind(machine: Path, tmp_path:
     assert left == {"empty", "mine", "mine/notes.txt"}
 
 
+@pytest.mark.heavy
 def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
     machine: Path, reviewed: ShiftReview, tmp_path: Path
 ) -> None:
@@ -153,6 +154,7 @@ def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(
     assert made.ledger["counted"].to_list() == [True, False, True]
 
 
+@pytest.mark.heavy
 def test_evidence_that_is_not_of_this_shift_is_refused_in_a_line(
     folder: Path, machine: Path, evidence: CalibrationOutcome, tmp_path: Path, payscope: Payscope
 ) -> None:

@@ -96,6 +96,7 @@ def test_the_table_is_sorted_by_mouse_and_by_keys(opened: Any) -> None:
     assert "most first" in opened.locator("#said").text_content()
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
 def test_every_cycle_has_the_command_that_opens_it_copied_by_a_click_and_by_a_key(
     opened: Any,

@@ -81,6 +81,7 @@ def test_the_logs_of_a_shift_are_read_as_one_time_line_and_the_torn_one_says_so(
     assert sum(told["torn_share"] > 0.0 for told in truth["logs"]) == 1
 
 
+@pytest.mark.heavy
 def test_messages_hold_what_the_machine_has_besides(tmp_path: Path) -> None:
     whole = SHIFT.model_copy(
         update={"shift": SHIFT.shift.model_copy(update={"logs": 1, "damaged_logs": 0})}  # pyright: ignore

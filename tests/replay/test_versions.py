@@ -64,6 +64,7 @@ def test_evidence_of_0_1_0_still_verifies_but_for_its_page(
     assert said.status == 8
 
 
+@pytest.mark.heavy
 def test_logs_of_released_evidence_replay_to_all_that_it_has_of_them(tmp_path: Path) -> None:
     """Test: the logs of format 3 written again. Expected Result: only words are others."""
     folder = unpacked(FORMAT_3, tmp_path / "released")

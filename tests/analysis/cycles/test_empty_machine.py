@@ -108,6 +108,7 @@ class TestUncertainty:
         added = np.sqrt(rough["payload_u_kg"] ** 2 - exact["payload_u_kg"] ** 2)
         assert added == pytest.approx(2.0 / EMPTY_KG * sum(PAYLOADS_KG), rel=0.03)
 
+    @pytest.mark.heavy
     def test_a_wrong_ticket_is_in_the_payloads_as_it_is_in_their_uncertainty(self):
         right, wrong = replayed(1.0, TICKET), replayed(1.0, TICKET, "machine.empty_mass_kg=100.3")
         ratio = summary(wrong)["payload_kg"] / summary(right)["payload_kg"]

@@ -125,6 +125,7 @@ def test_the_predicted_errors_of_a_joint_excitation_are_those_of_monte_carlo():
     assert body.com_x_m == -0.2
 
 
+@pytest.mark.heavy
 def test_the_accuracy_is_reached_above_the_smallest_signal_to_noise_ratio_and_not_below():
     made = designed("straight")
     for score in (made.scores[0], made.best):
@@ -156,6 +157,7 @@ def test_period_and_window_follow_from_the_response_time():
         assert score.manoeuvre.force.period_s == pytest.approx(3 * response_s, abs=1e-3)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(("drive", "allowed"), [("straight", 3), ("spin", 4), ("joint", 6)])
 def test_each_stage_has_the_rank_that_its_motion_allows(drive, allowed):
     made = designed(drive, "ahead") if drive == "joint" else designed(drive)

@@ -138,6 +138,7 @@ def noise():
     return estimate_channel_noise(log.aligned, log.excitation, log.machine)
 
 
+@pytest.mark.heavy
 @given(log=logs(), settings=choices(), known=st.booleans())
 @examples(5)
 def test_every_decision_and_every_estimate_equals_the_replays(

@@ -43,6 +43,7 @@ def test_a_gain_that_drifts_is_found_named_and_in_the_budget(drift_1: float) -> 
     assert (log.causes["drifted_gain"] or 0.0) > 0.5 * abs(drift.change_1) * log.true_kg
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("drift_1", mark_slow_after(1, [-0.08, 0.08]))
 def test_payloads_under_a_drifting_gain_are_differences_to_the_empty_machine_nearby(
     drift_1: float,
@@ -108,6 +109,7 @@ def test_one_load_has_no_empty_machine_to_compare() -> None:
     assert estimate_empty_mass_drift(weighed(RICH).weighing.fit) is None
 
 
+@pytest.mark.heavy
 def test_masses_below_0_are_a_failed_fit_and_no_drift() -> None:
     fit = shift(0.0).weighing.fit
     theta = fit.theta.copy()

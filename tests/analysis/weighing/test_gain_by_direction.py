@@ -79,6 +79,7 @@ def test_a_gain_that_friction_leaves_uncertain_may_still_be_all_the_loads(starts
     assert log.replayed.frames["loads"]["withheld"].all()
 
 
+@pytest.mark.heavy
 def test_the_gain_that_is_said_is_that_of_the_log() -> None:
     found = to_and_fro(0.05).weighing.by_direction
     assert found is not None

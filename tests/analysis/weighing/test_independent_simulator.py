@@ -32,6 +32,7 @@ def replay_shift(log: ShiftLog, folder: Path) -> Run:
     return run([open_log(path) for path in paths], load_machine(machine))
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("seed", "share", "habits"),
     [

@@ -309,6 +309,7 @@ class TestScatterOfStates:
         assert (found.state_count, found.degrees_of_freedom) == (2, 7)
 
 
+@pytest.mark.heavy
 def test_empty_states_that_differ_widen_every_payload(two):
     """As if both of two loads were taken for empty."""
     stages = (two.frames[name] for name in ("aligned", "excitation", "gate", "noise"))

@@ -34,6 +34,7 @@ def test_wheels_of_a_known_radius_show_the_squat() -> None:
     assert abs(share - SQUAT_1) < 2.0 * std
 
 
+@pytest.mark.heavy
 def test_taken_off_it_leaves_the_mass_right_and_surer() -> None:
     known, unknown = squatting(radius_known=True), squatting(radius_known=False)
     assert not known.load["withheld"]

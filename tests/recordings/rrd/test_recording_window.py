@@ -19,6 +19,7 @@ def recording(drives, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_recording(drives(700.0), tmp_path_factory.mktemp("window") / "shift.rrd")
 
 
+@pytest.mark.heavy
 def test_a_stretch_has_the_rows_inside_and_the_manoeuvres_that_reach_into_it(recording: Path):
     whole, part = read_recording(recording), read_run_of_time_range(recording, 100.0, 160.0)
     inside = pl.col("t_ns").is_between(100 * S, 160 * S)

@@ -27,6 +27,7 @@ EMPTY_WITHOUT_ESTIMATES = ("Loads", "Estimates", "Turning", "Residuals")
 class TestViewer:
     pytestmark = VIEWER
 
+    @pytest.mark.heavy
     @pytest.mark.parametrize(
         "options",
         [

@@ -97,6 +97,7 @@ def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Pat
     assert made.document.weighing_machine == made.document.machine
 
 
+@pytest.mark.heavy
 def test_the_calibrated_mass_stands_beside_the_raw_one_everywhere(
     folder: Path, made: CalibrationOutcome, tmp_path: Path, payscope: Payscope
 ) -> None:

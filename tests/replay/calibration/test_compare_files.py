@@ -100,6 +100,7 @@ def in_logs(bundle: Bundle) -> None:
     third["machine_id"] = "sledge-7"
 
 
+@pytest.mark.heavy
 @pytest.mark.usefixtures("readers_in_this_process")
 def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Path) -> None:
     folder = changed(bundle, tmp_path, in_logs)
@@ -159,6 +160,7 @@ def no_response(*given: Any) -> tuple[RunResponse, ...]:
     )
 
 
+@pytest.mark.heavy
 @pytest.mark.usefixtures("readers_in_this_process")
 def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(printed: Path) -> None:
     found = verify_bundle(printed, log_folder=printed.with_name("logs"))
@@ -268,6 +270,7 @@ def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     assert "calibration.rrd: differs in its frames points from the evidence" in items(found)
 
 
+@pytest.mark.heavy
 def test_a_pdf_is_compared_by_its_words(printed: Path, tmp_path: Path) -> None:
     weasyprint = pytest.importorskip("weasyprint", exc_type=ImportError)
     pytest.importorskip("pypdf")

@@ -181,6 +181,7 @@ def test_a_forged_certificate_stops_the_campaign_in_one_line(
     )
 
 
+@pytest.mark.heavy
 def test_the_certificate_has_the_numbers_of_the_evidence(
     made: CalibrationOutcome, folder: Path
 ) -> None:

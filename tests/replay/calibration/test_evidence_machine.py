@@ -125,6 +125,7 @@ def check_log(log: Path, tmp_path: Path, previous: Path) -> None:
         raise CampaignError(str(error)) from error
 
 
+@pytest.mark.heavy
 def test_a_sisters_log_is_refused_in_a_fleet_and_the_others_are_not(
     made: CalibrationOutcome, folder: Path, tmp_path: Path
 ) -> None:

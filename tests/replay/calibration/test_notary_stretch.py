@@ -85,6 +85,7 @@ def keyring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PAYSCOPE_KEYRING", str(tmp_path / "keys.toml"))
 
 
+@pytest.mark.heavy
 def test_every_log_between_is_accounted_for_and_that_is_said(notarised: Notarised) -> None:
     found = notarised.verify(notarised.bundle)
     assert not found.findings, items(found)

@@ -94,6 +94,7 @@ def test_an_untouched_bundle_verifies(made: Made) -> None:
     assert any("left out before" in sentence for sentence in found.unverifiable_statements)
 
 
+@pytest.mark.heavy
 def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> None:
     logs = made.campaign.parent
     assert not made.verify(made.bundle, log_folder=logs).findings

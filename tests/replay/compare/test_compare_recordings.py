@@ -40,6 +40,7 @@ def parts(said: Said) -> list[str]:
     return [line.partition(":")[0] for line in said.out.splitlines() if line.endswith(":")]
 
 
+@pytest.mark.heavy
 def test_two_replays_with_the_same_settings_are_equal(payscope: Payscope, recorded) -> None:
     with replays_anew():
         said = payscope("compare", recorded("a.rrd"), recorded("again.rrd"))

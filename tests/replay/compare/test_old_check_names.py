@@ -28,6 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.heavy
 def test_the_former_names_are_in_the_file_and_its_fingerprint(folder: Path) -> None:
     stored = read_recording(folder / "former.rrd", stored_names=True)
     assert {"lag", "gated"} <= set(stored.frames["verdict"]["check"])

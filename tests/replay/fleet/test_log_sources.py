@@ -62,6 +62,7 @@ def test_nothing_is_said_of_the_time_left_before_some_are_done() -> None:
     assert format_time_left(None) == ""
 
 
+@pytest.mark.heavy
 @given(
     st.integers(1, 16),
     st.lists(st.integers(10**6, 10**9), min_size=12, max_size=60),

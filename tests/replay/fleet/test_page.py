@@ -67,6 +67,7 @@ def test_every_table_sorts_and_every_command_is_copied(opened: Any) -> None:
     assert opened.evaluate("navigator.clipboard.readText()").startswith("payscope fleet open dest ")
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
 def test_drifts_are_drawn_and_figures_and_tables_have_names(opened: Any) -> None:
     titles = opened.evaluate(

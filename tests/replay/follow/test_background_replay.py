@@ -238,6 +238,7 @@ def test_the_inertia_is_of_arcs_where_the_joint_fit_has_none() -> None:
     assert select_fit_with_inertia([]) is None
 
 
+@pytest.mark.heavy
 def test_a_log_that_is_too_short_has_no_load(payscope: Payscope) -> None:
     sledge(seconds=3.0).write_csv("short.csv")
     words = ("follow", "short.csv", "-m", "sledge.toml", "--idle-s", "0.2", "--json")

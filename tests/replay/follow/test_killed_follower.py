@@ -208,6 +208,7 @@ def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     assert [path.name for path in tmp_path.glob(".payscope*")] == []
 
 
+@pytest.mark.heavy
 def test_a_recording_of_another_log_or_of_other_settings_is_not_continued(
     sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:

@@ -212,6 +212,7 @@ def test_what_cannot_be_followed_is_said_in_a_line(payscope: Payscope, tmp_path:
         assert_one_line(said.error)
 
 
+@pytest.mark.heavy
 @pytest.mark.usefixtures("one_start")
 def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> None:
     noise = ("force_N=60", "acc_m_s2=0.01", "speed_m_s=0.005")

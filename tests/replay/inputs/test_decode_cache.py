@@ -30,6 +30,7 @@ def entries(folder: Path) -> dict[str, int]:
     return {each.name: each.stat().st_ino for each in folder.iterdir()}
 
 
+@pytest.mark.heavy
 @pytest.mark.usefixtures("side_by_side")
 def test_what_was_decoded_is_what_the_logs_hold(driven: Any, tmp_path: Path) -> None:
     paths, machine_file, _ = driven
@@ -69,6 +70,7 @@ def test_a_log_that_has_not_changed_is_not_decoded_again(driven: Any, tmp_path: 
     assert not set(entries(kept)) & set(after)
 
 
+@pytest.mark.heavy
 @pytest.mark.usefixtures("side_by_side")
 def test_a_field_that_no_message_has_is_one_line_and_leaves_nothing(
     driven: Any, tmp_path: Path

@@ -55,6 +55,7 @@ def test_every_table_figure_and_claim_is_found_in_the_papers_order(
             assert "None" not in sentence, sentence
 
 
+@pytest.mark.heavy
 def test_progress_is_told_as_often_as_was_promised(
     reproduction: Reproduction, found: dict[str, ItemResult], told: list[str]
 ) -> None:
@@ -208,6 +209,7 @@ def test_files_are_written_all_or_none(
 
 
 class TestCommand:
+    @pytest.mark.heavy
     def test_one_item_alone(self, payscope: Payscope, tmp_path: Path) -> None:
         said = payscope("reproduce", "fig2", "-o", tmp_path / "out")
         assert said.status == 0

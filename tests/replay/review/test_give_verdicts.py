@@ -236,6 +236,7 @@ def test_a_folder_that_is_no_review_needs_a_machine(tmp_path: Path, payscope: Pa
     join_to_one_line(payscope("review", tmp_path), "-m", "-o")
 
 
+@pytest.mark.heavy
 def test_a_review_whose_recording_was_changed_is_refused(folder: Path, payscope: Payscope) -> None:
     with (folder / "shift.rrd").open("ab") as recording:
         recording.write(b"x")

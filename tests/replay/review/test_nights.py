@@ -53,6 +53,7 @@ def night(
     return made.folder, begins, hours
 
 
+@pytest.mark.heavy
 def test_no_two_loads_have_one_time_and_each_is_the_clocks_in_berlin(
     night: tuple[Path, str, list[str]],
 ) -> None:

@@ -17,6 +17,7 @@ from tests.twins import mark_heavy_after, mark_slow_after
 KEYS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "payload_kg", "accepted_share", "verdict")
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "over",
     mark_slow_after(

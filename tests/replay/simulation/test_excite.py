@@ -65,6 +65,7 @@ def give_design(monkeypatch, made, accuracy=0.01, yard_m=None):
     monkeypatch.setattr("analysis.excitation.design_excitation", design)
 
 
+@pytest.mark.heavy
 def test_an_accuracy_that_no_waveform_reaches_leaves_with_one(excite, designed, monkeypatch):
     give_design(monkeypatch, replace(designed, accuracy=1e-4), accuracy=1e-4)
     answer = excite("--accuracy", "0.01%")
