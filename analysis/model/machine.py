@@ -20,7 +20,7 @@ from analysis.expressions.parse import (
     iter_differentiated_channels,
     parse_expression,
 )
-from analysis.model.machine_body import BODY_NUMBERS, Body
+from analysis.model.machine_body import BODY_NUMBERS, Body, KnownTimeZone
 from analysis.model.model_limits import LIMITS
 from analysis.model.physical_units import get_unit_registry, split_unit_from_name
 from analysis.model.schema import CHANNEL_COLUMNS
@@ -59,6 +59,7 @@ class LogSection(BaseModel):
     sheet: str | None = None
     time_fraction: str | None = None
     sort_times: bool | None = None
+    timezone: KnownTimeZone | None = None
 
     @model_serializer(mode="wrap")
     def _serialise_given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -29,6 +29,10 @@ def _require_known_timezone(timezone_name: str) -> str:
     return timezone_name
 
 
+#: Name of a time zone that is known here, such as America/Santiago.
+KnownTimeZone = Annotated[str, AfterValidator(_require_known_timezone)]
+
+
 class ImuMounting(BaseModel):
     """How the IMU sits on the machine: roll, pitch, yaw (intrinsic z-y'-x''), and where.
 
@@ -111,7 +115,7 @@ class Body(BaseModel):
     #: Whether the machine has a bucket to dig with; without one there are no digging starts.
     digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
-    timezone: Annotated[str, AfterValidator(_require_known_timezone)] = "UTC"
+    timezone: KnownTimeZone = "UTC"
     imu: ImuMounting = ImuMounting()
 
     @model_validator(mode="after")

@@ -256,8 +256,8 @@ class TableLog(Log):
         raise LogError(
             f"{self.path}: column '{axis.time_columns[-1]}' cannot be the time: it jumps back by "
             f"{fall_s:.6g} s at row {row + 1:,} below the header and goes on from there: a second "
-            "record, or a counter that restarts. Split the file, set another column ([log] time), "
-            "or set [log] rate_hz, or [log] sort_times = true if the rows belong together"
+            "record, a counter that restarts, or a clock that is set back ([log] timezone). Split "
+            "the file, set [log] time or rate_hz, or sort_times = true if the rows belong together"
         )
 
     def _are_rows_shuffled(self, known_times: pl.Series, backwards: int) -> bool:

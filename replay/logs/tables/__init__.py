@@ -12,12 +12,12 @@ from estimators.late_names import make_lazy_import_getattr
 from replay.logs.tables.hints import JSON_LINES, DialectError, TableHints, TimeAxis
 
 if TYPE_CHECKING:
-    from replay.logs.tables.axis import RowTimes, TableTimes, find_time_columns_and_their_fields
+    from replay.logs.tables.axis import TableTimes, find_time_columns_and_their_fields
     from replay.logs.tables.csv_columns import CsvColumns
     from replay.logs.tables.dialect import Dialect, sniff_dialect
     from replay.logs.tables.only_time import describe_contradicting_time_column
     from replay.logs.tables.text import Utf8Text, convert_file_to_utf8, read_first_lines
-    from replay.logs.tables.times import NS_PER_UNIT, TimeError
+    from replay.logs.tables.times import NS_PER_UNIT, RowTimes, TimeError
 
 __all__ = [
     "JSON_LINES",
@@ -44,7 +44,7 @@ __getattr__ = make_lazy_import_getattr(
         "NS_PER_UNIT": "replay.logs.tables.times",
         "CsvColumns": "replay.logs.tables.csv_columns",
         "Dialect": "replay.logs.tables.dialect",
-        "RowTimes": "replay.logs.tables.axis",
+        "RowTimes": "replay.logs.tables.times",
         "TableTimes": "replay.logs.tables.axis",
         "TimeError": "replay.logs.tables.times",
         "Utf8Text": "replay.logs.tables.text",

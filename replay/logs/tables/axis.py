@@ -12,6 +12,7 @@ from estimators.arrays import Floats
 from replay.logs.tables.dates import (
     convert_calendar_columns_to_ns,
     convert_clock_times_and_list_notes,
+    convert_local_times_to_utc,
     find_calendar_columns,
     has_time_of_day,
     is_date_only,
@@ -30,7 +31,9 @@ from replay.logs.tables.only_time import find_sole_time_column
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import (
     NS_PER_UNIT,
+    RowTimes,
     TimeError,
+    are_numbers_hhmmss,
     convert_second_fractions_to_ns,
     convert_times_to_ns,
     correct_labview_epoch,
@@ -71,14 +74,6 @@ _NS: Final = {**NS_PER_UNIT, "min": 60 * 10**9, "h": 3600 * 10**9}
 
 
 @dataclass(frozen=True, slots=True)
-class RowTimes:
-    """Log times of rows in ns, null if missing; and notes on what was detected."""
-
-    stamps: pl.Series
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
 class TableTimes:
     """Source of the times of the rows.
 
@@ -89,6 +84,7 @@ class TableTimes:
         calendar: columns of year to second, or of hour to second.
         unit: unit of numbers; None to detect it from range and spacing.
         day_first: whether dates begin with the day, if given.
+        timezone: time zone of dates that name none, if given.
         rate_hz: rate of the rows, without a time column.
     """
 
@@ -98,6 +94,7 @@ class TableTimes:
     calendar: tuple[str, ...] = ()
     unit: str | None = None
     day_first: bool | None = None
+    timezone: str | None = None
     rate_hz: float | None = None
 
     @property
@@ -118,11 +115,13 @@ class TableTimes:
         """
         if self.calendar:
             names = ", ".join(self.calendar)
-            note = f"its times are composed of {names}" + ", as UTC" * (len(self.calendar) > 3)
+            has_date = len(self.calendar) > 3
             whole = RowTimes(
-                convert_calendar_columns_to_ns([cells[name] for name in self.calendar]), (note,)
+                convert_calendar_columns_to_ns([cells[name] for name in self.calendar]),
+                (f"its times are composed of {names}",),
+                names_no_zone=has_date,
             )
-            return self._add_second_fractions(whole, cells)
+            return self._add_second_fractions(self._convert_local_times(whole), cells)
         if self.time is None:
             assert self.rate_hz is not None
             every_ns = 10**9 / self.rate_hz
@@ -130,7 +129,17 @@ class TableTimes:
             stamps = (counted.cast(pl.Float64) * every_ns).round().cast(pl.Int64)
             note = f"the rows have no time: they are read at {self.rate_hz:g} rows per second"
             return RowTimes(stamps.alias("log_time_ns"), (note,))
-        return self._add_second_fractions(self._convert_one_time_column(cells), cells)
+        one = self._convert_local_times(self._convert_one_time_column(cells))
+        return self._add_second_fractions(one, cells)
+
+    def _convert_local_times(self, times: RowTimes) -> RowTimes:
+        """Convert dates that name no zone from the given one to UTC, and say what was taken."""
+        if not times.names_no_zone:
+            return times
+        zone = self.timezone or "UTC"
+        stamps = convert_local_times_to_utc(times.stamps, zone)
+        note = f"the times name no zone: they are taken as {zone}"
+        return RowTimes(stamps, (*times.notes, note))
 
     def _add_second_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
         """Add fractions of a second from the column `fraction`, if there is one."""
@@ -147,17 +156,13 @@ class TableTimes:
             zone = find_zone_offset_s(self.time)
             if zone is None:
                 zone = find_zone_offset_s(self.date)
-            return RowTimes(
-                *convert_clock_times_and_list_notes(cells[self.date], text, self.day_first, zone)
-            )
+            return convert_clock_times_and_list_notes(cells[self.date], text, self.day_first, zone)
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
             if words and sum(map(has_time_of_day, words)) * 2 > len(words):
-                return RowTimes(
-                    *convert_clock_times_and_list_notes(
-                        None, text, self.day_first, find_zone_offset_s(self.time)
-                    )
+                return convert_clock_times_and_list_notes(
+                    None, text, self.day_first, find_zone_offset_s(self.time)
                 )
             if words and sum(is_date_only(word) for word in words) * 2 > len(words):
                 raise TimeError("it holds dates without a time of day; set a column with times")
@@ -166,7 +171,8 @@ class TableTimes:
             return RowTimes(convert_times_to_ns(scaled, "s"), ())
         if self.unit is not None or text.dtype.is_temporal():
             stamps, note = correct_labview_epoch(convert_times_to_ns(text, self.unit or "s"))
-            return RowTimes(stamps, (note,) if note else ())
+            is_local = isinstance(text.dtype, pl.Datetime) and text.dtype.time_zone is None
+            return RowTimes(stamps, (note,) if note else (), names_no_zone=is_local)
         if self.fraction is not None:
             # a column with fractions of a second beside it is in seconds
             return RowTimes(convert_times_to_ns(text, "s"))
@@ -187,7 +193,7 @@ def find_time_columns_and_their_fields(
         Times with the names of their columns, one or several; None without a time column.
     """
     table = time_axis.table if time_axis else None
-    day_first = table.day_first if table else None
+    day_first, timezone = (table.day_first, table.timezone) if table else (None, None)
     names = [column.name for column in columns]
     unit = time_axis.unit if time_axis else None
     if table is not None and table.rate_hz is not None and (time_axis and time_axis.column is None):
@@ -199,7 +205,8 @@ def find_time_columns_and_their_fields(
         return [(_locate_time_columns(columns, cells, place, unit, table), names)]
     if calendar := find_calendar_columns(columns):
         fraction = find_second_fraction_column(columns, cells, names.index(calendar[-1]))
-        return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
+        times = TableTimes(None, fraction=fraction, calendar=calendar, timezone=timezone)
+        return [(times, names)]
     found = rank_candidate_time_columns(columns, cells) or find_seconds_of_stamp(names)
     found = found or find_sole_time_column(columns, cells)
     for part in (keep_last_part_of_column_name, keep_column_name_before_dash) if not found else ():
@@ -222,7 +229,12 @@ def find_time_columns_and_their_fields(
     ends = [*times[1:], len(names)]
     return [
         (
-            TableTimes(names[at], unit=unit or find_time_unit(columns[at]), day_first=day_first),
+            TableTimes(
+                names[at],
+                unit=unit or find_time_unit(columns[at]),
+                day_first=day_first,
+                timezone=timezone,
+            ),
             names[start:end],
         )
         for at, start, end in zip(times, [0, *times[1:]], ends, strict=True)
@@ -246,6 +258,7 @@ def _locate_time_columns(
         fraction or find_second_fraction_column(columns, cells, time_column_index),
         unit=time_unit,
         day_first=table.day_first if table else None,
+        timezone=table.timezone if table else None,
     )
 
 
@@ -382,17 +395,4 @@ def guess_time_unit(first_values: Floats, step: float, total_span: float) -> str
     raise TimeError(
         f"its steps of {step:g} may be {said}: set [log] time_unit, or, where it counts "
         "rows, [log] rate_hz = rows per second,"
-    )
-
-
-def are_numbers_hhmmss(values: Floats, step: float) -> bool:
-    """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
-    if values.min() < 0 or values.max() >= 240_000 or step > LIMITS.row_steps_s[1]:
-        return False
-    if (values % 100 >= 60).any() or (values // 100 % 100 >= 60).any():
-        return False
-    jumps = np.abs(np.diff(values))
-    return (
-        bool((np.abs(jumps - 40.0 - step) < step + LIMITS.minute_jump_tolerance * 40).any())
-        and values.max() - values.min() > 40
     )

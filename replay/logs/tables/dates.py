@@ -4,12 +4,13 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
 import polars as pl
 
 from analysis.model.physical_units import NS
 from replay.logs.tables.header import ColumnName, reduce_to_lower_case_letters
 from replay.logs.tables.table_limits import LIMITS
-from replay.logs.tables.times import TimeError
+from replay.logs.tables.times import RowTimes, TimeError
 
 #: First letters of the names of months, in the languages of Western Europe.
 _MONTHS: Final = (
@@ -107,17 +108,14 @@ def convert_clock_times_and_list_notes(
     times: pl.Series,
     is_day_first: bool | None,
     zone_offset_s: int | None = None,
-) -> tuple[pl.Series, tuple[str, ...]]:
-    """Compute log times from dates and times of day, and list notes on assumptions.
+) -> RowTimes:
+    """Compute log times from dates and times of day, with notes on assumptions.
 
     Args:
         dates: (rows,) dates; None if the times include them, or there are none.
         times: (rows,) times of day, with or without dates.
         is_day_first: whether the day is before the month, if given.
         zone_offset_s: offset in s of a time zone in the column's name, for cells without a zone.
-
-    Returns:
-        Stamps in ns, null if invalid; and notes.
 
     Raises:
         TimeError: day and month cannot be distinguished.
@@ -127,20 +125,58 @@ def convert_clock_times_and_list_notes(
         text = _join_dates_and_times(dates, text)
     present = text.filter(text.is_not_null() & (text != ""))
     if present.is_empty():
-        return pl.Series("log_time_ns", [None] * text.len(), dtype=pl.Int64), ()
+        return RowTimes(pl.Series("log_time_ns", [None] * text.len(), dtype=pl.Int64))
     first = str(present[0])
     pattern = find_datetime_pattern(first)
     if pattern is None:
-        return parse_times_of_day_and_list_notes(text, first)
+        return RowTimes(*parse_times_of_day_and_list_notes(text, first))
     part = extract_named_groups(text, pattern)
     notes: list[str] = []
     day = count_days_since_1970(part, is_day_first, notes)
     stamps = day * DAY_NS + convert_time_of_day_to_ns(part)
-    if part.get_column("zone").drop_nulls().is_empty() and zone_offset_s is not None:
-        stamps = stamps - zone_offset_s * 10**9
-    elif part.get_column("zone").drop_nulls().is_empty():
-        notes.append("the times name no zone: they are taken as UTC")
-    return stamps.alias("log_time_ns"), tuple(notes)
+    names_no_zone = part.get_column("zone").drop_nulls().is_empty()
+    if names_no_zone and zone_offset_s is not None:
+        stamps, names_no_zone = stamps - zone_offset_s * 10**9, False
+    return RowTimes(stamps.alias("log_time_ns"), tuple(notes), names_no_zone)
+
+
+def convert_local_times_to_utc(stamps: pl.Series, zone: str) -> pl.Series:
+    """Convert times of a zone, as if they were UTC, to UTC.
+
+    When clocks are set back, an hour comes twice: rows belong to the second one from where the
+    time falls back, or if rows after that hour follow them and none before it is near.
+
+    Args:
+        stamps: (rows,) local times in ns since 1970, null if missing.
+        zone: name of a time zone.
+
+    Raises:
+        TimeError: a time does not exist in the zone, since clocks were set forward.
+    """
+    local = stamps.cast(pl.Datetime("ns"))
+    first, second = (
+        local.dt.replace_time_zone(zone, ambiguous=which, non_existent="null").cast(pl.Int64)
+        for which in ("earliest", "latest")
+    )
+    missing = first.is_null() & stamps.is_not_null()
+    if missing.any():
+        raise TimeError(
+            f"its times are of {zone}, where clocks were set forward over "
+            f"{local.filter(missing)[0]:%Y-%m-%d %H:%M:%S}: the log's clock was not; set [log] "
+            "timezone to a zone that does not change, such as Etc/GMT-1 for UTC+1,"
+        )
+    twice = (first != second).fill_null(value=False).to_numpy()
+    t_ns = stamps.fill_null(strategy="forward").fill_null(strategy="backward").to_numpy()
+    is_second = np.zeros(twice.size, dtype=bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], twice, [False]])))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        falls = np.flatnonzero(np.diff(t_ns[begin:end]) < -LIMITS.set_back_ns)
+        if falls.size:
+            is_second[begin + int(falls[0]) + 1 : end] = True
+        elif end < t_ns.size and t_ns[end] - t_ns[end - 1] < LIMITS.set_back_ns:
+            before_ns = t_ns[begin] - t_ns[begin - 1] if begin else LIMITS.set_back_ns
+            is_second[begin:end] = before_ns >= LIMITS.set_back_ns
+    return second.zip_with(pl.Series(is_second), first).alias(stamps.name)
 
 
 def _join_dates_and_times(dates: pl.Series, times: pl.Series) -> pl.Series:

@@ -23,6 +23,7 @@ class TableHints:
         day_first: whether 03/04/2026 is the third of April.
         rate_hz: rows per second, for a table without a time column.
         sheet: sheet of an Excel file.
+        timezone: time zone of dates with a time of day that name none.
     """
 
     separator: str | None = None
@@ -35,6 +36,7 @@ class TableHints:
     sheet: str | None = None
     time_fraction: str | None = None
     sort_times: bool | None = None
+    timezone: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,7 +96,7 @@ def _compute_time_span_of_column_s(column: ColumnName, cells: list[str]) -> floa
     try:
         if are_cells_advancing_clock_times(cells):
             return compute_span_if_increasing_s(
-                convert_clock_times_and_list_notes(None, text, None)[0]
+                convert_clock_times_and_list_notes(None, text, None).stamps
             )
         return (
             compute_span_if_increasing_s(convert_times_to_ns(text, column.unit or "s"))

@@ -95,6 +95,8 @@ class TableLimits:
     utf16_nul_fraction: float = 0.4
     #: First lines of a text in which its column names are expected.
     names_lines: int = 3
+    #: Time in ns by which clocks that are set back fall at least: half an hour on Lord Howe Island.
+    set_back_ns: int = 20 * 60 * 10**9
     #: Fraction of ASCII bytes above which a text that is not UTF-8 is read as Western (cp1252).
     ascii_min_fraction: float = 0.7
 

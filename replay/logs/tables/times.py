@@ -9,10 +9,13 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, NamedTuple
 
+import numpy as np
 import polars as pl
 
 from analysis.model.physical_units import NS
+from estimators.arrays import Floats
 from replay.logs.tables.header import ColumnName, reduce_to_lower_case_letters
+from replay.logs.tables.table_limits import LIMITS
 
 NS_PER_UNIT: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 
@@ -33,6 +36,21 @@ _EXACT_NS: Final = 2.0**43
 
 class TimeError(Exception):
     """Raised if a column cannot be the time; one line with the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class RowTimes:
+    """Log times of rows.
+
+    Attributes:
+        stamps: (rows,) in ns, null if missing.
+        notes: what was detected or assumed.
+        names_no_zone: whether they are dates with a time of day in an unknown time zone.
+    """
+
+    stamps: pl.Series
+    notes: tuple[str, ...] = ()
+    names_no_zone: bool = False
 
 
 def convert_times_to_ns(values: pl.Series, unit: str) -> pl.Series:
@@ -289,3 +307,16 @@ def convert_second_fractions_to_ns(cells: pl.Series) -> SecondFractions:
             f"but {read} is a second or more"
         )
     return SecondFractions((numbers * NS_PER_UNIT[unit]).round().cast(pl.Int64, strict=False), unit)
+
+
+def are_numbers_hhmmss(values: Floats, step: float) -> bool:
+    """Whether numbers are hhmmss.s: at most 59 s and min, with a jump of 40 at each minute."""
+    if values.min() < 0 or values.max() >= 240_000 or step > LIMITS.row_steps_s[1]:
+        return False
+    if (values % 100 >= 60).any() or (values // 100 % 100 >= 60).any():
+        return False
+    jumps = np.abs(np.diff(values))
+    return (
+        bool((np.abs(jumps - 40.0 - step) < step + LIMITS.minute_jump_tolerance * 40).any())
+        and values.max() - values.min() > 40
+    )
