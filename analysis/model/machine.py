@@ -244,15 +244,22 @@ class Machine(BaseModel):
                 channel.angle_and_quaternion_field
                 and name != f"{channel.angle_and_quaternion_field[0]}_rad"
             ):
-                raise ValueError(f"channels.{name}: '{channel.derive}' does not compute {name}")
+                angle = channel.angle_and_quaternion_field[0]
+                raise ValueError(
+                    f"channels.{name}: '{channel.derive}' does not compute {name}; name the "
+                    f"channel {angle}_rad"
+                )
             for source in channel.direct_source_channels:
                 if source not in self.channels:
-                    raise ValueError(f"channels.{name}: '{source}' is not among the channels")
+                    raise ValueError(
+                        f"channels.{name}: '{source}' is not among the channels; add it, or "
+                        "correct its name"
+                    )
             for key in (
                 iter_channel_names(channel.expression) if channel.expression is not None else ()
             ):
                 if key in BODY_NUMBERS and getattr(self.machine, key) is None:
-                    raise ValueError(f"channels.{name}: machine.{key} is not given")
+                    raise ValueError(f"channels.{name}: needs machine.{key}; give it")
         self.order_channels_by_derivation()
         self._require_force_speed_and_acceleration()
         self._refuse_different_wheel_radii()
@@ -304,9 +311,10 @@ class Machine(BaseModel):
         chosen = self.settings.forces.acceleration
         wanted = {"specific_force": "specific_force_x_m_s2", "kinematic": "acc_x_m_s2"}[chosen]
         if wanted not in self.channels:
+            other = "kinematic" if chosen == "specific_force" else "specific_force"
             raise ValueError(
                 f"settings.forces.acceleration is '{chosen}', which needs channels.{wanted}; give "
-                "that channel, or choose the other of specific_force, kinematic"
+                f'that channel, or set settings.forces.acceleration = "{other}"'
             )
 
     @property

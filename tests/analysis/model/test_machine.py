@@ -135,7 +135,8 @@ def test_a_time_zone_must_exist():
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu"},
-            "channels.acc_x_m_s2: 'pitch(q)' does not compute acc_x_m_s2",
+            "channels.acc_x_m_s2: 'pitch(q)' does not compute acc_x_m_s2; name the channel "
+            "pitch_rad",
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu", "scale": 2.0},
@@ -171,7 +172,8 @@ def test_derivations_are_read_with_any_spacing():
         ),
         (
             FORCE | SPEED | IMU | {"acc_x_m_s2": {"derive": "d/dt speed_left_m_s"}},
-            "channels.acc_x_m_s2: 'speed_left_m_s' is not among the channels",
+            "channels.acc_x_m_s2: 'speed_left_m_s' is not among the channels; add it, or correct "
+            "its name",
         ),
         (
             FORCE
@@ -211,8 +213,8 @@ def test_derivations_are_read_with_any_spacing():
         (
             FORCE | SPEED,
             "settings.forces.acceleration is 'specific_force', which needs "
-            "channels.specific_force_x_m_s2; give that channel, or choose the other of "
-            "specific_force, kinematic",
+            "channels.specific_force_x_m_s2; give that channel, or set "
+            'settings.forces.acceleration = "kinematic"',
         ),
     ],
     ids=[
