@@ -52,7 +52,7 @@ CAUSES: Final = (
         withholds=True,
         explains=(
             *(*_OF_FIT, "offset", "wrong_unit", "wrong_scale", "unlike_sides"),
-            *("imu_misaligned", "imu_bias", "imu_loose", "swapped_sides"),
+            *("imu_misaligned", "imu_bias", "imu_loose", "swapped_sides", "slope", "spikes"),
         ),
     ),
     Cause(

@@ -303,6 +303,8 @@ class FindingLimits:
     signed_gain_std: float = 8.0
     #: A force is unsigned if at most this fraction of decelerating samples opposes the motion,
     unsigned_opposing_fraction: float = 0.1
+    #: or it is positive while the machine reverses, in more than this fraction of the samples.
+    unsigned_reverse_min_fraction: float = 0.05
     #: A force drives above this share of the largest that makes the speed rise,
     unsigned_force_fraction: float = 0.3
     #: and the speed has lost its sign where so much of that driving is of the other sign,
@@ -315,6 +317,8 @@ class FindingLimits:
     unsigned_min_samples: int = 3
     #: and at most this fraction of its readings is negative.
     unsigned_negative_fraction: float = 0.002
+    #: or, where it drives in reverse, none below 0 by more than this fraction of the largest.
+    unsigned_noise_fraction: float = 0.05
     #: Speed in m/s that is reverse.
     reverse_speed_m_s: float = 0.05
     #: Factor of its strength by which a sign, which has no size, is ranked first.

@@ -237,8 +237,10 @@ def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
     named = [
         each for each in inputs.reportable_missing_terms if each.term not in (ELASTICITY, WARMING)
     ]
-    if fit is None or not named:
+    if fit is None:
         return []
+    if not named:
+        return _find_force_nonlinear_in_acceleration(inputs)
     found = named[0]
     effect_kg = float(found.effect_kg[fit.most_frequent_state])
     return [
@@ -249,5 +251,24 @@ def find_missing_model_term(inputs: FindingInputs) -> list[Symptom]:
             "not known, so the mass is not corrected",
             channel=inputs.force_channel,
             change=lambda: MassChange(0.0, abs(effect_kg)),
+        )
+    ]
+
+
+def _find_force_nonlinear_in_acceleration(inputs: FindingInputs) -> list[Symptom]:
+    """Find a force in a·|a| without a term of the force or the speed that describes it better."""
+    weighing = inputs.check_inputs.weighing
+    if weighing is None or not weighing.curvature.is_significant:
+        return []
+    curvature = weighing.curvature
+    return [
+        Symptom(
+            abs(curvature.t) / inputs.machine.settings.verdict.curvature_t_max,
+            "the force is not linear in the acceleration: a term in a·|a| is "
+            f"{abs(curvature.t):.1f} standard deviations from 0, and with it the mass changes by "
+            f"{curvature.mass_change_kg:+,.0f} kg; a force that is compressed near its limit, or "
+            "not measured on all wheels, so the mass is not corrected",
+            channel=inputs.force_channel,
+            change=lambda: MassChange(0.0, abs(curvature.mass_change_kg)),
         )
     ]

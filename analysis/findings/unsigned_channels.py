@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from analysis.diagnosis.check_inputs import AxisMotion
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -62,21 +63,19 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
         inputs.machine.settings.align.rate_hz,
         LIMITS.unsigned_min_samples,
     )
-    backwards = (
-        float((straight.speed_or_yaw_rate[straight.complete] < -LIMITS.reverse_speed_m_s).mean())
-        > 0.05
-    )
     brakes = (
         np.count_nonzero(straight.braking) >= fewest
         and opposing <= LIMITS.unsigned_opposing_fraction
     )
-    if not has_channel_lost_its_sign(inputs, name) or not (backwards or brakes):
+    lost, nearly = has_channel_lost_its_sign(inputs, name), _is_negative_only_by_noise(straight)
+    backwards = _drives_in_reverse(straight) and (lost or nearly)
+    if not (backwards or (brakes and (lost or (nearly and _pushes_while_braking(straight))))):
         return []
     high = float(np.quantile(inputs.unfiltered_readings[name][1], 0.99))
     return [
         Symptom(
             LIMITS.sign_rank,
-            f"its readings reach {high:.3g} and are never below zero, although the machine "
+            f"its readings reach {high:.3g} and are not below zero, although the machine "
             + (
                 "drives in reverse"
                 if backwards
@@ -85,6 +84,24 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
             channel=name,
         )
     ]
+
+
+def _drives_in_reverse(straight: AxisMotion) -> bool:
+    """Whether the machine drives backwards for a part of the log."""
+    reverses = straight.speed_or_yaw_rate[straight.complete] < -LIMITS.reverse_speed_m_s
+    return float(reverses.mean()) > LIMITS.unsigned_reverse_min_fraction
+
+
+def _is_negative_only_by_noise(straight: AxisMotion) -> bool:
+    """Whether the force is negative by no more than noise about zero."""
+    low, high = np.quantile(straight.f[straight.complete], [0.001, 0.99])
+    return bool(-low < LIMITS.unsigned_noise_fraction * high)
+
+
+def _pushes_while_braking(straight: AxisMotion) -> bool:
+    """Whether the force is far above zero in most of the samples that slow down."""
+    far_N = LIMITS.unsigned_force_fraction * np.quantile(straight.f[straight.complete], 0.99)
+    return bool(np.median(straight.f[straight.braking]) > far_N)
 
 
 def has_channel_lost_its_sign(inputs: FindingInputs, channel: str) -> bool:

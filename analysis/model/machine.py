@@ -267,28 +267,41 @@ class Machine(BaseModel):
 
     def _refuse_different_wheel_radii(self) -> None:
         """Raise an error if force and speed of the wheels use different radii."""
-        radius_m = self.machine.wheel_radius_m
-        if radius_m is None:
-            return
-        for name in _WHEEL_SPEEDS:
-            channel = self.channels.get(name)
-            if channel is None or channel.unit is not None or channel.scale == 1.0:
-                continue
-            if any(
-                abs(abs(channel.scale) / unit - 1.0) < LIMITS.same_unit_1
-                for unit in _SPEED_UNITS_M_S
-            ):
-                continue
-            ratio = abs(channel.scale) / radius_m
-            if (
-                LIMITS.same_wheel_ratio <= ratio <= 1.0 / LIMITS.same_wheel_ratio
-                and abs(ratio - 1.0) > LIMITS.wheel_difference_1
-            ):
+        for name in self.channels:
+            ratio = self._compute_scale_over_wheel_radius(name)
+            if ratio is not None and abs(ratio - 1.0) > LIMITS.wheel_difference_1:
                 raise ValueError(
-                    f"channels.{name}.scale is {abs(channel.scale):g} m/rad and "
-                    f"machine.wheel_radius_m is {radius_m:g}: two radii for one wheel; correct one "
-                    'of them, or set scale = "wheel_radius_m", or unit = "m/s" for a speed in m/s'
+                    f"channels.{name}.scale is {abs(self.channels[name].scale):g} m/rad and "
+                    f"machine.wheel_radius_m is {self.machine.wheel_radius_m:g}: two radii for one "
+                    'wheel; correct one of them, or set scale = "wheel_radius_m", or unit = "m/s" '
+                    "for a speed in m/s"
                 )
+
+    def _compute_scale_over_wheel_radius(self, channel_name: str) -> float | None:
+        """Scale of a wheel speed over the wheel radius; None if it is not in m/rad."""
+        radius_m, channel = self.machine.wheel_radius_m, self.channels[channel_name]
+        if radius_m is None or channel_name not in _WHEEL_SPEEDS:
+            return None
+        scale = abs(channel.scale)
+        if channel.unit is not None or channel.scale == 1.0:
+            return None
+        if any(abs(scale / unit - 1.0) < LIMITS.same_unit_1 for unit in _SPEED_UNITS_M_S):
+            return None
+        ratio = scale / radius_m
+        is_radius = LIMITS.same_wheel_ratio <= ratio <= 1.0 / LIMITS.same_wheel_ratio
+        return ratio if is_radius else None
+
+    def depends_on_wheel_radius(self, channel_name: str) -> bool:
+        """Whether a channel is computed with the wheel radius: by its scale or in arithmetic."""
+        channel = self.channels[channel_name]
+        return (
+            (
+                channel.expression is not None
+                and _WHEEL_RADIUS in iter_channel_names(channel.expression)
+            )
+            or self._compute_scale_over_wheel_radius(channel_name) is not None
+            or any(map(self.depends_on_wheel_radius, channel.direct_source_channels))
+        )
 
     def _require_force_speed_and_acceleration(self) -> None:
         """Raise an error unless the channels give force, speed and acceleration."""

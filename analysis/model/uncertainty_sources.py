@@ -82,8 +82,17 @@ class ScaleFactor:
         return UncertaintySource(self.name, "scale", u, self.meaning, reduced_by)
 
 
-def _derives_force_from_torque(machine: Machine) -> bool:
-    return "force_x_N" not in machine.channels
+def _count_wheel_radius_in_mass(machine: Machine) -> int:
+    """Power of the wheel radius in a mass: 1 by the force, and 1 by an acceleration of wheels."""
+    by_force = "force_x_N" not in machine.channels or machine.depends_on_wheel_radius("force_x_N")
+    by_motion = machine.differentiates_speed and machine.depends_on_wheel_radius("speed_x_m_s")
+    return int(by_force) + int(by_motion)
+
+
+def _is_wheel_radius_by_load_in_mass(machine: Machine) -> bool:
+    """Whether tyres change a mass: a stated change counts in a force that the log has in N too."""
+    stated = machine.machine.wheel_radius_by_load_u is not None
+    return stated or _count_wheel_radius_in_mass(machine) > 0
 
 
 def has_side_torques(machine: Machine) -> bool:
@@ -96,8 +105,12 @@ def compute_relative_uncertainty(u: float | None, value: float | None) -> float 
     return None if u is None or value is None else u / value
 
 
-def compute_relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
-    """Relative u of a mass by the wheel radius under load, in the force and in wheel speeds."""
+def _compute_relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
+    u = machine.machine.wheel_radius_u_1
+    return None if u is None else u * _count_wheel_radius_in_mass(machine)
+
+
+def _compute_relative_mass_u_by_loaded_wheel_radius(machine: Machine) -> float | None:
     u = machine.machine.wheel_radius_by_load_u
     by_wheels = machine.settings.forces.acceleration == "kinematic"
     return None if u is None else u * (2.0 if by_wheels else 1.0)
@@ -131,17 +144,15 @@ SCALES: Final = (
     ),
     ScaleFactor(
         "wheel_radius",
-        _derives_force_from_torque,
-        lambda machine: compute_relative_uncertainty(
-            machine.machine.wheel_radius_u_m, machine.machine.wheel_radius_m
-        ),
+        lambda machine: _count_wheel_radius_in_mass(machine) > 0,
+        _compute_relative_mass_u_by_wheel_radius,
         "machine.wheel_radius_u_m",
         "radius of the wheels",
     ),
     ScaleFactor(
         "wheel_radius_by_load",
-        _derives_force_from_torque,
-        compute_relative_mass_u_by_wheel_radius,
+        _is_wheel_radius_by_load_in_mass,
+        _compute_relative_mass_u_by_loaded_wheel_radius,
         "machine.wheel_radius_by_load_u",
         "change of the wheels' rolling radius with the load that presses their tyres",
         by_load=True,

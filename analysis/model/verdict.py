@@ -11,6 +11,8 @@ from analysis.model.model_limits import LIMITS
 _SIGNS: Final = frozenset({"opposing_share", "driving_share"})
 
 EvidenceSubject = Literal["mass", "inertia"]
+#: Name of the check that fails if the mass is too uncertain.
+RELATIVE_U: Final = "relative_u"
 #: Consequence of a failed check: the number is withheld, its uncertainty widened, the methods that
 #: disagree withheld, or the reader told.
 Consequence = Literal["withhold", "widen", "method", "tell"]
@@ -112,6 +114,11 @@ class Verdict:
             for each in self.checks
             if each.about == subject and each.passed is False and each.consequence == "withhold"
         )
+
+    @property
+    def is_mass_too_uncertain(self) -> bool:
+        """Whether the mass is withheld for its uncertainty, alone or among other reasons."""
+        return any(each.check == RELATIVE_U for each in self.list_withholding_checks("mass"))
 
     @property
     def failed_checks_that_withhold_nothing(self) -> tuple[Check, ...]:

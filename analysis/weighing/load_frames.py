@@ -12,7 +12,7 @@ from analysis.model.uncertainty_sources import (
     combine_u,
     list_scale_sources_without_u,
 )
-from analysis.model.verdict import Verdict
+from analysis.model.verdict import RELATIVE_U, Verdict
 from analysis.weighing.empty_mass_datum import EmptyDatum, EmptyMachine
 from analysis.weighing.empty_mass_step import find_empty_mass_step_of_manoeuvres
 from analysis.weighing.empty_states import (
@@ -172,8 +172,8 @@ def _make_load_row(
         compute_relative_load_mass_u(weighing, machine, state)
         <= machine.settings.verdict.relative_std_max
     )
-    if not known and "relative_u" not in withheld:
-        withheld.append("relative_u")
+    if not known and RELATIVE_U not in withheld:
+        withheld.append(RELATIVE_U)
     payload, unknown = make_payload_columns_and_sources_without_u(
         weighing, state, empty, empty_std_kg, machine, datum
     )

@@ -221,10 +221,11 @@ _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
 def advise_to_reduce_uncertainty(answer: Answer) -> str | None:
-    """Advise what would reduce the uncertainty most; None without an answer."""
+    """Advise what would reduce the uncertainty most; None if that is not why there is no mass."""
     shown = find_load_with_most_manoeuvres(answer)
     known = [s for s in answer.budget if s["u_kg"] and s.get("load_id", 0) == shown]
-    if not known or not any(load["mass_kg"] is not None for load in answer.loads):
+    has_mass = any(load["mass_kg"] is not None for load in answer.loads)
+    if not known or not (has_mass or answer.verdict.is_mass_too_uncertain):
         return None
     most = known[0]
     share = most["share_1"]

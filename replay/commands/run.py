@@ -195,11 +195,15 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbosity: in
             it; None prints nothing.
         verbosity: 1 adds budget, methods and omitted lines; 2 adds every check.
     """
+    from recordings.report.answer_text import advise_to_reduce_uncertainty
+
     screen = print_tables.make_stdout_console()
     if answer.verdict.can_weigh:
         _print_masses_with_uncertainty(screen, answer, verbosity)
     else:
         print_weighing_verdict(screen, answer, verbosity)
+    if most := advise_to_reduce_uncertainty(answer):
+        print_line(screen, most)
     for line in iter_answer_notes(answer, goal_u_kg, verbosity):
         print_line(screen, line)
     if verbosity:
@@ -219,7 +223,6 @@ def print_answer(answer: "Answer", goal_u_kg: float | None = None, verbosity: in
 def _print_masses_with_uncertainty(console: "Console", answer: "Answer", verbosity: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
     from recordings.report.answer_text import (
-        advise_to_reduce_uncertainty,
         describe_answer_as_lines,
         make_load_table_heads,
         make_load_table_rows,
@@ -238,9 +241,6 @@ def _print_masses_with_uncertainty(console: "Console", answer: "Answer", verbosi
         print_table_uncut(console, loads)
         for line in _iter_omitted_count_line(len(rows) - len(shown), "load", "loads"):
             print_line(console, line)
-    most = advise_to_reduce_uncertainty(answer)
-    if most:
-        print_line(console, most)
 
 
 def iter_answer_notes(answer: "Answer", goal_u_kg: float | None, verbosity: int) -> "Iterator[str]":

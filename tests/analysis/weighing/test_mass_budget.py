@@ -1,9 +1,12 @@
 """What the uncertainty is made of, and what only the machine file can tell."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
-from analysis.model.uncertainty_sources import combine_u, list_scale_sources_without_u
+from analysis.model.machine import Machine
+from analysis.model.uncertainty_sources import SCALES, combine_u, list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
 from analysis.weighing.mass_budget import make_mass_budget
@@ -76,6 +79,40 @@ class TestScale:
         wheels = with_body(log, **body).model_copy(update={"settings": settings})
         found = {each.name: each.u for each in make_mass_budget(log.weighing, wheels, ONE)}
         assert found["wheel_radius_by_load"] == pytest.approx(2.0 * expected)
+
+    def test_a_radius_counts_in_the_force_and_in_the_speed(self) -> None:
+        """It was passed over where arithmetic made the force, and counted once where both do."""
+        body = 'name = "m"\nwheel_radius_m = 0.5\nwheel_radius_u_m = 0.005\n'
+        torque = '[channels.force_x_N]\nderive = "torque_N_m / wheel_radius_m"\n'
+        torque += '[channels.torque_N_m]\nfield = "T"\n'
+        of_wheel = '[channels.speed_x_m_s]\nfield = "omega"\nscale = "wheel_radius_m"\n'
+        force = '[channels.force_x_N]\nfield = "F"\n'
+        speed = '[channels.speed_x_m_s]\nfield = "v"\n'
+        for channels, factor in (
+            (torque + of_wheel, 2.0),
+            (torque + speed, 1.0),
+            (force + of_wheel, 1.0),
+            (force + speed, None),
+        ):
+            machine = Machine.model_validate(
+                tomllib.loads(
+                    f"[machine]\n{body}{channels}"
+                    '[channels.acc_x_m_s2]\nderive = "d/dt speed_x_m_s"\n'
+                    '[settings.forces]\nacceleration = "kinematic"\n'
+                )
+            )
+            (radius,) = (scale for scale in SCALES if scale.name == "wheel_radius")
+            assert radius.applies(machine) is (factor is not None), channels
+            if factor is not None:
+                assert radius.u(machine) == pytest.approx(0.01 * factor), channels
+
+    def test_tyres_that_a_load_presses_count_in_a_force_in_newtons_once_they_are_stated(self, log):
+        channels = {"force_x_N": log.machine.channels["torque_left_N_m"], **log.machine.channels}
+        by_force = log.machine.model_copy(update={"channels": channels})
+        (tyres,) = (scale for scale in SCALES if scale.name == "wheel_radius_by_load")
+        assert not tyres.applies(by_force)
+        body = by_force.machine.model_copy(update={"wheel_radius_by_load_u": 0.02})
+        assert tyres.applies(by_force.model_copy(update={"machine": body}))
 
     def test_a_share_of_the_force_is_known_to_its_share(self, log):
         found = u_of(log, force_share=0.5, force_share_u=0.01)

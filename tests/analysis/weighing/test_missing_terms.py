@@ -20,6 +20,12 @@ def saturate(log: pl.DataFrame) -> pl.DataFrame:
     return log.with_columns(force=pl.col("force") / (1.0 + 0.1 * pl.col("force").abs() / LARGE_N))
 
 
+def compress(log: pl.DataFrame) -> pl.DataFrame:
+    """Read the force by an amplifier that gives out at 1.25 times the largest force."""
+    limit_N = LARGE_N / 0.8
+    return log.with_columns(force=limit_N * (pl.col("force") / limit_N).tanh())
+
+
 def lose_in_low_gear(log: pl.DataFrame) -> pl.DataFrame:
     """Read the force before a low gear that loses six per cent of it."""
     lost = pl.when(pl.col("speed").abs() < LOW_GEAR_M_S).then(1.0 / 0.94).otherwise(1.0)
@@ -77,6 +83,14 @@ def test_a_force_or_speed_that_is_not_linear_widens_and_is_named(
     assert missing_term_kg(found) > 0.0
     assert abs(deviations(found)) < 3.0
     assert "gain_by_speed" in found.frames["findings"]["cause"]
+
+
+@pytest.mark.heavy
+def test_a_force_that_no_term_describes_is_named_by_its_curvature(replayed) -> None:
+    findings = replayed(MEASURED, 3300, compress).frames["findings"]
+
+    (evidence,) = findings.filter(cause="gain_by_speed")["evidence"]
+    assert "not linear in the acceleration" in evidence
 
 
 @pytest.mark.parametrize("cell", mark_slow_after(1, [DERIVED, MEASURED]), ids=str)

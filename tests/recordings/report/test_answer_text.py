@@ -1,5 +1,6 @@
 """What an answer is worth, in lines: of a load, of a withheld one, of its budget."""
 
+import polars as pl
 import pytest
 
 from analysis import Run
@@ -85,6 +86,18 @@ class TestBudget:
         assert told is not None
         assert "a constant force (const, 95% of the variance)" in told
         assert told.endswith("starts in both directions")
+
+    def test_a_mass_that_is_too_uncertain_is_withheld_with_its_largest_source(self, drives):
+        run = drives(60.0, passed=False)
+        failed = run.frames["verdict"]["passed"].eq(False)
+        verdict = run.frames["verdict"].with_columns(
+            check=pl.when(failed).then(pl.lit("relative_u")).otherwise("check")
+        )
+        told = advise_to_reduce_uncertainty(
+            make_answer(Run({**run.frames, "verdict": verdict}, run.provenance))
+        )
+        assert told is not None
+        assert told.startswith("largest contribution: ")
 
     def test_a_withheld_answer_has_no_advice_and_no_part_in_the_page(self, drives):
         run = drives(60.0, passed=False)
