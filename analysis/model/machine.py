@@ -244,17 +244,10 @@ class Machine(BaseModel):
                 channel.angle_and_quaternion_field
                 and name != f"{channel.angle_and_quaternion_field[0]}_rad"
             ):
-                angle = channel.angle_and_quaternion_field[0]
-                raise ValueError(
-                    f"channels.{name}: '{channel.derive}' does not compute {name}; name the "
-                    f"channel {angle}_rad"
-                )
+                raise ValueError(f"channels.{name}: '{channel.derive}' does not compute {name}")
             for source in channel.direct_source_channels:
                 if source not in self.channels:
-                    raise ValueError(
-                        f"channels.{name}: '{source}' is not among the channels; add it, or "
-                        "correct its name"
-                    )
+                    raise ValueError(f"channels.{name}: '{source}' is not a channel; add it")
             for key in (
                 iter_channel_names(channel.expression) if channel.expression is not None else ()
             ):

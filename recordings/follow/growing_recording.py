@@ -315,12 +315,12 @@ class RecordingEnd:
     """End of a growing recording.
 
     Attributes:
-        followed_log: log that it belongs to.
+        about: log that it belongs to.
         until_ns: `t_ns` of its last row.
         size: size in bytes up to that row.
     """
 
-    followed_log: FollowedLog
+    about: FollowedLog
     until_ns: int
     size: int
 
