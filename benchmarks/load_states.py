@@ -24,7 +24,7 @@ from analysis.weighing.load_states import (
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
-from estimators.joint.group_effects import GroupEffects
+from estimators.joint.unit_levels import UnitLevels
 from estimators.numerics.autocorrelation import compute_student_to_normal_ratio
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
@@ -75,7 +75,7 @@ ONE_LOAD: Final[dict[str, Mapping[str, Mapping[str, Any]]]] = {
 class Drawn:
     """Manoeuvres, their true states, and the levels of those."""
 
-    units: GroupEffects
+    units: UnitLevels
     state: np.ndarray
     level_kg: np.ndarray
 
@@ -108,7 +108,7 @@ def manoeuvres(
     stated = own_kg * dice.normal(1.0, 0.1, count).clip(0.6, 1.4)
     x = (direction / 1.5)[:, None]
     prior_N = np.array([[200.0**-2]])
-    units = GroupEffects(y, x, stated**2, prior_N, np.zeros(1), np.ones(count - 1, np.int64))
+    units = UnitLevels(y, x, stated**2, prior_N, np.zeros(1), np.ones(count - 1, np.int64))
     return Drawn(units, state, level_kg)
 
 

@@ -27,8 +27,8 @@ from analysis.weighing.load_states import (
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import ForceCurvature, Weighing
 from estimators.arrays import Floats, Ints
-from estimators.joint.group_effects import GroupEffects
 from estimators.joint.posterior_fit import PosteriorFit
+from estimators.joint.unit_levels import UnitLevels
 from replay import load_machine
 
 EMPTY_KG: Final = 3614.0
@@ -62,7 +62,7 @@ class DrawnShift:
         end_s: of the shift.
     """
 
-    units: GroupEffects
+    units: UnitLevels
     membership: Ints
     loaded: NDArray[np.bool_]
     pass_kg: Floats
@@ -144,7 +144,7 @@ def drawn(dice: np.random.Generator) -> DrawnShift:
     error_kg = dice.normal(0.0, own_kg) + dice.normal(0.0, scatter_kg, n)
     # the deviation that a manoeuvre states is itself estimated
     stated = own_kg * dice.normal(1.0, 0.1, n).clip(0.6, 1.4)
-    units = GroupEffects(
+    units = UnitLevels(
         mass_kg + shared_kg + error_kg,
         x,
         stated**2,

@@ -11,7 +11,7 @@ from analysis.calibration.line.shared_errors import SharedErrors
 from analysis.calibration.use.mass_differences import calibrate_mass_differences
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import subtract_spillage_from_payload_columns
-from analysis.model.schema import MOVED, QUALITY, conform_frame_to_schema, get_column_values
+from analysis.model.schema import MASS_KINDS, QUALITY, conform_frame_to_schema, get_column_values
 from estimators.errors import DataError, suggest_choice
 
 #: Method of lines for the mass of a state; the other is for a difference of two masses.
@@ -50,7 +50,7 @@ def calibrate_cycles(
     payload_kg = get_column_values(cycles, "payload_kg") / scale_1
     on_line = calibrate_mass_differences(calibration, shared_errors, numbers, payload_kg)
     common, shared = (
-        on_line.compute_common_u_not_absorbed_by_line_kg(get_column_values(cycles, f"own_u_{n}_kg"))
+        on_line.compute_unabsorbed_common_u_kg(get_column_values(cycles, f"own_u_{n}_kg"))
         for n in _COMMON
     )
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_u_kg], axis=0)
@@ -122,7 +122,7 @@ def estimate_mean_offset_from_line_and_u_kg(
     of_masses = (
         []
         if shared_errors is None
-        else [x for (of, _), x in shared_errors.moved_kg.items() if of == MOVED[0]]
+        else [x for (of, _), x in shared_errors.mass_responses_kg.items() if of == MASS_KINDS[0]]
     )
     if (
         shared_errors is None

@@ -14,6 +14,7 @@ from analysis.cycles.load_passes import LoadPasses
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import get_column_values
 from analysis.model.windows import find_flagged_runs
+from analysis.weighing.load_changes import compute_finite_range
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -321,7 +322,7 @@ def choose_standstill_of_dump(
     if not begins.size:
         return None
     moves = np.array(
-        [_peak_to_peak_without_nan(boom_rad[b : e + 1]) for b, e in zip(begins, ends, strict=True)]
+        [compute_finite_range(boom_rad[b : e + 1]) for b, e in zip(begins, ends, strict=True)]
     )
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
     by_boom = bool(moves.max() > LIMITS.boom_min_deflection_rad)
@@ -344,11 +345,6 @@ def find_middle_of_boom_out_time_ns(
     times = np.split(out, np.flatnonzero(np.diff(out) > LIMITS.one_dump_ns) + 1)
     dump = next(each for each in times if each[-1] >= when[np.argmax(away)])
     return int(dump[0] + dump[-1]) // 2
-
-
-def _peak_to_peak_without_nan(values: NDArray[np.float64]) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if known.size else 0.0
 
 
 def summarise_cycle_motion(

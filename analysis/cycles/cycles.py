@@ -76,7 +76,7 @@ class _CommonUncertainty:
     covariance: Floats
     empty: Floats
 
-    def common_and_shift_wide_u_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+    def compute_common_u_kg(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
         """Common uncertainty of one payload, and the part shared by all payloads, in kg.
 
         Args:
@@ -237,10 +237,10 @@ def make_payload_uncertainty_columns(
     own_kg, random_kg = cycle_row["payload_kg"], cycle_row["payload_u_random_kg"]
     assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    own_common_kg, own_shared_kg = uncertainty.own.common_and_shift_wide_u_kg(coefficients, own_kg)
+    own_common_kg, own_shared_kg = uncertainty.own.compute_common_u_kg(coefficients, own_kg)
     common_kg, shared_kg = (
         uncertainty.scale_1 * u
-        for u in uncertainty.on_empty_scale.common_and_shift_wide_u_kg(coefficients, own_kg)
+        for u in uncertainty.on_empty_scale.compute_common_u_kg(coefficients, own_kg)
     )
     random_kg *= uncertainty.scale_1
     return {
@@ -383,7 +383,7 @@ def compute_common_payload_uncertainty(
     drift = weighing.significant_empty_mass_drift
     if drift is not None:  # unlike other scales, it changes early and late payloads differently
         names.add("drifted_gain")
-        responses_kg = np.vstack([responses_kg, drift.mass_changes_by_gain_kg(fit.masses_kg)])
+        responses_kg = np.vstack([responses_kg, drift.compute_mass_responses_kg(fit.masses_kg)])
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     posterior, count = fit.posterior_fit, fit.mass_count
     covariance = of_states.T @ (posterior.noise + posterior.scatter)[:count, :count] @ of_states

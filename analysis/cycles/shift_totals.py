@@ -100,10 +100,10 @@ def make_shift_totals_frame(
 
 
 def estimate_min_detectable_load_kg(manoeuvres: pl.DataFrame, loads: pl.DataFrame) -> float | None:
-    """Smallest load in kg that a single start can detect; None without masses.
+    """Smallest load in kg that one manoeuvre can detect; None if masses or scatter are unknown.
 
-    It is the minimum detectable value of ISO 11843-1, with the standard deviation of a start's mass
-    from its noise and the scatter of starts with one load.
+    It is the minimum detectable value of ISO 11843-1, with the median noise of a manoeuvre's mass
+    and the largest scatter of the manoeuvres of one load.
 
     Args:
         manoeuvres: frame with masses and their standard deviations.
@@ -193,17 +193,17 @@ def make_totals_of_counted_cycles(
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_kg": float(np.hypot(random_kg, common_kg)),
-        "payload_mean_kg": _replace_nonfinite_by_none(payload.mean()),
-        "payload_std_kg": _replace_nonfinite_by_none(payload.std()),
-        "carry_back_mean_kg": _replace_nonfinite_by_none(back.mean()),
-        "arriving_1": _replace_nonfinite_by_none(counted["arriving_1"].mean()),
-        "arriving_u_1": _replace_nonfinite_by_none(counted["arriving_u_1"].mean()),
+        "payload_mean_kg": _return_float_or_none(payload.mean()),
+        "payload_std_kg": _return_float_or_none(payload.std()),
+        "carry_back_mean_kg": _return_float_or_none(back.mean()),
+        "arriving_1": _return_float_or_none(counted["arriving_1"].mean()),
+        "arriving_u_1": _return_float_or_none(counted["arriving_u_1"].mean()),
         # that of the clean bucket's mass is common to all carry-backs
-        "carry_back_u_kg": _replace_nonfinite_by_none(counted["carry_back_u_kg"].mean()),
+        "carry_back_u_kg": _return_float_or_none(counted["carry_back_u_kg"].mean()),
     }
 
 
-def _replace_nonfinite_by_none(value: object) -> float | None:
+def _return_float_or_none(value: object) -> float | None:
     return value if isinstance(value, float) else None
 
 

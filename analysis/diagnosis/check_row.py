@@ -36,8 +36,9 @@ class CheckRow:
         meaning: meaning of the number, in a sentence.
         subject_text: names the subject of the number, if it differs between logs; else "".
         consequence: consequence of failing.
-        moved_u: change of the answer, in standard uncertainties, without the samples or channel
-            that the check names. Up to 1, failing withholds nothing and is only reported.
+        compute_mass_change_over_u: change of the answer, in standard uncertainties, without the
+            samples or channel that the check names. Up to 1, failing withholds nothing and is only
+            reported.
         remedy: setting or change that would correct the fault.
         own_remedy: remedy for the log in question, if it differs from `remedy`; else "".
     """
@@ -52,7 +53,9 @@ class CheckRow:
     optional: bool = False
     subject_text: Callable[[CheckInputs, AxisMotion], str] = _return_empty_text
     consequence: Consequence = "withhold"
-    moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _return_no_mass_change
+    compute_mass_change_over_u: Callable[[CheckInputs, AxisMotion], float | None] = (
+        _return_no_mass_change
+    )
     remedy: str = ""
     own_remedy: Callable[[CheckInputs, AxisMotion], str] = _return_empty_text
 
@@ -74,10 +77,10 @@ class CheckRow:
         return self.own_remedy(inputs, motion) or self.remedy
 
     def decide_consequence(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
-        """Consequence of failing in this log, given the change of the mass (`moved_u`)."""
-        moved_u = self.moved_u(inputs, motion)
+        """Consequence of failing in this log, given how much the mass changes."""
+        mass_change_over_u = self.compute_mass_change_over_u(inputs, motion)
         return (
             "tell"
-            if moved_u is not None and moved_u <= LIMITS.harmless_change_u
+            if mass_change_over_u is not None and mass_change_over_u <= LIMITS.harmless_change_u
             else self.consequence
         )

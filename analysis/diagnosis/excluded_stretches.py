@@ -29,17 +29,17 @@ class ExcludedStretches:
 
     Attributes:
         fitted_s: duration of the part of the stretches that the fit had used.
-        moved_u: change of the mass without them, in standard uncertainties of the new answer;
-            infinite if nothing is left.
+        mass_change_over_u: change of the mass without them, in standard uncertainties of the new
+            answer; infinite if nothing is left.
     """
 
     fitted_s: float
-    moved_u: float
+    mass_change_over_u: float
 
     @property
     def does_exclusion_keep_mass(self) -> bool:
         """Whether the answer stays the same without the stretches."""
-        return self.moved_u <= LIMITS.harmless_change_u
+        return self.mass_change_over_u <= LIMITS.harmless_change_u
 
     @property
     def exclusion_effect_text(self) -> str:
@@ -47,10 +47,10 @@ class ExcludedStretches:
         if not self.fitted_s:
             return "none of it is among the weighed samples"
         part = f"{self.fitted_s:.1f} s of it among the weighed samples"
-        by = f"by {self.moved_u:.1f} standard uncertainties"
+        by = f"by {self.mass_change_over_u:.1f} standard uncertainties"
         if self.does_exclusion_keep_mass:
             return f"{part}, excluded: this moves the mass {by}"
-        if not np.isfinite(self.moved_u):
+        if not np.isfinite(self.mass_change_over_u):
             return f"{part}: without it no sample is left"
         return f"{part}: without it the mass moves {by}"
 
@@ -138,11 +138,11 @@ def compute_mass_change_over_uncertainty(
     """Change of the mass without the stretches, over its standard uncertainty."""
     if fit_without is None:
         return np.inf
-    moved_u = (
+    mass_change_over_u = (
         abs(compute_mean_mass_a_minus_b_kg(fit_without.fit, fit_with_all.fit))
         / fit_without.fit.u_kg
     )
-    return moved_u if np.isfinite(moved_u) else np.inf
+    return mass_change_over_u if np.isfinite(mass_change_over_u) else np.inf
 
 
 def mark_grid_rows_in_spans(

@@ -158,7 +158,7 @@ def _describe_remedy_without_pitch(inputs: CheckInputs, _motion: AxisMotion) -> 
     )
 
 
-def _mass_change_by_other_motion_sensor_over_uncertainty(
+def _read_mass_change_by_other_motion_sensor_over_u(
     inputs: CheckInputs, _motion: AxisMotion
 ) -> float | None:
     """Change of the mass with the other acceleration, in u; None without a comparison."""
@@ -173,8 +173,8 @@ def _describe_fit_by_other_motion_sensor(inputs: CheckInputs, _motion: AxisMotio
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
-    moved_u = other.mass_shift_over_uncertainty
-    change = f"{other.kg:+.0f} kg ({moved_u:.1f} standard uncertainties)"
+    change_over_u = other.mass_shift_over_uncertainty
+    change = f"{other.kg:+.0f} kg ({change_over_u:.1f} standard uncertainties)"
     return f"with the {one} alone the mass changes by {change}"
 
 
@@ -317,7 +317,7 @@ FIT_CHECKS: Final = (
         maximum="wheels_max",
         applies=_has_wheel_kinematics,
         subject_text=_describe_fit_by_other_motion_sensor,
-        moved_u=_mass_change_by_other_motion_sensor_over_uncertainty,
+        compute_mass_change_over_u=_read_mass_change_by_other_motion_sensor_over_u,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
         own_remedy=_describe_remedy_without_pitch,
     ),

@@ -12,7 +12,7 @@ from analysis.stages.signals.mounting_guess import estimate_gravity_tilt_deg
 from estimators.arrays import Floats
 
 
-def _unfiltered_force_fraction_against_motion(inputs: CheckInputs, motion: AxisMotion) -> float:
+def _compute_unfiltered_opposing_force_fraction(inputs: CheckInputs, motion: AxisMotion) -> float:
     """`opposing_share` by the unfiltered force, since a low-pass would make it undershoot zero."""
     force = interpolate_unfiltered_force(inputs)
     if force is None:
@@ -35,11 +35,11 @@ def _has_raw_signals(inputs: CheckInputs, _motion: AxisMotion) -> bool:
     return inputs.signals is not None
 
 
-def _imu_tilt_deg(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def _estimate_imu_tilt_deg(inputs: CheckInputs, _motion: AxisMotion) -> float:
     return estimate_gravity_tilt_deg(inputs.excitation, inputs.machine)
 
 
-def _clock_drift_over_log_s(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def _read_clock_drift_over_log_s(inputs: CheckInputs, _motion: AxisMotion) -> float:
     return np.nan if inputs.signals is None else inputs.signals.clock_drift_over_log_s
 
 
@@ -50,7 +50,7 @@ def _make_reader_of_mass_change_over_uncertainty(
 
     def read_mass_change_over_u(inputs: CheckInputs, _: AxisMotion) -> float | None:
         found = inputs.left_out.get(check_name)
-        return None if found is None else found.moved_u
+        return None if found is None else found.mass_change_over_u
 
     return read_mass_change_over_u
 
@@ -60,21 +60,21 @@ def _make_writer_of_exclusion_text(
 ) -> Callable[[CheckInputs, AxisMotion], str]:
     """Make a function that describes the effect of excluding a check's stretches."""
 
-    def refit_outcome(inputs: CheckInputs, _: AxisMotion) -> str:
+    def describe_exclusion_effect(inputs: CheckInputs, _: AxisMotion) -> str:
         found = inputs.left_out.get(check_name)
         return "" if found is None else found.exclusion_effect_text
 
-    return refit_outcome
+    return describe_exclusion_effect
 
 
-def _largest_side_difference_1(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def _find_largest_side_difference_1(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Largest relative difference of left and right; NaN without two sides."""
     return max(
         (each.difference_lower_bound_1 for each in inputs.side_differences.values()), default=np.nan
     )
 
 
-def torque_difference_lower_bound(inputs: CheckInputs, _motion: AxisMotion) -> float:
+def read_torque_difference_lower_bound_1(inputs: CheckInputs, _motion: AxisMotion) -> float:
     """Lower bound of the torque difference of the sides; NaN unless both are measured."""
     torque = inputs.side_differences.get("torque")
     return np.nan if torque is None else torque.difference_lower_bound_1
@@ -94,7 +94,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "raw_opposing_share",
         "mass",
-        _unfiltered_force_fraction_against_motion,
+        _compute_unfiltered_opposing_force_fraction,
         "fraction of samples that the drive slows down whose unfiltered force opposes the motion",
         minimum="opposing_share_min",
         optional=True,
@@ -110,7 +110,7 @@ SIGNAL_CHECKS: Final = (
         maximum="frozen_max_s",
         applies=_has_raw_signals,
         subject_text=_make_writer_of_exclusion_text("frozen_s"),
-        moved_u=_make_reader_of_mass_change_over_uncertainty("frozen_s"),
+        compute_mass_change_over_u=_make_reader_of_mass_change_over_uncertainty("frozen_s"),
         remedy="leave the stretch out, or mend the sensor",
     ),
     CheckRow(
@@ -123,14 +123,14 @@ SIGNAL_CHECKS: Final = (
         maximum="clipped_max",
         applies=_has_raw_signals,
         subject_text=_make_writer_of_exclusion_text("clipped_share"),
-        moved_u=_make_reader_of_mass_change_over_uncertainty("clipped_share"),
+        compute_mass_change_over_u=_make_reader_of_mass_change_over_uncertainty("clipped_share"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips; valid_range of "
         "the channel, for error codes",
     ),
     CheckRow(
         "side_difference",
         "mass",
-        _largest_side_difference_1,
+        _find_largest_side_difference_1,
         "difference of left and right on straight drives over their mean, where it is beyond noise",
         maximum="sides_max",
         optional=True,
@@ -141,7 +141,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "one_sided_torque",
         "mass",
-        torque_difference_lower_bound,
+        read_torque_difference_lower_bound_1,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,
@@ -150,7 +150,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "clock_drift_s",
         "mass",
-        _clock_drift_over_log_s,
+        _read_clock_drift_over_log_s,
         "drift between the clocks of two topics over the log, s, by header stamps and log times",
         maximum="clocks_max_s",
         applies=_has_raw_signals,
@@ -159,7 +159,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "imu_tilt_deg",
         "mass",
-        _imu_tilt_deg,
+        _estimate_imu_tilt_deg,
         "angle between gravity at standstill and the machine's upward axis, degrees",
         maximum="imu_tilt_max_deg",
         applies=lambda inputs, _: inputs.machine.settings.forces.acceleration == "specific_force",

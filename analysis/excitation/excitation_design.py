@@ -197,9 +197,10 @@ def compute_settling_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> f
     driven = motion.sample_channels(time_s)
     speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
     if speed[-1] == 0.0:
+        coulomb_key = "coulomb_N" if axis == "force" else "coulomb_z_N_m"
         raise DataError(
-            f"half of full throttle does not overcome Coulomb friction ({axis}); raise throttle, "
-            "or reduce friction, in the scenario"
+            f"half of full throttle does not overcome Coulomb friction ({axis}); raise "
+            f"campaign.throttle_force_N, or reduce machine.{coulomb_key}, in the scenario"
         )
     return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
 

@@ -107,7 +107,12 @@ def _make_gate_stretch(
     decides = _DECIDES.get(reason)
     if reason == "negative_dependence" and "corr_x_1" in gate_rows.columns:
         return GateStretch(
-            start_s, end_s, reason, "corr_x_1", _median_of_gate_column(gate_rows, "corr_x_1"), "> 0"
+            start_s,
+            end_s,
+            reason,
+            "corr_x_1",
+            _compute_median_of_gate_column(gate_rows, "corr_x_1"),
+            "> 0",
         )
     if decides is None or decides[0] not in gate_rows.columns:
         return GateStretch(start_s, end_s, reason)
@@ -118,12 +123,12 @@ def _make_gate_stretch(
         end_s,
         reason,
         column,
-        _median_of_gate_column(gate_rows, column),
+        _compute_median_of_gate_column(gate_rows, column),
         f"{sign} {level:g}",
     )
 
 
-def _median_of_gate_column(gate_rows: pl.DataFrame, column: str) -> float | None:
+def _compute_median_of_gate_column(gate_rows: pl.DataFrame, column: str) -> float | None:
     value = gate_rows[column].median()
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
@@ -146,7 +151,7 @@ def report_worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[Manoeuv
     if known:
         known.sort(key=lambda each: -abs(each.deviations or 0.0))
         return tuple(known[: LIMITS.max_manoeuvres])
-    longest_s = LIMITS.whole_log_fraction * _log_duration_s(frames)
+    longest_s = LIMITS.whole_log_fraction * _compute_log_duration_s(frames)
     parts = (
         each
         for each in _report_manoeuvres_rejected_by_gate(frames)
@@ -156,7 +161,7 @@ def report_worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[Manoeuv
     return tuple(refused[: LIMITS.max_manoeuvres])
 
 
-def _log_duration_s(frames: Mapping[str, pl.DataFrame]) -> float:
+def _compute_log_duration_s(frames: Mapping[str, pl.DataFrame]) -> float:
     """Time between the first and the last sample; infinite if unknown."""
     motion = frames.get("excitation")
     if motion is None or motion.is_empty():

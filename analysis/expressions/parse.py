@@ -103,9 +103,9 @@ class _Parser:
     def __init__(self, text: str) -> None:
         self._text, self._at = text, 0
         self.kind, self.value = "", ""
-        self._read_next_token()
+        self._advance_to_next_token()
 
-    def _read_next_token(self) -> None:
+    def _advance_to_next_token(self) -> None:
         if not self._text[self._at :].strip():
             self.kind, self.value = "", ""
             return
@@ -124,7 +124,7 @@ class _Parser:
     def _take_token_if_one_of(self, *signs: str) -> str:
         if self.kind == "sign" and self.value in signs:
             sign = self.value
-            self._read_next_token()
+            self._advance_to_next_token()
             return sign
         return ""
 
@@ -157,7 +157,7 @@ class _Parser:
             return tree
         if kind not in ("number", "name", "slope"):
             raise self.make_syntax_error("a channel, a number or '('")
-        self._read_next_token()
+        self._advance_to_next_token()
         if kind == "number":
             return Number(float(value), self._parse_unit())
         if kind == "slope":
@@ -165,7 +165,7 @@ class _Parser:
             if self.kind != "name":
                 raise self.make_syntax_error("the channel that d/dt differentiates")
             tree = Name(self.value)
-            self._read_next_token()
+            self._advance_to_next_token()
             if bracket:
                 self._require_closing_bracket()
             return Call(SLOPE, (tree,))
@@ -177,7 +177,7 @@ class _Parser:
         if self.kind != "unit":
             return None
         unit = self.value[1:-1].strip()
-        self._read_next_token()
+        self._advance_to_next_token()
         return unit or None
 
     def _parse_call(self, function: str, depth: int) -> Expression:

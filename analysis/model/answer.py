@@ -158,22 +158,22 @@ def make_answer(run: Run, recording: str | None = None) -> Answer:
         share = float(
             mark_samples_in_accepted_windows(gated["accepted_x"].to_numpy(), window).mean()
         )
-    loads = _rows_of_frame_as_dicts(run, "loads")
-    shift = _rows_of_frame_as_dicts(run, "shift")
+    loads = _list_rows_of_frame_as_dicts(run, "loads")
+    shift = _list_rows_of_frame_as_dicts(run, "shift")
     one = loads[0] if len(loads) == 1 else None
-    planar = _rows_of_frame_as_dicts(run, "planar")
+    planar = _list_rows_of_frame_as_dicts(run, "planar")
     motion = next((row for row in planar if row["kind"] == "joint"), None)
     return Answer(
         rows=() if masses is None else (AnswerRow.from_masses(masses, one, motion),),
         loads=loads,
-        nuisances=_rows_of_frame_as_dicts(run, "nuisances"),
-        budget=_rows_of_frame_as_dicts(run, "budget"),
+        nuisances=_list_rows_of_frame_as_dicts(run, "nuisances"),
+        budget=_list_rows_of_frame_as_dicts(run, "budget"),
         planar=planar,
-        planar_budget=_rows_of_frame_as_dicts(run, "planar_budget"),
+        planar_budget=_list_rows_of_frame_as_dicts(run, "planar_budget"),
         shift=shift[0] if shift and shift[0]["cycles_counted"] else {},
         accepted_share=share,
         verdict=Verdict() if judged is None else Verdict.from_frame(judged),
-        findings=_rows_of_frame_as_dicts(run, "findings"),
+        findings=_list_rows_of_frame_as_dicts(run, "findings"),
         losses=about.losses,
         notes=about.notes,
         fingerprint=about.fingerprint,
@@ -181,5 +181,5 @@ def make_answer(run: Run, recording: str | None = None) -> Answer:
     )
 
 
-def _rows_of_frame_as_dicts(run: Run, frame_name: str) -> list[dict[str, Any]]:
+def _list_rows_of_frame_as_dicts(run: Run, frame_name: str) -> list[dict[str, Any]]:
     return run.frames[frame_name].to_dicts() if frame_name in run.frames else []

@@ -248,12 +248,12 @@ class Machine(BaseModel):
                 raise ValueError(f"channels.{name}: '{channel.derive}' does not compute {name}")
             for source in channel.direct_source_channels:
                 if source not in self.channels:
-                    raise ValueError(f"channels.{name}: '{source}' is not among the channels")
+                    raise ValueError(f"channels.{name}: '{source}' is not a channel; add it")
             for key in (
                 iter_channel_names(channel.expression) if channel.expression is not None else ()
             ):
                 if key in BODY_NUMBERS and getattr(self.machine, key) is None:
-                    raise ValueError(f"channels.{name}: machine.{key} is not given")
+                    raise ValueError(f"channels.{name}: needs machine.{key}; give it")
         self.order_channels_by_derivation()
         self._require_force_speed_and_acceleration()
         self._refuse_different_wheel_radii()
@@ -318,9 +318,10 @@ class Machine(BaseModel):
         chosen = self.settings.forces.acceleration
         wanted = {"specific_force": "specific_force_x_m_s2", "kinematic": "acc_x_m_s2"}[chosen]
         if wanted not in self.channels:
+            other = "kinematic" if chosen == "specific_force" else "specific_force"
             raise ValueError(
                 f"settings.forces.acceleration is '{chosen}', which needs channels.{wanted}; give "
-                "that channel, or choose the other of specific_force, kinematic"
+                f'that channel, or set settings.forces.acceleration = "{other}"'
             )
 
     @property

@@ -35,7 +35,7 @@ class FeedKind(Enum):
     SEGMENTS = "the accepted samples of each manoeuvre"
 
 
-class LogSummary(Enum):
+class SummaryRule(Enum):
     """How a method's estimates are summarised for a log."""
 
     MEAN = "the mean of its windows, weighted by 1/std²"
@@ -106,7 +106,7 @@ class Method:
     name: str
     title: str
     feed: FeedKind
-    summary: LogSummary
+    summary: SummaryRule
     on_board: str
     options: Callable[[MethodOptions, AxisNoise], Any]
     takes_noise_off: bool = False
@@ -167,8 +167,8 @@ def _index_methods_by_name(*rows: Method) -> Mapping[str, Method]:
     return {row.name: row for row in rows}
 
 
-_WINDOWED: Final = (FeedKind.WINDOWS, LogSummary.MEAN)
-_RECURSIVE: Final = (FeedKind.SETTLED, LogSummary.LAST)
+_WINDOWED: Final = (FeedKind.WINDOWS, SummaryRule.MEAN)
+_RECURSIVE: Final = (FeedKind.SETTLED, SummaryRule.LAST)
 METHODS: Final = _index_methods_by_name(
     Method("ls", "LS", *_WINDOWED, "incremental.estimate_by_ls", _make_ls_options),
     Method("rls", "RLS", *_RECURSIVE, "incremental.estimate_by_rls", _make_rls_options),
@@ -185,7 +185,7 @@ METHODS: Final = _index_methods_by_name(
         "pooled",
         "pooled LS",
         FeedKind.SEGMENTS,
-        LogSummary.POOL,
+        SummaryRule.POOL,
         "incremental.Pool.estimate",
         _make_pooled_options,
         takes_noise_off=True,
@@ -208,5 +208,5 @@ METHODS: Final = _index_methods_by_name(
 )
 #: Names of methods whose estimate at a time is based on all samples before it.
 RECURSIVE_METHODS: Final = tuple(
-    name for name, method in METHODS.items() if method.summary is LogSummary.LAST
+    name for name, method in METHODS.items() if method.summary is SummaryRule.LAST
 )

@@ -56,7 +56,7 @@ NOISE_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
 SCALE: Final = "scale"
 #: Quantities that respond: mass of a load, its payload relative to the empty loads, payload of a
 #: cycle.
-MOVED: Final = ("mass", "payload", "cycle")
+MASS_KINDS: Final = ("mass", "payload", "cycle")
 #: Columns of `loads` that a calibration adds.
 CALIBRATED: Final = (
     "calibrated_kg",

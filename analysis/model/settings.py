@@ -185,7 +185,9 @@ class LoadSettings(BaseModel):
                 "an empty machine in a part of it; remove one"
             )
         if first is not None and last is not None and not first < last:
-            raise ValueError(f"empty_from_s is {first:g}, not before empty_to_s {last:g}")
+            raise ValueError(
+                f"empty_from_s ({first:g}) is not before empty_to_s ({last:g}); correct one of them"
+            )
         return self
 
 

@@ -194,7 +194,7 @@ def check_claims_by_simulation(extracts: RepetitionResults) -> Claims:
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
     gated = means.filter(pl.col("fed") == "gated")
-    windows = extracts.get_single_result_of_extract(TEN_SECONDS).filter(
+    windows = extracts.get_only_result(TEN_SECONDS).filter(
         pl.col("method").is_in(printed_numbers.METHODS)
     )
     buffer = _make_error_and_buffer_rows_by_window(

@@ -93,7 +93,7 @@ class RepetitionResults:
         """Results of an extract from all repetitions."""
         return self._made[extract]
 
-    def get_single_result_of_extract(self, extract: Extract[Any, T]) -> T:
+    def get_only_result(self, extract: Extract[Any, T]) -> T:
         """Result of an extract whose source has a single repetition."""
         (made,) = self._made[extract]
         return made
@@ -112,14 +112,14 @@ def copy_machine_with_paper_noise(machine: Machine) -> Machine:
 
 
 def plan_repetitions(
-    needed_extracts: Iterable[Extract[Any, Any]], study: StudySettings, extracts: RepetitionResults
+    needed_extracts: Iterable[Extract[Any, Any]], study: StudySettings, results: RepetitionResults
 ) -> list[Repetition]:
     """Plan every repetition of every needed source.
 
     Args:
         needed_extracts: extracts to make; duplicates are made once.
         study: settings and number of simulations.
-        extracts: destination of the results.
+        results: receives the results of the extracts.
     """
     wanted: dict[SimulationSource[Any], list[Extract[Any, Any]]] = {}
     for extract in dict.fromkeys(needed_extracts):
@@ -130,7 +130,7 @@ def plan_repetitions(
         for number in range(repeats):
             name = source.name if repeats == 1 else f"{source.name} {number + 1}"
             planned.append(
-                Repetition(name, partial(_add_repetition, source, number, of_it, study, extracts))
+                Repetition(name, partial(_add_repetition, source, number, of_it, study, results))
             )
     return planned
 
@@ -140,11 +140,11 @@ def _add_repetition(
     repetition: int,
     wanted_extracts: Iterable[Extract[Any, Any]],
     study: StudySettings,
-    extracts: RepetitionResults,
+    results: RepetitionResults,
 ) -> None:
     made = source.make(study, repetition)
     for extract in wanted_extracts:
-        extracts.add_result_of_repetition(extract, extract.make(made))
+        results.add_result_of_repetition(extract, extract.make(made))
 
 
 class SteadyStudy(NamedTuple):

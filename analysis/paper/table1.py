@@ -77,9 +77,7 @@ class Table1:
 
 def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
-    table = pl.concat(
-        [extracts.get_single_result_of_extract(extract) for extract in AT_LENGTH.values()]
-    )
+    table = pl.concat([extracts.get_only_result(extract) for extract in AT_LENGTH.values()])
     beside = table.filter(pl.col("paper_kg").is_not_null())
     ours = {
         str(method): find_keys_of_lowest_error(
@@ -92,8 +90,7 @@ def make_table_1_mass_errors(extracts: RepetitionResults) -> Table1:
     long_rms = compute_largest_rms_ratio_to_bound(long)
     forgetting = RlsOptions().forgetting
     noisier = {
-        row["method"]: row
-        for row in extracts.get_single_result_of_extract(RAW_UNITS).iter_rows(named=True)
+        row["method"]: row for row in extracts.get_only_result(RAW_UNITS).iter_rows(named=True)
     }
     return Table1(
         frame=table,

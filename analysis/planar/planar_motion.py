@@ -161,24 +161,26 @@ def make_planar_drive(
         out[span:-span] = (x[2 * span :] - x[: -2 * span]) / step_s
         return out
 
-    def averaged(x: Floats) -> Floats:
+    def average(x: Floats) -> Floats:
         from scipy.ndimage import uniform_filter1d  # slow to import
 
         rows = max(round(LIMITS.model_mean_s * rate_hz), 1)
         return uniform_filter1d(np.nan_to_num(x), rows, mode="nearest")
 
-    def direction(speed: Floats, acceleration: Floats, least: float) -> Floats:
+    def compute_smoothed_direction(speed: Floats, acceleration: Floats, min_speed: float) -> Floats:
         # moving mean of the sign, for motion that passes zero at a constant rate
         passes = np.abs(acceleration) * machine.settings.smooth.samples / rate_hz / 2.0
-        return np.clip(speed / np.maximum(passes, least), -1.0, 1.0)
+        return np.clip(speed / np.maximum(passes, min_speed), -1.0, 1.0)
 
     t = np.arange(motion.speed.size) / rate_hz
     acc_x = get_column_values(excitation, "speed_rate_x_m_s2")
-    direction_x = direction(motion.speed, acc_x, LIMITS.moving_min_m_s)
-    direction_z = direction(motion.yaw_rate, motion.yaw_acceleration, LIMITS.turning_min_rad_s)
+    direction_x = compute_smoothed_direction(motion.speed, acc_x, LIMITS.moving_min_m_s)
+    direction_z = compute_smoothed_direction(
+        motion.yaw_rate, motion.yaw_acceleration, LIMITS.turning_min_rad_s
+    )
     half_track_m = read_half_track_m(machine)
     left, right = (
-        direction(
+        compute_smoothed_direction(
             motion.speed + side * motion.yaw_rate,
             acc_x + side * motion.yaw_acceleration,
             LIMITS.moving_min_m_s,
@@ -188,8 +190,8 @@ def make_planar_drive(
     spins = np.abs(motion.speed) < half_track_m * np.abs(motion.yaw_rate)
     term_inputs = np.stack(
         [
-            averaged(force),
-            averaged(torque),
+            average(force),
+            average(torque),
             central_difference(force),
             central_difference(torque),
             central_difference(motion.speed * np.abs(force)),

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.fit_columns import RelativeMassDeviations
+from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.fitted_stretches import find_stretch_spans
 from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.motion_samples import (
@@ -72,7 +72,7 @@ class LoadSquat:
 def estimate_load_squat(
     motion: MotionSamples,
     wheels: WheelKinematics,
-    loads: RelativeMassDeviations,
+    loads: RelativeLoads,
     relative_load: Floats,
     prior_std: float,
     route: HaulRoute | None = None,
@@ -157,7 +157,7 @@ _Stretch = tuple[Floats, Floats, Floats, float]
 def make_centred_stretches(
     motion: MotionSamples,
     wheels: WheelKinematics,
-    loads: RelativeMassDeviations,
+    loads: RelativeLoads,
     route: HaulRoute | None,
 ) -> list[_Stretch]:
     """Centred columns (means, columns), response, time and load of each stretch.
@@ -173,7 +173,7 @@ def make_centred_stretches(
     ground = in_time.speed * compute_ground_to_wheel_speed_ratio(
         in_time.speed, motion.force, slip_1_N
     )
-    relative = loads.look_up_relative_mass_deviations(motion.manoeuvre_of_sample)
+    relative = loads.look_up_relative_loads(motion.manoeuvre_of_sample)
     along = route and (
         route.compute_relative_distances_to_dump(motion),
         route.compute_headings_from_dump(motion),
@@ -227,7 +227,7 @@ def compute_cumulative_grade_columns(route_position_1: Floats, heading_sign: Flo
 
 
 def estimate_gain_change_by_pitch_and_variance(
-    motion: MotionSamples, loads: RelativeMassDeviations
+    motion: MotionSamples, loads: RelativeLoads
 ) -> tuple[float, float] | None:
     """Change of the accelerometer's gain for the reference load from the pitch, and its variance.
 
@@ -238,7 +238,7 @@ def estimate_gain_change_by_pitch_and_variance(
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
     squats = sum_products_of_pitch_gravity_and_speed(gravity, motion)
-    relative = loads.look_up_relative_mass_deviations(motion.manoeuvre_of_sample)[squats.first]
+    relative = loads.look_up_relative_loads(motion.manoeuvre_of_sample)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
     # besides the responses to acceleration and rate, the one that grows with the load

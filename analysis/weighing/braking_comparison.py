@@ -7,7 +7,9 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 
-def compare_mass_with_braking_to_driving(whole: JointFit, driving: JointFit) -> tuple[float, bool]:
+def compare_masses_with_and_without_braking(
+    fit_with_braking: JointFit, fit_without_braking: JointFit
+) -> tuple[float, bool]:
     """Change of the mass in kg if braking is fitted too, and whether it contradicts driving.
 
     The change is the mean over all loads. If that does not contradict driving, but the change of a
@@ -15,14 +17,20 @@ def compare_mass_with_braking_to_driving(whole: JointFit, driving: JointFit) -> 
     raise one mass by as much as they lower others.
 
     Args:
-        whole: fit of driving and braking.
-        driving: fit of the same load states without braking.
+        fit_with_braking: fit of driving and braking.
+        fit_without_braking: fit of the same load states without braking.
     """
-    mean_kg = compute_mean_mass_a_minus_b_kg(whole, driving)
-    if _is_contradicted(mean_kg, float(np.hypot(whole.u_kg, driving.u_kg)), driving.mass_kg):
+    mean_kg = compute_mean_mass_a_minus_b_kg(fit_with_braking, fit_without_braking)
+    if _is_contradicted(
+        mean_kg,
+        float(np.hypot(fit_with_braking.u_kg, fit_without_braking.u_kg)),
+        fit_without_braking.mass_kg,
+    ):
         return mean_kg, True
-    changes_kg, u_kg = compute_mass_and_u_of_each_load_a_minus_b_kg(whole, driving)
-    is_contradicted = _is_contradicted(changes_kg, u_kg, driving.mass_kg)
+    changes_kg, u_kg = compute_mass_and_u_of_each_load_a_minus_b_kg(
+        fit_with_braking, fit_without_braking
+    )
+    is_contradicted = _is_contradicted(changes_kg, u_kg, fit_without_braking.mass_kg)
     if not is_contradicted.any():
         return mean_kg, False
     k = int(np.argmax(np.where(is_contradicted, np.abs(changes_kg) / u_kg, 0.0)))

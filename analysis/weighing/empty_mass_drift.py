@@ -46,7 +46,7 @@ class EmptyMassDrift:
         """Relative standard uncertainty of the force's gain due to the change."""
         return LIMITS.empty_drift_u_1 * abs(self.change_1)
 
-    def mass_changes_by_gain_kg(self, masses_kg: Floats) -> Floats:
+    def compute_mass_responses_kg(self, masses_kg: Floats) -> Floats:
         """(3, masses) response of each mass to a gain with this drift, in kg.
 
         The first row is for a gain that holds at either end of the log. The second is the course of

@@ -89,13 +89,16 @@ def find_empty_mass_step(
         or not is_after[place:].all()
     ):
         return None
-    sure = int(np.flatnonzero(visit == light[place - 1])[-1]), int(begins[light[place]])
+    certain_before_and_after = (
+        int(np.flatnonzero(visit == light[place - 1])[-1]),
+        int(begins[light[place]]),
+    )
     tolerance_kg = LIMITS.empty_drift_min_std * np.hypot(scatter_kg, std_kg)
-    first_manoeuvre_after = _choose_longest_pause(
+    first_manoeuvre_after = _find_first_manoeuvre_after_step(
         mass_kg > before_kg - tolerance_kg,
         mass_kg > after_kg - tolerance_kg,
         np.append(0, start_ns[1:] - end_ns[:-1]),
-        sure,
+        certain_before_and_after,
     )
     u_kg = scatter_kg * float(np.sqrt(1.0 / place + 1.0 / (empty_kg.size - place)))
     return EmptyMassStep(
@@ -108,8 +111,11 @@ def _subtract_medians(empty_kg: Floats, place: int) -> Floats:
     return np.concatenate([side - np.median(side) for side in sides])
 
 
-def _choose_longest_pause(
-    may_be_before: Bools, may_be_after: Bools, pause_ns: Ints, sure: tuple[int, int]
+def _find_first_manoeuvre_after_step(
+    may_be_before: Bools,
+    may_be_after: Bools,
+    pause_ns: Ints,
+    certain_before_and_after: tuple[int, int],
 ) -> int:
     """First manoeuvre after the step: the one that follows the longest possible pause.
 
@@ -117,9 +123,10 @@ def _choose_longest_pause(
         may_be_before: (manoeuvres,) whether it is no lighter than the machine before the step.
         may_be_after: (manoeuvres,) whether it is no lighter than the machine after the step.
         pause_ns: (manoeuvres,) time since the previous manoeuvre.
-        sure: last empty manoeuvre that is before the step, and first one that is after it.
+        certain_before_and_after: last empty manoeuvre that is certainly before the step, and first
+            one that is certainly after it.
     """
-    last, first = sure
+    last, first = certain_before_and_after
     places = [
         place
         for place in range(last + 1, first + 1)

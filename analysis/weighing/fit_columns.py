@@ -42,7 +42,7 @@ def mark_plausible_masses(mass_kg: Floats) -> Bools:
 
 
 @dataclass(frozen=True, slots=True)
-class RelativeMassDeviations:
+class RelativeLoads:
     """Relative deviation of each manoeuvre's total mass from the mean.
 
     Attributes:
@@ -79,11 +79,11 @@ class RelativeMassDeviations:
 
     def mark_loaded_manoeuvres_by_number(self, manoeuvre_numbers: Ints) -> Bools:
         """Whether each manoeuvre is heavier than midway between light and heavy ones, (n,)."""
-        return self.look_up_relative_mass_deviations(manoeuvre_numbers) > float(
+        return self.look_up_relative_loads(manoeuvre_numbers) > float(
             np.quantile(self.value, LIMITS.load_contrast_quantiles).mean()
         )
 
-    def look_up_relative_mass_deviations(self, manoeuvre_numbers: Ints) -> Floats:
+    def look_up_relative_loads(self, manoeuvre_numbers: Ints) -> Floats:
         """Deviation of each manoeuvre, (n,); for an unknown one that of the manoeuvre before it."""
         # samples come in runs of one manoeuvre
         first = np.flatnonzero(np.diff(manoeuvre_numbers, prepend=manoeuvre_numbers[:1] - 1))
@@ -121,7 +121,7 @@ class PreviousEstimates:
     speed_delay_s: float = 0.0
     motion_gain: float = 0.0
     swing: BodySwing = NO_SWING
-    relative_loads: RelativeMassDeviations | None = None
+    relative_loads: RelativeLoads | None = None
     route: HaulRoute | None = None
     play: PlayHysteresis | None = None
     ground_variance_ratio_1_s: float = 0.0
@@ -167,18 +167,18 @@ class FitRows:
 
 @dataclass(frozen=True)
 class FitColumns:
-    """Columns before averaging, for means of any length.
+    """Columns of the joint fit at every sample, from which rows of means of any length are made.
 
     Attributes:
         pieces: columns of each piece of the log.
-        terms: the nuisances.
-        found: estimates of earlier rounds, which the columns depend on.
+        terms: nuisance terms, one per column after acceleration and speed.
+        previous_estimates: estimates of earlier rounds, on which the columns depend.
         rate_hz: rate of the grid.
     """
 
     pieces: list["_PieceColumns"]
     terms: tuple[Nuisance, ...]
-    found: PreviousEstimates
+    previous_estimates: PreviousEstimates
     rate_hz: float
 
     @classmethod
@@ -210,7 +210,7 @@ class FitColumns:
             noise,
             self.terms,
             max_samples_per_mean,
-            self.found.ground_variance_ratio_1_s,
+            self.previous_estimates.ground_variance_ratio_1_s,
             self.rate_hz,
         )
 
@@ -372,9 +372,7 @@ def make_columns_of_piece(
     loads = previous_estimates.relative_loads
     zeros = np.zeros(motion.speed.size)
     relative_load = (
-        zeros
-        if loads is None
-        else loads.look_up_relative_mass_deviations(motion.manoeuvre_of_sample)
+        zeros if loads is None else loads.look_up_relative_loads(motion.manoeuvre_of_sample)
     )
     if previous_estimates.swing.lever_s2 and motion.specific_force is not None:
         # springs deflect in proportion to the mass

@@ -10,7 +10,7 @@ from analysis.weighing.body_swing import NO_SWING, BodySwing
 from analysis.weighing.fit_columns import (
     FitRows,
     PreviousEstimates,
-    RelativeMassDeviations,
+    RelativeLoads,
     average_and_weight_fit_columns,
 )
 from analysis.weighing.haul_route import HaulRoute
@@ -35,8 +35,8 @@ from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.joint import prior_fit
-from estimators.joint.group_effects import GroupEffects, estimate_group_effects
 from estimators.joint.prior_fit import Grouping, Solution
+from estimators.joint.unit_levels import UnitLevels, estimate_unit_levels
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,9 +173,7 @@ class FitTask:
             self._make_prior_means(mean, known_s),
         )
 
-    def _compute_relative_loads(
-        self, masses_kg: Floats | None = None
-    ) -> RelativeMassDeviations | None:
+    def _compute_relative_loads(self, masses_kg: Floats | None = None) -> RelativeLoads | None:
         """Relate the states' masses to their mean over the manoeuvres; None with one state.
 
         Args:
@@ -190,11 +188,11 @@ class FitTask:
             estimate_load_proportional_share_of_coulomb,
         )
         shares = [split(self.motion, self.priors).expected for split in splits]
-        return RelativeMassDeviations.from_masses(
+        return RelativeLoads.from_masses(
             states.manoeuvre_ids, masses_kg[states.state_of_manoeuvre], (shares[0], shares[1])
         )
 
-    def _find_route(self, loads: RelativeMassDeviations | None) -> HaulRoute | None:
+    def _find_route(self, loads: RelativeLoads | None) -> HaulRoute | None:
         """Find the route between the places of loading and dumping, by the relative loads."""
         if loads is None:
             return None
@@ -233,7 +231,7 @@ class FitTask:
         )
         return after, abs(late_s)
 
-    def estimate_manoeuvre_masses(self, fit: JointFit, fit_rows: FitRows) -> GroupEffects:
+    def estimate_manoeuvre_masses(self, fit: JointFit, fit_rows: FitRows) -> UnitLevels:
         """Mass of each manoeuvre by itself, given the shared parameters of a fit."""
         mean, std = self._make_prior_means_and_stds_of_round(
             self._compute_mass_friction_and_slip(fit.theta, fit.solution, fit.terms)
@@ -246,7 +244,7 @@ class FitTask:
         std[ground] *= LIMITS.left_out_prior_ratio
         lag = find_term_index("lag", self.terms)
         mean[lag] -= fit.previous_estimates.force_delay_s
-        return estimate_group_effects(
+        return estimate_unit_levels(
             fit_rows.A,
             fit_rows.f,
             fit_rows.group,

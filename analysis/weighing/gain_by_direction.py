@@ -32,7 +32,7 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.motion_samples import Bools, ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
-from estimators.joint.group_effects import HINTED
+from estimators.joint.unit_levels import HINTED
 
 #: Term with a prior so wide that it is almost free.
 GAIN_BY_DIRECTION: Final = Nuisance(
@@ -169,7 +169,7 @@ def compute_mass_difference_std_by_direction_kg(fit: JointFit) -> float:
     assert states is not None
     forwards = mark_forward_manoeuvres(fit.motion)
     variances = [
-        max(_variance_to_noise_ratio(states.manoeuvre_mass_kg[each], states.std_kg[each]), 1.0)
+        max(_compute_reduced_chi_square(states.manoeuvre_mass_kg[each], states.std_kg[each]), 1.0)
         / float((states.std_kg[each] ** -2.0).sum())
         for each in (forwards, ~forwards)
     ]
@@ -241,7 +241,7 @@ def do_heavy_masses_scatter_more_than_light(states: LoadStates, is_heavy: Bools)
         is_heavy: (manoeuvres,) whether each manoeuvre was heavy without that gain.
     """
     spread = [
-        _variance_to_noise_ratio(states.manoeuvre_mass_kg[each], states.std_kg[each])
+        _compute_reduced_chi_square(states.manoeuvre_mass_kg[each], states.std_kg[each])
         for each in (is_heavy, ~is_heavy)
     ]
     degrees_of_freedom = [int(each.sum()) - 1 for each in (is_heavy, ~is_heavy)]
@@ -251,8 +251,8 @@ def do_heavy_masses_scatter_more_than_light(states: LoadStates, is_heavy: Bools)
     return chance < LIMITS.payload_scatter_probability
 
 
-def _variance_to_noise_ratio(mass_kg: Floats, std_kg: Floats) -> float:
-    """Variance of masses about their weighted mean, over that of the noise."""
+def _compute_reduced_chi_square(mass_kg: Floats, std_kg: Floats) -> float:
+    """Reduced χ² of masses about their weighted mean; 0 for a single mass."""
     if mass_kg.size < 2:
         return 0.0
     weight = std_kg**-2.0

@@ -198,7 +198,7 @@ def find_manoeuvres_with_growing_load(
     told = [part.size >= LIMITS.growth_min_rows for part in parts]
     if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = compute_residual_force_of_rows_newtons(fit, rows, manoeuvre_of_row)
+    left = compute_residual_force_newtons(fit, rows, manoeuvre_of_row)
     usual = np.median(np.abs(left[manoeuvre_of_row >= 0]))
     for part in parts:
         # the jerk of a stop is no load, nor is a change that lasts for half of a manoeuvre
@@ -208,7 +208,7 @@ def find_manoeuvres_with_growing_load(
             * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
         )
         left[part] = left[part].clip(-most, most)
-    variance = _row_noise_variance_newtons2(fit, noise)
+    variance = _compute_row_noise_variance_newtons2(fit, noise)
     friction = float(
         np.hypot(fit.viscous_friction, fit.posterior_fit.parameter_stds[fit.mass_count])
     )
@@ -256,7 +256,10 @@ def find_manoeuvres_with_growing_load(
 
 
 def look_up_load_states(states: LoadStates, manoeuvre_numbers: Ints) -> Ints:
-    """Index of the load state of manoeuvres by their number, (n,); undefined beyond them."""
+    """Index of the load state of each manoeuvre number, (n,).
+
+    A number that the states lack gets the state of the next manoeuvre, or of the last one.
+    """
     return states.state_of_manoeuvre[
         np.searchsorted(states.manoeuvre_ids, manoeuvre_numbers).clip(
             0, states.manoeuvre_ids.size - 1
@@ -347,10 +350,13 @@ def find_creeping_load_changes(fit: JointFit) -> Ints:
     return states.manoeuvre_ids[between & changes]
 
 
-def compute_residual_force_of_rows_newtons(
+def compute_residual_force_newtons(
     fit: JointFit, fit_rows: FitRows, manoeuvre_of_row: Ints
 ) -> Floats:
-    """Residual force of the rows, (n,) in N; undefined for rows outside manoeuvres."""
+    """Residual force of the rows, (n,) in N.
+
+    Rows outside manoeuvres get the mass of some other load state: ignore them.
+    """
     assert fit.states is not None
     masses = fit.theta[: fit.mass_count][look_up_load_states(fit.states, manoeuvre_of_row)]
     return (
@@ -377,7 +383,7 @@ def fit_mass_growth_and_information_to_residual(
     return float(grows @ residual) / square, square
 
 
-def _row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> float:
+def _compute_row_noise_variance_newtons2(fit: JointFit, noise: ColumnNoiseModel) -> float:
     """Variance of a row due to sensor noise, in N², including that of overlapping rows."""
     samples = fit.samples_per_mean
     gradient = np.array([fit.mass_kg, fit.viscous_friction, -1.0])

@@ -21,7 +21,7 @@ from analysis.weighing.load_changes import (
 )
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
-from estimators.joint.group_effects import HINTED
+from estimators.joint.unit_levels import HINTED
 
 
 @dataclass(frozen=True, slots=True)

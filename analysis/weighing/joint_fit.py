@@ -12,7 +12,7 @@ from analysis.weighing.fit_columns import (
     FitColumns,
     FitRows,
     PreviousEstimates,
-    RelativeMassDeviations,
+    RelativeLoads,
     average_and_weight_fit_columns,
 )
 from analysis.weighing.fit_task import FitTask
@@ -121,7 +121,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
     )
     whole = copy_task_with_updated_wheel_comparison(inputs, whole, best)
     chosen = fit_delayed_or_low_passed_force(whole, best.samples_per_mean)
-    share = _relative_mass_change_by_mean_length(
+    share = _compute_relative_change_by_mean_length(
         first, next(k for k, found in enumerate(first) if found is best)
     )
     transient = count_rows_in_duration(LIMITS.transient_mean_s, motion.rate_hz)
@@ -131,7 +131,7 @@ def fit_jointly(inputs: JointFitInputs, states: LoadStates | None = None) -> Joi
         # a common misfit of all starts that no term models averages out over a longer mean
         longer = fit_delayed_or_low_passed_force(whole, transient)
         if longer.solution.misfit_ratio < misfit:
-            share, chosen = _relative_mass_change_by_mean_length([chosen, longer], 1), longer
+            share, chosen = _compute_relative_change_by_mean_length([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
 
 
@@ -188,7 +188,7 @@ def estimate_wheel_kinematics(
     return None if found is None else found.copy_with_learnt_slip_gain_and_delay(priors)
 
 
-def _relative_mass_change_by_mean_length(
+def _compute_relative_change_by_mean_length(
     fits_by_length: list[JointFit], length_index: int
 ) -> float:
     """Relative effect of the length of the mean on the mass; 0 if it is within the noise."""
@@ -365,7 +365,7 @@ def refit_with_gain_change_by_load(fit: JointFit, priors: PriorSettings) -> Join
         # an uncorrected squat changes the relative loads
         shares = loads.weight_shares
         loads = (
-            RelativeMassDeviations.from_masses(
+            RelativeLoads.from_masses(
                 states.manoeuvre_ids, fit.masses_kg[states.state_of_manoeuvre], shares
             )
             or loads

@@ -130,7 +130,7 @@ class JointFit:
         loads, by_load_N = self.previous_estimates.relative_loads, found_N[columns.shape[1] :]
         if loads is None or not by_load_N.size:
             return force
-        relative_1 = loads.look_up_relative_mass_deviations(self.motion.manoeuvre_of_sample)
+        relative_1 = loads.look_up_relative_loads(self.motion.manoeuvre_of_sample)
         return force + relative_1 * (columns @ by_load_N)
 
     @property
@@ -172,7 +172,7 @@ class JointFit:
         wheels = self.kinematics
         if wheels is not None and wheels.mean_u.any():
             each = np.eye(self.theta.size)[: self.mass_count]
-            changes = map(self._mass_sum_changes_per_unit_slip_gain_and_delay, each)
+            changes = map(self._compute_mass_sum_changes_by_slip_gain_and_delay, each)
             by_wheels = np.array(list(changes)) * wheels.mean_u
             names += TERMS
             moved_kg = np.vstack([moved_kg, by_wheels.T])
@@ -246,13 +246,13 @@ class JointFit:
             "scatter": weighted_std(fit.scatter),
             "other_reading": 0.0
             if self.states is None
-            else self.states.mass_sum_std_by_alternative_partition_kg(coefficients),
+            else self.states.compute_mass_sum_std_by_alternative_partition_kg(coefficients),
             "other_effects": 0.0
             if self.effects is None
-            else self.effects.mass_sum_u_by_effect_choice_kg(coefficients),
+            else self.effects.compute_mass_sum_u_by_effect_choice_kg(coefficients),
             "squat": math.hypot(
-                self._mass_sum_u_by_squat_in_pitch_kg(coefficients),
-                self._mass_sum_u_by_load_dependent_gain_kg(coefficients),
+                self._compute_mass_sum_u_by_squat_in_pitch_kg(coefficients),
+                self._compute_mass_sum_u_by_load_dependent_gain_kg(coefficients),
                 0.0 if responses is None else float(coefficients @ responses.swing_kg),
             ),
             "misfit": weighted_std(fit.misfit) if fit.has_common_misfit else 0.0,
@@ -262,7 +262,7 @@ class JointFit:
         if self.hysteresis_kg is not None:
             shape_kg = LIMITS.hysteresis_shape_u_1 * float(self.hysteresis_kg @ coefficients)
             parts[HYSTERESIS.name] = math.hypot(parts[HYSTERESIS.name], shape_kg)
-        parts |= self._mass_sum_u_by_slip_gain_and_delay_kg(wide, parts["slip"])
+        parts |= self._compute_mass_sum_u_by_slip_gain_and_delay_kg(wide, parts["slip"])
         learnt_kg = self.learnt_terms_and_mass_changes_per_mean_u[1] @ coefficients
         if learnt_kg.any():
             parts["learnt"] = float(np.linalg.norm(learnt_kg))
@@ -274,12 +274,12 @@ class JointFit:
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
-    def _mass_sum_u_by_load_dependent_gain_kg(self, coefficients: Floats) -> float:
+    def _compute_mass_sum_u_by_load_dependent_gain_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to a gain that changes with the load, in kg."""
         squat = self.squat
         return 0.0 if squat is None else squat.compute_mass_sum_u_kg(coefficients, self.masses_kg)
 
-    def _mass_sum_u_by_squat_in_pitch_kg(self, coefficients: Floats) -> float:
+    def _compute_mass_sum_u_by_squat_in_pitch_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to the squat that the pitch measures, in kg."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
@@ -302,7 +302,7 @@ class JointFit:
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
-    def _mass_sum_u_by_slip_gain_and_delay_kg(
+    def _compute_mass_sum_u_by_slip_gain_and_delay_kg(
         self, coefficients: Floats, slip_kg: float
     ) -> dict[str, float]:
         """Uncertainty of a sum of masses due to slip, gain and delay, in kg.
@@ -312,7 +312,7 @@ class JointFit:
         wheels, friction = self.kinematics, self.resistance_speed_slope
         if wheels is None or not wheels.is_consistent:
             return {}
-        moves = self._mass_sum_changes_per_unit_slip_gain_and_delay(coefficients)
+        moves = self._compute_mass_sum_changes_by_slip_gain_and_delay(coefficients)
         width = self.prior_std[find_term_index("slip", self.terms)]
         found = moves @ factor_covariance(wheels.covariance)
         of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
@@ -322,7 +322,7 @@ class JointFit:
             parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
         return parts
 
-    def _mass_sum_changes_per_unit_slip_gain_and_delay(self, coefficients: Floats) -> Floats:
+    def _compute_mass_sum_changes_by_slip_gain_and_delay(self, coefficients: Floats) -> Floats:
         """(3,) response of a sum of masses to one unit of slip, gain and delay of the wheels."""
         friction = self.resistance_speed_slope
         slip = self.mass_count + 1 + find_term_index("slip", self.terms)

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.model.schema import MOVED, SCALE, build_frame
+from analysis.model.schema import MASS_KINDS, SCALE, build_frame
 from analysis.model.uncertainty_sources import combine_u
 from analysis.weighing.empty_states import make_mass_coefficients_of_payload
 from analysis.weighing.mass_budget import make_mass_budget
@@ -22,24 +22,24 @@ from analysis.weighing.wheel_kinematics import TERMS
 
 
 @dataclass(frozen=True)
-class LearntErrors:
+class LearntMeanErrors:
     """Errors of learnt means estimated from a log, in their standard uncertainties.
 
     Attributes:
         terms: terms with learnt means.
         mean: (terms,) estimate from log and calibration together; 0 if the log adds nothing.
         covariance: (terms, terms) covariance of the estimate; identity if the log adds nothing.
-        by_fit_kg: (terms of the fit, masses) response of the masses in kg, from the covariance of
-            the fit; terms of the wheels have none.
+        mass_responses_by_fit_kg: (terms of the fit, masses) response of the masses in kg, from the
+            covariance of the fit; terms of the wheels have none.
     """
 
     terms: tuple[str, ...]
     mean: Floats
     covariance: Floats
-    by_fit_kg: Floats
+    mass_responses_by_fit_kg: Floats
 
     @classmethod
-    def estimate_from_weighing(cls, weighing: Weighing) -> "LearntErrors":
+    def from_weighing(cls, weighing: Weighing) -> "LearntMeanErrors":
         """Estimate the errors from the fit whose learnt priors are as wide as their means' u.
 
         The deviation of a term is split between the error of its mean and the variation between
@@ -80,7 +80,7 @@ class LearntErrors:
         names, moved_kg = weighing.fit.learnt_terms_and_mass_changes_per_mean_u
         own = dict(zip(names, moved_kg, strict=True))
         by_fit = (
-            dict(zip(self.terms, self.by_fit_kg, strict=False))
+            dict(zip(self.terms, self.mass_responses_by_fit_kg, strict=False))
             if weighing.has_corrected_learnt_means
             else {}
         )
@@ -101,10 +101,10 @@ def make_learnt_mean_frames(
     """
     if weighing is None or weighing.fit_with_wide_learnt_priors is None:
         return {}
-    fit, errors = weighing.fit, LearntErrors.estimate_from_weighing(weighing)
+    fit, errors = weighing.fit, LearntMeanErrors.from_weighing(weighing)
     empty = loads.filter("empty")["load_id"].to_list()
     states = range(fit.mass_count)
-    of_mass, of_payload, of_cycle = MOVED
+    of_mass, of_payload, of_cycle = MASS_KINDS
     moved_kg = errors.compute_mass_shifts_kg(weighing)
 
     def make_rows_of_kind(mass_kind: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:

@@ -10,7 +10,7 @@ from analysis.weighing.fitted_stretches import (
 )
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED
+from estimators.joint.unit_levels import FILLED, HINTED, NAMED, RESTARTED, TURNED
 
 
 @cache_on_samples
@@ -117,7 +117,7 @@ def classify_load_change(
     ):
         return 0
     moved = any(
-        _range_without_nan(arm[boom_begin_row : boom_end_row + 1]) > LIMITS.arm_movement_rad
+        compute_finite_range(arm[boom_begin_row : boom_end_row + 1]) > LIMITS.arm_movement_rad
         for arm in motion.boom_and_bucket_angles_rad
     )
     if moved:
@@ -129,7 +129,7 @@ def classify_load_change(
     return RESTARTED if silent else 1
 
 
-def _range_without_nan(values: Floats) -> float:
+def compute_finite_range(values: Floats) -> float:
     """Maximum minus minimum of the finite values; 0 if there are none."""
     known = values[np.isfinite(values)]
     return float(np.ptp(known)) if known.size else 0.0

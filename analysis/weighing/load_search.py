@@ -31,7 +31,7 @@ from analysis.weighing.load_states import (
 from analysis.weighing.motion_samples import Ints
 from analysis.weighing.record_places import make_load_search_rows
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.joint.group_effects import HINTED, GroupEffects
+from estimators.joint.unit_levels import HINTED, UnitLevels
 from estimators.numerics.autocorrelation import estimate_pooled_autocorrelation
 
 
@@ -105,7 +105,7 @@ class _PartitionComparison:
     """
 
     task: FitTask
-    manoeuvre_masses: GroupEffects
+    manoeuvre_masses: UnitLevels
     number: Ints
     samples: int
     known: dict[bytes, float] = field(default_factory=dict[bytes, float])
@@ -129,7 +129,9 @@ class _PartitionComparison:
         number = np.unique(find_manoeuvre_of_stretches(motion))
         return cls(
             task,
-            _estimate_manoeuvre_masses(earlier_fit, inputs, classify_load_change_evidence(motion)),
+            _estimate_manoeuvre_mass_levels(
+                earlier_fit, inputs, classify_load_change_evidence(motion)
+            ),
             number,
             samples_per_mean,
         )
@@ -163,7 +165,7 @@ def _refit_with_fixed_load_states(states: LoadStates, inputs: JointFitInputs) ->
     for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
             break
-        manoeuvre_masses = _estimate_manoeuvre_masses(
+        manoeuvre_masses = _estimate_manoeuvre_mass_levels(
             found, inputs, classify_load_change_evidence(found.motion)
         )
         found = fit_jointly(
@@ -182,7 +184,7 @@ def _refit_with_scatter_estimated_from_states(
     if not np.isfinite(fit.theta).all():
         return fit
     manoeuvre_masses, states = (
-        _estimate_manoeuvre_masses(fit, inputs, change_kinds),
+        _estimate_manoeuvre_mass_levels(fit, inputs, change_kinds),
         _require_load_states(fit),
     )
     likeliest = find_load_states(manoeuvre_masses, states.manoeuvre_ids, repeatability_kg)
@@ -195,9 +197,9 @@ def _refit_with_scatter_estimated_from_states(
     )
 
 
-def _estimate_manoeuvre_masses(
+def _estimate_manoeuvre_mass_levels(
     fit: JointFit, inputs: JointFitInputs, change_kinds: Ints
-) -> GroupEffects:
+) -> UnitLevels:
     """Mass estimates of each manoeuvre by a fit, with the kinds of change between them."""
     manoeuvre_masses = _rebuild_task_of_fit(fit, inputs).estimate_manoeuvre_masses(
         fit, make_refit_rows(fit, inputs.noise)

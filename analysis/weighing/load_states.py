@@ -13,9 +13,9 @@ from analysis.weighing.load_changes import find_manoeuvre_of_stretches
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from estimators.joint.changepoints import Partitions, find_best_partitions
-from estimators.joint.group_effects import FILLED, HINTED, GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
+from estimators.joint.unit_levels import FILLED, HINTED, UnitLevels
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class LoadStates:
             ),
         )
 
-    def mass_sum_std_by_alternative_partition_kg(self, coefficients: Floats) -> float:
+    def compute_mass_sum_std_by_alternative_partition_kg(self, coefficients: Floats) -> float:
         """Standard deviation of a sum of masses due to the alternative partition, in kg.
 
         The variance is that of the difference between the partitions, for one manoeuvre drawn from
@@ -164,7 +164,7 @@ class LoadStates:
 
 
 def find_load_states(
-    masses: GroupEffects, manoeuvre_ids: Ints, repeatability_kg: float | None
+    masses: UnitLevels, manoeuvre_ids: Ints, repeatability_kg: float | None
 ) -> LoadStates:
     """Find the most probable load states.
 
@@ -203,7 +203,7 @@ def find_load_states(
 
 
 def make_states_of_partition(
-    masses: GroupEffects,
+    masses: UnitLevels,
     manoeuvre_ids: Ints,
     state_of_manoeuvre: Ints,
     *,
@@ -229,7 +229,7 @@ def make_states_of_partition(
     )
 
 
-def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
+def _make_load_states(masses: UnitLevels, manoeuvre_ids: Ints, best: Partition) -> LoadStates:
     level_kg = masses.y - masses.x @ best.effects
     scatter = estimate_or_assume_mass_scatter_about_states(
         level_kg, masses.variance, best, masses.kind
@@ -248,7 +248,7 @@ def _make_load_states(masses: GroupEffects, manoeuvre_ids: Ints, best: Partition
     )
 
 
-def compute_median_manoeuvre_mass_kg(masses: GroupEffects) -> float:
+def compute_median_manoeuvre_mass_kg(masses: UnitLevels) -> float:
     """Median mass of the manoeuvres in kg, but at least the median of their noise."""
     return float(max(np.median(np.abs(masses.y)), np.median(np.sqrt(masses.variance))))
 
@@ -260,7 +260,7 @@ def _count_load_reversals(states: Partition) -> int:
 
 
 def find_alternative_partition(
-    masses: GroupEffects, best: Partition, other: Partition | None, other_probability: float
+    masses: UnitLevels, best: Partition, other: Partition | None, other_probability: float
 ) -> AlternativePartition | None:
     """The other partition, if it is probable enough to be considered; else None."""
     doubted = LIMITS.single_load_min_probability

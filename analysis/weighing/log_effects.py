@@ -128,7 +128,7 @@ class MostProbableEffects:
             update={key: LIMITS.left_out_prior_ratio * getattr(priors, key) for key in keys}
         )
 
-    def mass_sum_u_by_effect_choice_kg(self, coefficients: Floats) -> float:
+    def compute_mass_sum_u_by_effect_choice_kg(self, coefficients: Floats) -> float:
         """Uncertainty of a sum of masses due to the choice, in kg (law of total variance).
 
         Args:

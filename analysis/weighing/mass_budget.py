@@ -267,7 +267,7 @@ def list_uncertainty_by_failed_checks_kg(
     drift = weighing.significant_empty_mass_drift
     if drift is not None:
         drift_kg = float(
-            np.linalg.norm(drift.mass_changes_by_gain_kg(fit.masses_kg) @ coefficients)
+            np.linalg.norm(drift.compute_mass_responses_kg(fit.masses_kg) @ coefficients)
         )
         found["drifted_gain"] = max(found.get("drifted_gain", 0.0), drift_kg)
     curved_kg = (

@@ -248,7 +248,7 @@ def find_missing_terms(
         effect_kg = other.theta[: fit.mass_count] - fit.theta[: fit.mass_count]
         # checked first, since computing the standard deviation takes longer
         if (
-            not _largest_mass_change_over_uncertainty(effect_kg, fit)
+            not _find_largest_mass_change_over_uncertainty(effect_kg, fit)
             > LIMITS.missing_term_min_relative_effect
         ):
             continue
@@ -262,11 +262,13 @@ def find_missing_terms(
         if lacking.is_significant(fit):
             found.append(lacking)
     return tuple(
-        sorted(found, key=lambda each: -_largest_mass_change_over_uncertainty(each.effect_kg, fit))
+        sorted(
+            found, key=lambda each: -_find_largest_mass_change_over_uncertainty(each.effect_kg, fit)
+        )
     )
 
 
-def _largest_mass_change_over_uncertainty(mass_changes_kg: Floats, fit: JointFit) -> float:
+def _find_largest_mass_change_over_uncertainty(mass_changes_kg: Floats, fit: JointFit) -> float:
     """Largest ratio of the change of a mass to the standard deviation of that mass."""
     return float(
         np.max(np.abs(mass_changes_kg) / fit.posterior_fit.parameter_stds[: fit.mass_count])

@@ -105,22 +105,24 @@ def estimate_by_instrumental_variables_with_covariance(
     return theta, bread @ scores.T @ scores @ bread.T * (count / (count - p))
 
 
-def estimate_pitch_gravity_per_acceleration_and_std(
-    gravity: Floats, motion: MotionSamples, excess_by_wheels: tuple[float, float] | None = None
+def estimate_squat_fraction_and_u(
+    pitch_gravity_m_s2: Floats,
+    motion: MotionSamples,
+    excess_by_wheels_and_std: tuple[float, float] | None = None,
 ) -> tuple[float, float] | None:
     """Fraction of the acceleration that appears as gravity through the pitch.
 
     Args:
-        gravity: (n,) gravity along x by the pitch, in m/s².
+        pitch_gravity_m_s2: (n,) gravity along x by the pitch.
         motion: the samples, with a pitch.
-        excess_by_wheels: fraction by which the accelerometer exceeds the wheels before gravity by
-            the pitch is removed, and its standard deviation; None if it does not.
+        excess_by_wheels_and_std: fraction by which the accelerometer exceeds the wheels before
+            gravity by the pitch is removed, and its standard deviation; None if it does not.
 
     Returns:
         The fraction, and the standard uncertainty of its effect on the accelerometer; None without
         a squat.
     """
-    found = sum_products_of_pitch_gravity_and_speed(gravity, motion)
+    found = sum_products_of_pitch_gravity_and_speed(pitch_gravity_m_s2, motion)
     solved = estimate_by_instrumental_variables_with_covariance(found.columns, found.response)
     if solved is None:
         return None
@@ -129,12 +131,12 @@ def estimate_pitch_gravity_per_acceleration_and_std(
     if few or not _is_squat(share, std):
         # a few starts do not distinguish a squat from hills, unless the wheels show the same
         shows = share > LIMITS.shared_squat_min_std * std
-        if excess_by_wheels is None or not (
-            shows and _do_estimates_agree(excess_by_wheels, (share, std))
+        if excess_by_wheels_and_std is None or not (
+            shows and _do_estimates_agree(excess_by_wheels_and_std, (share, std))
         ):
             return None
-        weights = np.array([std, excess_by_wheels[1]]) ** -2.0
-        share = float(weights @ [share, excess_by_wheels[0]] / weights.sum())
+        weights = np.array([std, excess_by_wheels_and_std[1]]) ** -2.0
+        share = float(weights @ [share, excess_by_wheels_and_std[0]] / weights.sum())
         std = float(weights.sum() ** -0.5)
         if not _is_squat(share, std):
             return None

@@ -14,7 +14,7 @@ from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise, DerivativeNoise
 from analysis.stages.signals.grid_rate import count_rows_in_duration
 from analysis.stages.signals.signal_limits import LIMITS as SIGNAL_LIMITS
-from analysis.weighing.braking_comparison import compare_mass_with_braking_to_driving
+from analysis.weighing.braking_comparison import compare_masses_with_and_without_braking
 from analysis.weighing.empty_mass_drift import EmptyMassDrift, estimate_empty_mass_drift
 from analysis.weighing.fitted_stretches import (
     count_runs_so_far,
@@ -287,7 +287,7 @@ def _weigh_with_priors(
             _, widths = find_term_farthest_from_prior(alone, priors)
             beyond = widths > settings.verdict.beyond_prior_max
             if not beyond and not estimate_force_curvature(alone, columns, priors).is_significant:
-                braking_kg, left_out = compare_mass_with_braking_to_driving(fit, alone)
+                braking_kg, left_out = compare_masses_with_and_without_braking(fit, alone)
                 if left_out:
                     fit = fit_with_searched_load_states(
                         alone, fitted, machine.machine.repeatability_kg

@@ -27,7 +27,7 @@ from analysis.weighing.motion_samples import (
     compute_ground_to_wheel_speed_ratio,
 )
 from analysis.weighing.nuisances import compute_constant_force_prior_std_of_motion_newtons
-from analysis.weighing.pitch_squat import estimate_pitch_gravity_per_acceleration_and_std
+from analysis.weighing.pitch_squat import estimate_squat_fraction_and_u
 from analysis.weighing.stretch_means import (
     EVERY,
     MEAN,
@@ -119,7 +119,7 @@ def compare_wheels_with_or_without_gravity(
         return found
     pitch_explains_gain = found.is_gain_significant and not level.is_gain_significant
     excess = (-found.gain[0], found.gain[1]) if pitch_explains_gain else None
-    squat = estimate_pitch_gravity_per_acceleration_and_std(
+    squat = estimate_squat_fraction_and_u(
         motion.specific_force - motion.without_gravity, motion, excess
     )
     if squat is not None:

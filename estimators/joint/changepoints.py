@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
+from estimators.joint.unit_levels import FILLED, HINTED, NAMED, RESTARTED, TURNED, UnitLevels
 from estimators.numerics.in_order import sum_in_order
 
 #: Bytes of the (units,) level numbers of a partition, by which equal partitions are found.
@@ -50,7 +50,7 @@ class Partitions:
 
 
 def find_best_partitions(
-    unit_values: GroupEffects,
+    unit_values: UnitLevels,
     max_level_distance: float,
     usual_scatter_std: float,
     known_scatter_std: float | None = None,

@@ -49,7 +49,7 @@ class JointLimits:
     #: Fraction of the largest direction of the columns below which another is rounding.
     gain_rounding_fraction: float = 1e-12
 
-    # group_effects
+    # unit_levels
     #: Rounds of residuals and their variance.
     noise_rounds: int = 3
     #: Units from which they share their effects.

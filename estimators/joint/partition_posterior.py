@@ -20,8 +20,8 @@ from scipy.special import betaln
 
 from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.joint_limits import LIMITS
+from estimators.joint.unit_levels import FILLED, HINTED, NAMED, RESTARTED, UnitLevels
 
 #: Standard deviations of the levels, as fractions of the largest spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
@@ -95,7 +95,7 @@ class PartitionPosterior:
     """
 
     def __init__(
-        self, units: GroupEffects, spread: float, scatter: float, usual: float | None
+        self, units: UnitLevels, spread: float, scatter: float, usual: float | None
     ) -> None:
         self.units, self.spread, self.scatter = units, spread, scatter
         self.variance = units.variance + scatter**2

@@ -144,7 +144,9 @@ def estimate_pooled_autocorrelation(
         ValueError: residuals and groups differ in length, so compiled loops would read beyond them.
     """
     if residual.size != group.size:
-        raise ValueError(f"{residual.size} residuals, but groups of {group.size}")
+        raise ValueError(
+            f"{residual.size} residuals have groups for {group.size}; give each residual a group"
+        )
     loss = compute_autocovariance_loss(group, A) if loss is None else loss
     limit, n = len(loss), int((group >= 0).sum())
     if not limit:

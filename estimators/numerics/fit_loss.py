@@ -55,7 +55,7 @@ def sum_basis_products_by_lag(Q: Floats, lag_count: int) -> Floats:
     return cross
 
 
-def add_autocovariance_loss_vectorised(Q: Floats, loss: Floats) -> None:
+def add_autocovariance_loss_of_fit_in_place_vectorised(Q: Floats, loss: Floats) -> None:
     """Add the loss (lags, lags) of a fit with orthonormal basis Q (n, p), without loops over n."""
     n, p = Q.shape
     lags = len(loss)
@@ -81,8 +81,8 @@ def add_autocovariance_loss_vectorised(Q: Floats, loss: Floats) -> None:
         loss[j + 1 :, j] += (0.5 if j == 0 else 1.0) * more[1:]
 
 
-@compiled_with_array_form(add_autocovariance_loss_vectorised)
-def add_autocovariance_loss(Q: Floats, loss: Floats) -> None:
+@compiled_with_array_form(add_autocovariance_loss_of_fit_in_place_vectorised)
+def add_autocovariance_loss_of_fit_in_place(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
     With S_j the sum of the shifts by ±j (D_j = S_j / 2), this is tr(Qᵀ S_j S_l Q) minus half of
@@ -168,7 +168,7 @@ def _sum_autocovariance_loss_vectorised(A: Floats, group: Ints, spans: Ints, lag
         mine = group[first : last + 1] == group[first]
         for j in range(min(lags, mine.size)):
             pairs[j] += np.count_nonzero(mine[: mine.size - j] & mine[j:])
-        add_autocovariance_loss(
+        add_autocovariance_loss_of_fit_in_place(
             make_orthonormal_basis(np.where(mine[:, None], A[first : last + 1], 0.0)), loss
         )
     return loss / np.maximum(pairs, 1.0)[:, None]
@@ -190,7 +190,7 @@ def sum_autocovariance_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> F
                 others = group[first + k : first + min(k + lags, n)]
                 for j in range(np.uint64(others.size)):
                     pairs[j] += 1.0 if others[j] == group[first] else 0.0
-        add_autocovariance_loss(make_orthonormal_basis(B), loss)
+        add_autocovariance_loss_of_fit_in_place(make_orthonormal_basis(B), loss)
     for j in range(lags):
         for m in range(lags):
             loss[j, m] /= max(pairs[j], 1.0)

@@ -40,7 +40,7 @@ def _dot_in_order(x: Floats, y: Floats) -> float:
 def _make_ordered_sum_primitive(
     library_call: Callable[..., Any], compiled_loop: Callable[..., Any]
 ) -> Any:
-    """Library call for the interpreter, loop for compiled code; both sum in order."""
+    """Make a sum in order: a library call when interpreted, a loop when compiled."""
 
     def import_and_compile() -> Any:
         from estimators.compiled import compiled  # imports numba, which is slow

@@ -71,7 +71,10 @@ def find_identifiable_parameters(
     p = A.shape[-1]
     n = rows.shape[0] if samples is None else samples
     if len(parameters) != p:
-        raise DataError(f"the regressor has {p} columns; {len(parameters)} parameters are named")
+        raise DataError(
+            f"the regressor has {p} columns, but {len(parameters)} parameters are named; name one "
+            "parameter per column"
+        )
     if not np.isfinite(rows).all():
         raise DataError("the regressor holds NaN or infinity; exclude these samples")
     length = np.linalg.norm(rows, axis=0)

@@ -135,7 +135,7 @@ def _check_bundle_alone(
     _check_that_evidence_lists_recordings(bundle, document, digests)
     stretch = require_content_in_memory(held, NOTARY) if NOTARY in held else None
     check_notary_list_range(bundle, document, stretch, keyring)
-    readings, points = parse_readings_and_points(bundle, held, document)
+    readings, points = check_and_read_evidence_tables(bundle, held, document)
     bundle.readings, bundle.points = readings, points
     if readings is not None:
         findings, notes = compare_bundle_with_recomputed(
@@ -220,10 +220,10 @@ def _check_that_evidence_lists_recordings(
             )
 
 
-def parse_readings_and_points(
+def check_and_read_evidence_tables(
     bundle: CheckedBundle, files: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
-    """Read the frames of readings and points; None for each that cannot be read."""
+    """Read readings and points, None if missing or unreadable; add findings for what is wrong."""
     digests = {
         READINGS: document.tables.readings_sha256,
         POINTS: document.tables.points_sha256,

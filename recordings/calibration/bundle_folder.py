@@ -125,7 +125,8 @@ def read_bundle_file(folder: Path, name: str) -> BundleFile:
         digest.update(part)
         if keep and size > LIMITS.held_file_bytes:
             raise EvidenceError(
-                f"{name}: is larger than the {LIMITS.held_file_bytes} bytes allowed"
+                f"{name}: has more than {LIMITS.held_file_bytes >> 20} MiB, the most that this "
+                "file of a bundle may have; ask for the bundle as it was written"
             )
         if keep:
             parts.append(part)

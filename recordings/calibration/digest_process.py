@@ -25,7 +25,10 @@ _COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
 
 
 def main() -> None:
-    """Digest recordings or extract words of PDFs, as the first argument says; others are files."""
+    """Print digests of recordings or words of PDFs as JSON.
+
+    The first argument says which, the others are the files.
+    """
     _limit_memory_and_processor_time()
     file_type, *files = sys.argv[1:]
     sys.stdout.write(json.dumps(digest_files(file_type, map(Path, files))))

@@ -13,6 +13,7 @@ from estimators.errors import EvidenceError, format_count
 from recordings.dcc.dcc_document import DCC, SI, read_leaf_text
 from recordings.dcc.dcc_limits import LIMITS
 from recordings.dcc.dcc_quantity import (
+    ASK_FOR_CORRECTION,
     MassValue,
     find_length_of_list_quantity,
     read_blank_separated_texts,
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
 
 _ASK_FOR_NAMES: Final = (
     "ask the laboratory for one that names them, or state the masses by value_kg and u_kg"
-)
-_ASK_FOR_CORRECTION: Final = (
-    "ask the laboratory for a corrected certificate, or state the masses by value_kg and u_kg"
 )
 
 #: An item, and the names by which a certificate may refer to it.
@@ -79,7 +77,7 @@ def read_certified_masses(
         raise EvidenceError(f"{certificate_name}: has no item '{item_id}'; its items: {choices}")
     if item_id and len(wanted) > 1:
         raise EvidenceError(
-            f"{certificate_name}: has {len(wanted)} items named '{item_id}'; {_ASK_FOR_CORRECTION}"
+            f"{certificate_name}: has {len(wanted)} items named '{item_id}'; {ASK_FOR_CORRECTION}"
         )
     core = admin.find(f"{{{DCC}}}coreData")
     assert core is not None
@@ -88,7 +86,7 @@ def read_certified_masses(
     issuer = read_leaf_text(admin.find(contact)) or ""
     if not issuer:
         raise EvidenceError(
-            f"{certificate_name}: does not name its laboratory; {_ASK_FOR_CORRECTION}"
+            f"{certificate_name}: does not name its laboratory; {ASK_FOR_CORRECTION}"
         )
     found: list[CertifiedMass] = []
     masses = _CertificateMasses(root, named, certificate_name)
@@ -110,9 +108,9 @@ def _list_names_of_item(item: "_Element") -> list[str]:
 class _CertificateMasses:
     """Quantities of a certificate that may be masses, each with its item."""
 
-    def __init__(self, root: "_Element", items: Sequence[NamedItem], what: str) -> None:
+    def __init__(self, root: "_Element", items: Sequence[NamedItem], error_label: str) -> None:
         self._items = items
-        self._what = what
+        self._error_label = error_label
         self._quantities = list(iter_quantities_and_item_ids(root))
         self._weights: dict[_Element, list[_Element]] = {}
 
@@ -129,7 +127,7 @@ class _CertificateMasses:
             if len(chosen) > 1:
                 raise EvidenceError(
                     f"{item_label}: has {len(chosen)} quantities of the kind '{kind}', so it is "
-                    f"not clear which is its mass; {_ASK_FOR_CORRECTION}"
+                    f"not clear which is its mass; {ASK_FOR_CORRECTION}"
                 )
             if chosen:
                 return read_mass_and_standard_u_kg(*chosen[0], item_label)
@@ -143,8 +141,8 @@ class _CertificateMasses:
         )[: LIMITS.max_items]
         raise EvidenceError(
             f"{item_label}: none of its quantities has the refType of a mass "
-            f"({', '.join(_KINDS)}); it "
-            f"has {'only ' + ', '.join(kinds) if kinds else 'none at all'}"
+            f"({', '.join(_KINDS)}), only {', '.join(kinds) or 'quantities without one'}; "
+            f"{ASK_FOR_CORRECTION}"
         )
 
     def _can_quantity_be_of_item(
@@ -159,16 +157,17 @@ class _CertificateMasses:
         self, item: "_Element", quantity: "_Element", item_ids: Sequence[str] | None
     ) -> list[int | None]:
         """List the indices of the item in the quantity's list; None for a single value."""
-        if find_length_of_list_quantity(quantity, self._what) is None:
+        if find_length_of_list_quantity(quantity, self._error_label) is None:
             shared = [each for each, _ in self._items if each.get("id") in (item_ids or ())]
             if len(shared) > 1:
                 raise EvidenceError(
-                    f"{self._what}: has one mass for {len(shared)} items; {_ASK_FOR_CORRECTION}"
+                    f"{self._error_label}: has one mass for {len(shared)} items; "
+                    f"{ASK_FOR_CORRECTION}"
                 )
             return [None]
         if quantity not in self._weights:
             self._weights[quantity] = find_item_of_each_list_value(
-                quantity, self._items, item_ids, self._what
+                quantity, self._items, item_ids, self._error_label
             )
         weights = self._weights[quantity]
         return [place for place, weight in enumerate(weights) if weight is item]
@@ -222,7 +221,7 @@ def find_item_of_each_list_value(
         if found is not None and by_name is not None and found != by_name:
             raise EvidenceError(
                 f"{certificate_name}: a list of masses has two lists of names that disagree; "
-                f"{_ASK_FOR_CORRECTION}"
+                f"{ASK_FOR_CORRECTION}"
             )
         by_name = found or by_name
     if by_name is not None:
@@ -277,17 +276,17 @@ def find_items_named_by_list(
         if len(items) != 1:
             raise EvidenceError(
                 f"{certificate_name}: a list of names beside a list of masses has '{text[:40]}', "
-                f"which is the name of {len(items)} items of that result; {_ASK_FOR_CORRECTION}"
+                f"which is the name of {len(items)} items of that result; {ASK_FOR_CORRECTION}"
             )
     weights = [items[0] for items in found]
     if len(weights) != value_count:
         raise EvidenceError(
             f"{certificate_name}: a list of masses has {value_count} values but "
-            f"{len(weights)} names; {_ASK_FOR_CORRECTION}"
+            f"{len(weights)} names; {ASK_FOR_CORRECTION}"
         )
     if len(set(weights)) != value_count:
         raise EvidenceError(
             f"{certificate_name}: a list of {value_count} masses names a weight twice; "
-            f"{_ASK_FOR_CORRECTION}"
+            f"{ASK_FOR_CORRECTION}"
         )
     return weights

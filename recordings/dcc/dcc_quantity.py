@@ -12,6 +12,10 @@ from recordings.dcc.dcc_limits import LIMITS
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
+#: Remedy for a certificate that the laboratory has to correct.
+ASK_FOR_CORRECTION: Final = (
+    "ask the laboratory for a corrected certificate, or state the masses by value_kg and u_kg"
+)
 #: Kilograms per D-SI unit of mass, for the units that are read.
 _UNITS_KG: Final = {
     r"\kilogram": 1.0,
@@ -59,8 +63,8 @@ class DsiValue:
         if len(texts) not in (1, self.count):
             raise EvidenceError(
                 f"{error_label}: its si:{self.make_dsi_element_name(element_name)} has "
-                f"{len(texts)} entries for "
-                f"{self.count} values, neither one for all nor one for each"
+                f"{len(texts)} entries for {self.count} values, neither one for all nor one for "
+                f"each; {ASK_FOR_CORRECTION}"
             )
         return texts
 
@@ -86,7 +90,8 @@ def find_length_of_list_quantity(quantity: "_Element", error_label: str) -> int 
     lists = quantity.findall(f"{{{SI}}}realListXMLList")
     if len(reals) + len(lists) != 1:
         raise EvidenceError(
-            f"{error_label}: its mass must be exactly one si:real or one si:realListXMLList"
+            f"{error_label}: its mass must be exactly one si:real or one si:realListXMLList; "
+            f"{ASK_FOR_CORRECTION}"
         )
     if reals:
         return None
@@ -138,11 +143,14 @@ def read_mass_and_standard_u_kg(
         * unit_kg
     )
     if not 0.0 < value_kg <= LIMITS.weight_max_kg:
-        raise EvidenceError(f"{error_label}: {value_kg:g} kg is not a possible mass of a weight")
+        raise EvidenceError(
+            f"{error_label}: {value_kg:g} kg is not a possible mass of a weight (above 0 and at "
+            f"most {LIMITS.weight_max_kg:g} kg); {ASK_FOR_CORRECTION}"
+        )
     if not 0.0 < u_kg <= LIMITS.weight_max_u_1 * value_kg:
         raise EvidenceError(
             f"{error_label}: a standard uncertainty of {u_kg:g} kg is not possible for "
-            f"{value_kg:g} kg"
+            f"{value_kg:g} kg; {ASK_FOR_CORRECTION}"
         )
     return MassValue(value_kg, u_kg)
 
@@ -159,14 +167,13 @@ def _read_standard_uncertainty(
     )
     if len(expanded) + len(interval) != 1:
         raise EvidenceError(
-            f"{error_label}: has {len(expanded) + len(interval)} uncertainties, not one; ask the "
-            "laboratory for a corrected certificate, or state the masses by value_kg and u_kg"
+            f"{error_label}: has {len(expanded) + len(interval)} uncertainties, not one; "
+            f"{ASK_FOR_CORRECTION}"
         )
     inside, name = (interval[0], "standardUnc") if interval else (expanded[0], "uncertainty")
     if has_several_units and len(dsi_value.read_list_entry_texts(inside, name, error_label)) == 1:
         raise EvidenceError(
-            f"{error_label}: has one uncertainty for values in several units; ask the laboratory "
-            "for a corrected certificate, or state the masses by value_kg and u_kg"
+            f"{error_label}: has one uncertainty for values in several units; {ASK_FOR_CORRECTION}"
         )
     if interval:
         return dsi_value.read_number_of_list_entry(inside, name, error_label)
@@ -174,12 +181,13 @@ def _read_standard_uncertainty(
     if not 1.0 <= k <= LIMITS.max_coverage_factor:
         raise EvidenceError(
             f"{error_label}: the coverage factor {k:g} is not from 1 to "
-            f"{LIMITS.max_coverage_factor:g}"
+            f"{LIMITS.max_coverage_factor:g}; {ASK_FOR_CORRECTION}"
         )
     p = dsi_value.read_number_of_list_entry(inside, "coverageProbability", error_label)
     if not 0.5 <= p < 1.0:
         raise EvidenceError(
-            f"{error_label}: the coverage probability {p:g} is not at least 0.5 and below 1"
+            f"{error_label}: the coverage probability {p:g} is not at least 0.5 and below 1; "
+            f"{ASK_FOR_CORRECTION}"
         )
     return dsi_value.read_number_of_list_entry(inside, name, error_label) / k
 
@@ -195,7 +203,8 @@ def read_text_of_required_child(parent: "_Element", element_name: str, error_lab
     if not text:
         tag = parent.tag.rpartition("}")[2]
         raise EvidenceError(
-            f"{error_label}: its {tag} must have exactly one si:{element_name}, with text"
+            f"{error_label}: its {tag} must have exactly one si:{element_name}, with text; "
+            f"{ASK_FOR_CORRECTION}"
         )
     return text
 
@@ -214,11 +223,15 @@ def read_blank_separated_texts(
 def _parse_finite_number(text: str, element_name: str, error_label: str) -> float:
     if len(text) > LIMITS.number_characters or not _NUMBER.fullmatch(text):
         raise EvidenceError(
-            f"{error_label}: its si:{element_name} '{text[:40]}' is not a decimal number"
+            f"{error_label}: its si:{element_name} '{text[:40]}' is not a decimal number; "
+            f"{ASK_FOR_CORRECTION}"
         )
     value = float(text)
     if not math.isfinite(value):
-        raise EvidenceError(f"{error_label}: its si:{element_name} '{text[:40]}' is not finite")
+        raise EvidenceError(
+            f"{error_label}: its si:{element_name} '{text[:40]}' is not finite; "
+            f"{ASK_FOR_CORRECTION}"
+        )
     return value
 
 

@@ -167,7 +167,9 @@ def compute_key_id_of_pem(pem_bytes: bytes, key_name: str) -> str:
         else:
             key = serialization.load_pem_public_key(pem_bytes)
     except ValueError:
-        raise EvidenceError(f"{key_name}: has no public key or certificate in PEM") from None
+        raise EvidenceError(
+            f"{key_name}: has no public key or certificate in PEM; ask the laboratory for its key"
+        ) from None
     if isinstance(key, rsa.RSAPublicKey) and key.key_size < _RSA_BITS_MIN:
         raise EvidenceError(
             f"{key_name}: an RSA key of {key.key_size} bits is too short; at least {_RSA_BITS_MIN} "
@@ -240,7 +242,9 @@ def read_dcc_signing_key(path: Path, certificate: Path | None = None) -> DccKey:
             "are required"
         )
     if own is not None and own != key.public_key():
-        raise EvidenceError(f"{certificate}: is not the certificate of {path}")
+        raise EvidenceError(
+            f"{certificate}: is not the certificate of {path}; give the one of this key"
+        )
     method = "ecdsa-sha256" if isinstance(key, ec.EllipticCurvePrivateKey) else "rsa-sha256"
     return DccKey(private, held, method)
 

@@ -105,7 +105,7 @@ class GrowingRecording:
 
     def __init__(
         self,
-        about: FollowedLog,
+        followed_log: FollowedLog,
         settings: Settings,
         name: str,
         *,
@@ -115,7 +115,7 @@ class GrowingRecording:
         """Begin a recording, or continue it at the end of a file.
 
         Args:
-            about: followed log.
+            followed_log: the followed log.
             settings: settings of the replay, with the grid rate.
             name: name shown in viewers.
             file: output file; None for none.
@@ -123,7 +123,7 @@ class GrowingRecording:
         """
         import rerun as rr
 
-        self._about, self._file = about, file
+        self._followed_log, self._file = followed_log, file
         self._period_ns = 1e9 / settings.align.rate_hz
         self._new = _RowsToSend()
         self._state: dict[str, str | None] = {}
@@ -133,26 +133,26 @@ class GrowingRecording:
         self._streams: list[RecordingStream] = []
         begins: list[RecordingStream] = []
         if file is not None:
-            stream = rr.RecordingStream(APPLICATION, recording_id=about.recording_id)
+            stream = rr.RecordingStream(APPLICATION, recording_id=followed_log.recording_id)
             self._bytes = stream.binary_stream()
             self._streams.append(stream)
             begins += [stream] if file.size == 0 else []
         if server is not None:
-            stream = rr.RecordingStream(APPLICATION, recording_id=about.recording_id)
+            stream = rr.RecordingStream(APPLICATION, recording_id=followed_log.recording_id)
             stream.set_sinks(rr.GrpcSink(server))
             self._streams.append(stream)
             begins.append(stream)
         for stream in begins:
             described: dict[str, Any] = {
-                "identity": about.identity,
-                "t0_unix_ns": about.t0_unix_ns,
-                "recording_id": about.recording_id,
+                "identity": followed_log.identity,
+                "t0_unix_ns": followed_log.t0_unix_ns,
+                "recording_id": followed_log.recording_id,
             }
             stream.send_property(PROPERTY, rr.AnyValues(**described))
             stream.flush()  # before the layout, where `read_end_of_recording` looks for it
             stream.send_blueprint(layout, make_active=True, make_default=True)
             stream.send_recording_name(name)
-            stream.send_recording_start_time_nanos(about.t0_unix_ns)
+            stream.send_recording_start_time_nanos(followed_log.t0_unix_ns)
         self._append_new_rows_to_file()
 
     def add_rows_to_write(self, online_rows: Sequence[FollowedRow]) -> None:
@@ -229,7 +229,7 @@ class GrowingRecording:
         recording_stream.send_columns(
             make_text_entity_path(ANSWER),
             indexes=[
-                rr.TimeColumn(TIME, timestamp=(now + self._about.t0_unix_ns).view("M8[ns]")),
+                rr.TimeColumn(TIME, timestamp=(now + self._followed_log.t0_unix_ns).view("M8[ns]")),
                 rr.TimeColumn(SINCE_START, duration=now.view("m8[ns]")),
             ],
             columns=rr.TextDocument.columns(
@@ -239,7 +239,7 @@ class GrowingRecording:
         # the excitation last, which marks the second as complete
         frames["display/excitation"] = _make_numeric_frame(new_rows.excitation, EXCITATION)
         for name, frame in frames.items():
-            for batch in iter_record_batches_to_draw(name, frame, self._about.t0_unix_ns):
+            for batch in iter_record_batches_to_draw(name, frame, self._followed_log.t0_unix_ns):
                 recording_stream.send_record_batch(batch, index=[TIME, SINCE_START])
 
     def close_complete_file(self) -> None:
@@ -346,14 +346,16 @@ def read_end_of_recording(path: Path) -> RecordingEnd | None:
                 f"{path}: is unfinished, and not a recording of `payscope follow`; give another "
                 "output, or --force to replace it"
             )
-        about = FollowedLog(found["identity"], int(found["t0_unix_ns"]), found["recording_id"])
+        followed_log = FollowedLog(
+            found["identity"], int(found["t0_unix_ns"]), found["recording_id"]
+        )
         parts = [data[begin:end] for begin, end, of_store in messages[:_FIRST] if of_store]
         store = b"".join([data[:HEAD_BYTES], *parts])
         for begin, end, _ in reversed(messages[-_SECOND:]):
             for chunk in _iter_chunks_of_messages(store + data[begin:end]):
                 if chunk.entity_path == _LAST_OF_PART:
                     times = chunk.to_record_batch().column(SINCE_START)
-                    return RecordingEnd(about, max(t.value for t in times), end)
+                    return RecordingEnd(followed_log, max(t.value for t in times), end)
     return None
 
 

@@ -79,7 +79,9 @@ def check_untrusted_notary_list(
     """
     checked = CheckedNotaryList()
     if len(list_bytes) > LIMITS.list_bytes:
-        checked.add_forgery_fault(f"is larger than the {LIMITS.list_bytes} bytes allowed")
+        checked.add_forgery_fault(
+            f"has more than {LIMITS.list_bytes >> 20} MiB, the most that is read"
+        )
         return checked
     whole, tail = split_list_into_complete_lines_and_tail(list_bytes)
     if tail:

@@ -137,7 +137,9 @@ def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
         EvidenceError: the bytes are not a line as made by `make_signed_line`.
     """
     if len(line_bytes) > LIMITS.line_bytes:
-        raise EvidenceError(f"{source}: is longer than the {LIMITS.line_bytes} bytes allowed")
+        raise EvidenceError(
+            f"{source}: has more than {LIMITS.line_bytes >> 20} MiB, the most that a line may have"
+        )
     values: Any = parse_canonical_json(line_bytes, source)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
         raise EvidenceError(f"{source}: is not a signed line of a notary list")
@@ -151,7 +153,10 @@ def parse_untrusted_line(line_bytes: bytes, source: str) -> NotaryLine:
     if encode_canonical_json({**content.model_dump(mode="json"), "signature": text}) != line_bytes:
         raise EvidenceError(f"{source}: a value has another type than `payscope notarise` writes")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
-        raise EvidenceError(f"{source}: its signature is not base64 of 64 bytes")
+        raise EvidenceError(
+            f"{source}: its signature is not the base64 text of 64 bytes, so the line was "
+            "changed or damaged after it was signed"
+        )
     return NotaryLine(line_bytes, content, signature)
 
 
@@ -159,7 +164,7 @@ def _format_validation_fault(fault: Exception) -> str:
     if isinstance(fault, ValidationError):
         first = fault.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-    return "its signature is not base64"
+    return "its signature is not base64 text"
 
 
 class SplitNotaryList(NamedTuple):

@@ -281,7 +281,7 @@ def compute_paper_item(item: Item[N], extracts: RepetitionResults) -> ItemResult
 
 def _make_getter_of_single_extract(extract: Extract[Any, N]) -> Callable[[RepetitionResults], N]:
     """Make a function that returns the extract of a single simulation as an item's numbers."""
-    return lambda extracts: extracts.get_single_result_of_extract(extract)
+    return lambda extracts: extracts.get_only_result(extract)
 
 
 #: All items, in the paper's order.

@@ -45,7 +45,8 @@ def parse_canonical_json(json_bytes: bytes, source: str) -> Any:
     """
     if len(json_bytes) > LIMITS.document_bytes:
         raise EvidenceError(
-            f"{source}: {len(json_bytes)} bytes are more than the {LIMITS.document_bytes} allowed"
+            f"{source}: has more than {LIMITS.document_bytes >> 20} MiB, the most that evidence "
+            "may have"
         )
     _refuse_deep_nesting(json_bytes, source)
     try:

@@ -56,7 +56,7 @@ class KnownKey(BaseModel):
         except EvidenceError as fault:
             raise ValueError(str(fault)) from None
         if self.valid_from and self.valid_to and self.valid_to < self.valid_from:
-            raise ValueError("valid_to is before valid_from")
+            raise ValueError("valid_to is before valid_from; correct one of them")
         return self
 
     @property
@@ -133,7 +133,9 @@ def load_keyring(path: Path | None = None) -> Keyring:
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > LIMITS.keyring_bytes:
-        raise EvidenceError(f"{path}: is not a keyring: larger than {LIMITS.keyring_bytes} bytes")
+        raise EvidenceError(
+            f"{path}: is not a keyring: it has more than {LIMITS.keyring_bytes >> 20} MiB"
+        )
     try:
         content: dict[str, Any] = tomllib.loads(data.decode())
     except ValueError as error:

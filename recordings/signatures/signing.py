@@ -314,7 +314,7 @@ def _read_key_file(path: Path) -> bytes:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > LIMITS.key_bytes:
         raise EvidenceError(
-            f"{path}: is not a key file: it is larger than {LIMITS.key_bytes} bytes"
+            f"{path}: is not a key file: it has more than {LIMITS.key_bytes >> 10} KiB"
         )
     return data
 

@@ -76,11 +76,13 @@ def command(
     if check is not None and previous is None:
         raise typer.BadParameter("--check needs --previous, the evidence that it checks")
     if check is not None and timestamp_request is not None:
-        raise typer.BadParameter("--timestamp-request is for a campaign, not for --check")
+        raise typer.BadParameter(
+            "--timestamp-request is for a campaign, not for --check; leave it out"
+        )
     if dcc is None and (dcc_key or dcc_certificate):
         raise typer.BadParameter("--dcc-key and --dcc-certificate need --dcc")
     if check is not None and dcc is not None:
-        raise typer.BadParameter("--dcc is for a campaign, not for --check")
+        raise typer.BadParameter("--dcc is for a campaign, not for --check; leave it out")
     with StageProgress(1) as stages:
         if check is not None and previous is not None:
             known = KnownMassOnBoard(check, check_u, certificate, day)

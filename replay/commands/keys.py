@@ -60,7 +60,7 @@ def add(
     if not owner.strip():
         raise EvidenceError("--owner is empty; give the name of the key's owner")
     if valid_from and valid_to and valid_to < valid_from:
-        raise EvidenceError("--valid-to is before --valid-from")
+        raise EvidenceError("--valid-to is before --valid-from; correct one of them")
     keyring = load_keyring()
     fields = {
         "key": public.base64_text,

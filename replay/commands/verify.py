@@ -36,17 +36,18 @@ def command(
             "--require-signed", help="Require a signature by --key, or by a key of the keyring."
         ),
     ] = False,
-    on: Annotated[
+    verification_day: Annotated[
         dt.datetime | None,
         typer.Option(
+            "--on",
             formats=["%Y-%m-%d"],
             metavar="DATE",
             help="Day on which the evidence must be valid; today by default.",
         ),
     ] = None,
-    tsa: Annotated[
+    timestamp_authority: Annotated[
         Path | None,
-        typer.Option(help="Certificates (PEM) of time-stamp authorities that you trust."),
+        typer.Option("--tsa", help="Certificates (PEM) of time-stamp authorities that you trust."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
     page: Annotated[
@@ -101,8 +102,8 @@ def command(
         log_folder=logs,
         key_file=key,
         is_signature_required=require_signed,
-        verification_day=None if on is None else on.date(),
-        authority_certificates=tsa,
+        verification_day=None if verification_day is None else verification_day.date(),
+        authority_certificates=timestamp_authority,
     )
     if as_json:
         print_json(found.to_dict())

@@ -312,7 +312,9 @@ def load_fleet(fleet_path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
                 "both, to name the machine"
             )
         if rule.logs.count(NAME) > 1:
-            raise FleetError(f"{fleet_path}: machines[{number}]: logs has {NAME} more than once")
+            raise FleetError(
+                f"{fleet_path}: machines[{number}]: logs has {NAME} more than once; keep one"
+            )
         if "/" not in rule.logs.partition(NAME)[0] and "**/" in rule.logs.partition(NAME)[2]:
             raise FleetError(
                 f"{fleet_path}: machines[{number}]: in '{rule.logs}', {NAME} would match any "

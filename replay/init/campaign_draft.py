@@ -150,7 +150,7 @@ def draft_campaign_file(
                 refuse_input_as_output(campaign_path, [path])
                 said.append(f"left out: {fault}")
     if not blocks:
-        raise CampaignError(f"{log_folder}: contains no readable log")
+        raise CampaignError(f"{log_folder}: contains no readable log; give a folder with logs")
     file = (
         "machine.toml"
         if machine_file is None

@@ -207,7 +207,7 @@ class ConvertedLog(Log):
         return {f.name: f.unit for f in found.topic.fields if f.unit} if found else {}
 
     def notes(self) -> tuple[str, ...]:
-        """Notes on how the log was written."""
+        """Notes of the original log; see `Log.notes`."""
         return self._about.notes
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:

@@ -107,7 +107,7 @@ class MessageLog(Log):
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
-        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
+        groups = self._container.iter_batch_groups(list(streams), start_ns, end_ns)
         self._feed_all_batches_to_streams((group.batches for group in groups), streams)
         return {
             topic: self._drain_stream_and_note_losses(topic, reading)
@@ -121,7 +121,7 @@ class MessageLog(Log):
 
         stream = self._make_stream_of_topic(topic, fields)
         streams = {connection.id: stream for connection in self._topics[topic].connections}
-        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
+        groups = self._container.iter_batch_groups(list(streams), start_ns, end_ns)
         try:
             for _, rows in iter_decoded_rows_of_streams(groups, streams):
                 yield rows
@@ -144,7 +144,7 @@ class MessageLog(Log):
         }
         topics = {stream: topic for topic, stream in readings.items()}
         streams = {c.id: s for t, s in readings.items() for c in self._topics[t].connections}
-        groups = self._container.read_message_groups(list(streams), start_ns, end_ns)
+        groups = self._container.iter_batch_groups(list(streams), start_ns, end_ns)
         for stream, rows in iter_decoded_rows_of_streams(groups, streams):
             yield topics[stream], rows
         for topic, stream in readings.items():
@@ -266,7 +266,7 @@ class MessageLog(Log):
 
         def count_messages() -> Iterator[list[RawBatch]]:
             nonlocal message_bytes
-            for group, _ in self._container.read_message_groups(list(topics), None, None):
+            for group, _ in self._container.iter_batch_groups(list(topics), None, None):
                 for batch in group:
                     times[batch.connection_id].append(batch.log_times)
                     message_bytes += int(batch.lengths.sum())

@@ -149,7 +149,8 @@ def open_list_exclusively(path: Path) -> Generator[OpenNotaryList]:
         size = os.fstat(number).st_size
         if size > NOTARY_LIMITS.list_bytes:
             raise EvidenceError(
-                f"{path}: is larger than the {NOTARY_LIMITS.list_bytes} bytes allowed for a list"
+                f"{path}: has more than {NOTARY_LIMITS.list_bytes >> 20} MiB, the most that a list "
+                "may have; begin a list in another file"
             )
         whole, tail = split_list_into_complete_lines_and_tail(
             _read_bytes_from_descriptor(number, size)

@@ -262,7 +262,7 @@ def make_list_entry_of_log(
     )
 
 
-class _LogSummary(NamedTuple):
+class _LogSpanAndMachine(NamedTuple):
     """Start, end and machine of a log as texts; "" for each that is unknown."""
 
     begin: str
@@ -270,7 +270,7 @@ class _LogSummary(NamedTuple):
     machine_id: str
 
 
-def read_time_span_and_machine_of_log(log_path: Path) -> _LogSummary:
+def read_time_span_and_machine_of_log(log_path: Path) -> _LogSpanAndMachine:
     """Read start, end and machine of a log; "" for each that is unknown.
 
     A damaged log is no error, since it is listed as well.
@@ -280,11 +280,11 @@ def read_time_span_and_machine_of_log(log_path: Path) -> _LogSummary:
             topics = log.topics()
             machine = next(iter(log.machine_ids()), "")
     except PayscopeError:
-        return _LogSummary("", "", "")
+        return _LogSpanAndMachine("", "", "")
     first, last = topics["start_ns"].min(), topics["end_ns"].max()
     if not isinstance(first, int) or not isinstance(last, int) or first < FIRST_DATE_NS:
-        return _LogSummary("", "", machine[:_LONGEST_ID])
-    return _LogSummary(
+        return _LogSpanAndMachine("", "", machine[:_LONGEST_ID])
+    return _LogSpanAndMachine(
         _format_unix_ns_as_utc_second(first),
         _format_unix_ns_as_utc_second(last),
         machine[:_LONGEST_ID],

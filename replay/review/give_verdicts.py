@@ -169,7 +169,9 @@ class RequestedVerdicts:
                 if text
             }
             if len(span) == 2 and span["begin"] >= span["end"]:
-                raise ReviewError(f"--to {self.end} is not after --from {self.begin}")
+                raise ReviewError(
+                    f"--to {self.end} is not after --from {self.begin}; correct one of them"
+                )
             said = ShiftVerdict.model_validate(self._given_labels | span | signed)
             if not any(
                 said.applies_to_dump_at(ends_ns / NS_PER_S)

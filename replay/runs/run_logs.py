@@ -156,7 +156,7 @@ def watch_machine_file(
     view = open_requested_live_viewer(output)
     last: Machine | None = None
     failed = False
-    for _ in wait_for_machine_file_changes(path):
+    for _ in iter_machine_file_changes(path):
         try:
             machine = load_machine(path, overrides)
             changed = [] if last is None else list_changed_settings_and_keys(last, machine)
@@ -179,7 +179,7 @@ def watch_machine_file(
         on_answer(answer, changed)
 
 
-def wait_for_machine_file_changes(path: Path) -> Iterator[None]:
+def iter_machine_file_changes(path: Path) -> Iterator[None]:
     """Yield once at the start, after each change that has settled, and when the file vanishes."""
     seen, missed = read_file_state(path), 0
     yield

@@ -121,7 +121,7 @@ ATTACKS: tuple[Attack, ...] = (
       for line in OUTSIDE),
     Attack("files", "a table that is a link", copied(linked), 3, "readings.parquet: is a link"),
     Attack("files", "a page that is a pipe", copied(piped), 3, "is not a regular file"),
-    Attack("files", "a page of 40 MB", copied(swollen), 3, "is larger than"),
+    Attack("files", "a page of 40 MB", copied(swollen), 3, "has more than"),
     # the signature
     Attack("signature", "taken off with its signer", unsigned, 5,
            "the bundle is unsigned, but --key is given"),

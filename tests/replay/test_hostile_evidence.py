@@ -101,7 +101,7 @@ def test_a_file_too_large_is_not_held(genuine: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(genuine, tmp_path / "b"))
     with (folder / REPORT).open("wb") as file:
         file.truncate(40 << 20)
-    assert "is larger than" in findings_text(verify_bundle(folder))
+    assert "has more than" in findings_text(verify_bundle(folder))
 
 
 def test_more_entries_than_any_bundle_are_refused(tmp_path: Path, genuine: Path) -> None:

@@ -14,7 +14,7 @@ from analysis.calibration.campaign.campaign_plan import (
 )
 from analysis.calibration.line.procedure import PRESENT_PROCEDURE, Procedure
 from analysis.calibration.line.shared_errors import RunResponse, SharedErrors
-from analysis.model.methods import METHODS, LogSummary
+from analysis.model.methods import METHODS, SummaryRule
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from analysis.model.uncertainty_sources import SCALES
@@ -106,7 +106,9 @@ def make_run_changes_per_learnt_mean_u(
         return ()
     said = replayed_run.frames["manoeuvres"].to_dicts()
     moved = {
-        run.id: np.mean([shared.moved_kg["mass", each["load_id"]] for each in inside], axis=0)
+        run.id: np.mean(
+            [shared.mass_responses_kg["mass", each["load_id"]] for each in inside], axis=0
+        )
         for run in runs
         if not run.excluded
         and (
@@ -273,7 +275,7 @@ def average_masses_by_method_and_run(replayed_run: Run, runs: pl.DataFrame) -> p
             begin, end = begins[number], ends[number]
             if end <= begin:
                 mass = None
-            elif METHODS[method].summary is LogSummary.LAST:
+            elif METHODS[method].summary is SummaryRule.LAST:
                 mass = mass_kg[end - 1]
             else:
                 weights = float(weight[begin:end].sum())

@@ -13,7 +13,7 @@ from estimators.errors import DataError, format_count
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
+class CampaignPoints:
     """Runs of a campaign, and the points of the runs that have used readings.
 
     Attributes:
@@ -34,7 +34,7 @@ class Campaign:
 
 def average_used_readings_by_run(
     readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats
-) -> Campaign:
+) -> CampaignPoints:
     """Take the mean of the used readings of each run.
 
     Args:
@@ -83,7 +83,7 @@ def average_used_readings_by_run(
         within=WithinRunVariance(float(part["squares"].sum()), int((part["readings"] - 1).sum())),
     )
     _refuse_points_without_line(points)
-    return Campaign(
+    return CampaignPoints(
         runs.drop("loads", "days", "squares"), fitted, points, readings.filter(used), references
     )
 
@@ -93,9 +93,11 @@ def _refuse_inconsistent_references(
 ) -> None:
     """Raise an error if references or their covariance are inconsistent."""
     loads = references.height
-    if references["load_id"].n_unique() != loads:
+    repeated = references["load_id"].filter(references["load_id"].is_duplicated())
+    if repeated.len():
         raise DataError(
-            "calibration: two references have the same load_id; give each load one reference"
+            f"calibration: load_id '{repeated[0]}' has several references; give each load one "
+            "reference"
         )
     if covariance_kg2.shape != (loads, loads) or not np.isfinite(covariance_kg2).all():
         raise DataError(

@@ -17,7 +17,10 @@ from analysis.calibration.line.calibration import (
     sum_variance_not_in_scatter_of_points_kg2,
 )
 from analysis.calibration.line.calibration_budget import make_calibration_budget
-from analysis.calibration.line.calibration_points import Campaign, average_used_readings_by_run
+from analysis.calibration.line.calibration_points import (
+    CampaignPoints,
+    average_used_readings_by_run,
+)
 from analysis.calibration.line.distance_regression import fit_line_by_generalised_distance
 from analysis.calibration.line.line_inversion import LineInversion
 from analysis.calibration.line.line_limits import LIMITS
@@ -229,14 +232,14 @@ def fit_line_and_test_lack_of_fit(
     return line, test
 
 
-def list_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
+def list_variance_components(line: FittedLine, campaign: CampaignPoints) -> tuple[Component, ...]:
     """Effects of the line as components of the calibration, in plain numbers."""
     found: list[Component] = []
     place = 0
     for effect in line.effects:
-        freedom: float | None = None
+        degrees_of_freedom: float | None = None
         if effect.estimated:
-            freedom = count_degrees_of_freedom_of_variance(
+            degrees_of_freedom = count_degrees_of_freedom_of_variance(
                 effect.name, effect.variance_kg2, line, campaign, place
             )
             place += 1
@@ -244,7 +247,7 @@ def list_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Comp
             Component(
                 name=effect.name,
                 variance_kg2=effect.variance_kg2,
-                freedom=freedom,
+                freedom=degrees_of_freedom,
                 on_line=_list_level_variance_covariance_slope_variance(effect.on_line),
                 estimated=effect.estimated,
                 scatters=effect.scatters,
@@ -254,7 +257,11 @@ def list_variance_components(line: FittedLine, campaign: Campaign) -> tuple[Comp
 
 
 def count_degrees_of_freedom_of_variance(
-    effect_name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, effect_index: int
+    effect_name: str,
+    variance_kg2: float,
+    line: FittedLine,
+    campaign: CampaignPoints,
+    effect_index: int,
 ) -> float:
     """Degrees of freedom of an estimated variance; for readings they are counted exactly."""
     if effect_name == REPEATABILITY:

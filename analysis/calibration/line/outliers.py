@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 from scipy.special import fdtrc, stdtr
 
 from analysis.calibration.line.calibration import Calibration, Outlier, Point
-from analysis.calibration.line.calibration_points import Campaign
+from analysis.calibration.line.calibration_points import CampaignPoints
 from analysis.calibration.line.line_limits import LIMITS
 from analysis.calibration.line.line_model import FittedLine
 from estimators.arrays import Floats
@@ -65,7 +65,9 @@ def compute_studentised_residuals(line: FittedLine) -> Floats:
     return np.where(alone, 0.0, line.residual_kg / np.sqrt(np.where(alone, 1.0, variance)))
 
 
-def find_outlying_readings_and_runs(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
+def find_outlying_readings_and_runs(
+    campaign: CampaignPoints, line: FittedLine
+) -> tuple[Outlier, ...]:
     """Find outlying readings (Grubbs within a run) and runs (studentised residuals)."""
     found: list[Outlier] = []
     runs = campaign.runs["run_id"]

@@ -11,7 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.calibration.line.calibration import Point
-from analysis.calibration.line.calibration_points import Campaign
+from analysis.calibration.line.calibration_points import CampaignPoints
 from analysis.calibration.line.distance_regression import (
     StraightLine,
     fit_line_by_generalised_distance,
@@ -25,7 +25,7 @@ from estimators.arrays import Floats
 _OF_19: Final = ("mass_kg", "reference_kg")
 
 
-def make_point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
+def make_point_rows(campaign: CampaignPoints, line: FittedLine) -> tuple[Point, ...]:
     """Points of all runs, including runs without a used reading."""
     reference = campaign.points.x_kg
     calibrated = (campaign.points.y_kg - line.level_kg) / line.slope_1 + line.centre_kg
@@ -47,7 +47,7 @@ def make_point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     return tuple(rows)
 
 
-def compute_leave_one_load_out_mass_errors_kg(campaign: Campaign, line: FittedLine) -> Floats:
+def compute_leave_one_load_out_mass_errors_kg(campaign: CampaignPoints, line: FittedLine) -> Floats:
     """(points,) error on the line through the other loads; NaN if there is none."""
     points = campaign.points
     errors = np.full(points.y_kg.size, np.nan)
@@ -84,7 +84,7 @@ def compute_rms_without_none(errors: Sequence[float | None]) -> float | None:
     return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
-def estimate_slope_attenuation(campaign: Campaign) -> float | None:
+def estimate_slope_attenuation(campaign: CampaignPoints) -> float | None:
     """Slope of (19) fitted to single readings over that fitted to load means.
 
     Noise of the estimates attenuates a line from estimates to references, so the ratio is below 1.
@@ -104,7 +104,7 @@ def estimate_slope_attenuation(campaign: Campaign) -> float | None:
     return slopes[0] / slopes[1] if slopes[1] else None
 
 
-def compute_scatter_to_stated_std_ratio(campaign: Campaign) -> float | None:
+def compute_scatter_to_stated_std_ratio(campaign: CampaignPoints) -> float | None:
     """Scatter of single readings within runs over their stated standard deviations."""
     if "std_kg" not in campaign.readings.columns:
         return None
@@ -113,10 +113,13 @@ def compute_scatter_to_stated_std_ratio(campaign: Campaign) -> float | None:
     )
     mean = (pl.col("weight") * pl.col("mass_kg")).sum() / pl.col("weight").sum()
     by_run = known.group_by("run_id", maintain_order=True).agg(
-        chi2=(pl.col("weight") * (pl.col("mass_kg") - mean) ** 2).sum(), freedom=pl.len() - 1
+        chi2=(pl.col("weight") * (pl.col("mass_kg") - mean) ** 2).sum(),
+        degrees_of_freedom=pl.len() - 1,
     )
-    freedom = int(by_run["freedom"].sum())
-    ratio = float(np.sqrt(float(by_run["chi2"].sum()) / freedom)) if freedom > 0 else np.nan
+    degrees_of_freedom = int(by_run["degrees_of_freedom"].sum())
+    if degrees_of_freedom < 1:
+        return None
+    ratio = float(np.sqrt(float(by_run["chi2"].sum()) / degrees_of_freedom))
     return ratio if np.isfinite(ratio) else None
 
 

@@ -66,7 +66,8 @@ class SharedErrors:
         error_1: (terms,) errors of the means, in their standard uncertainties.
         covariance_1: (terms, terms) covariance of the errors.
         is_corrected: (terms,) whether the log's masses are already corrected for the error.
-        moved_kg: (terms,) responses of each mass or payload, by its kind (`MOVED`) and number.
+        mass_responses_kg: (terms,) responses of each mass or payload, by its kind (`MASS_KINDS`)
+            and number.
         scale_kg: uncertainty due to the scale, by the same keys.
     """
 
@@ -74,7 +75,7 @@ class SharedErrors:
     error_1: Floats
     covariance_1: Floats
     is_corrected: NDArray[np.bool_]
-    moved_kg: Mapping[tuple[str, int], Floats]
+    mass_responses_kg: Mapping[tuple[str, int], Floats]
     scale_kg: Mapping[tuple[str, int], float]
 
     @classmethod
@@ -90,15 +91,15 @@ class SharedErrors:
         for term, other, error_1, covariance_1, off in known.iter_rows():
             error[place[term]], told[place[term]] = error_1, off
             covariance[place[term], place[other]] = covariance_1
-        moved_kg: dict[tuple[str, int], Floats] = {}
+        mass_responses_kg: dict[tuple[str, int], Floats] = {}
         scale_kg: dict[tuple[str, int], float] = {}
         for of, number, term, response_kg in moved.iter_rows():
             if term == SCALE:
                 scale_kg[of, number] = response_kg
             else:
-                own = moved_kg.setdefault((of, number), np.zeros(len(terms)))
+                own = mass_responses_kg.setdefault((of, number), np.zeros(len(terms)))
                 own[place[term]] = response_kg
-        return cls(terms, error, covariance, told, moved_kg, scale_kg)
+        return cls(terms, error, covariance, told, mass_responses_kg, scale_kg)
 
     def compute_line_shifts_kg(
         self,

@@ -155,11 +155,17 @@ def estimate_driving_offset_and_u_kg(
 ) -> tuple[float, float]:
     """Offset of m̂ by driving differently from the campaign, and its uncertainty, in kg."""
     key = ("mass" if calibration.method == "joint_mass" else "payload", load_row["load_id"])
-    if shared_errors is None or not calibration.responses or key not in shared_errors.moved_kg:
+    if (
+        shared_errors is None
+        or not calibration.responses
+        or key not in shared_errors.mass_responses_kg
+    ):
         return 0.0, 0.0
     away_kg = ((load_row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
     line_kg = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, away_kg)
-    return shared_errors.compute_offset_from_line_kg_and_u_kg(shared_errors.moved_kg[key], line_kg)
+    return shared_errors.compute_offset_from_line_kg_and_u_kg(
+        shared_errors.mass_responses_kg[key], line_kg
+    )
 
 
 def _calibrate_load_mass(
@@ -221,7 +227,7 @@ def calibrate_payload_of_load(
         [("payload", load_row["load_id"])],
         np.array([load_row["own_payload_kg"]]),
     )
-    beside_kg = found.compute_common_u_not_absorbed_by_line_kg(np.array([common_kg]))[0]
+    beside_kg = found.compute_unabsorbed_common_u_kg(np.array([common_kg]))[0]
     parts = (
         random_kg / abs(calibration.c1_1),
         beside_kg,

@@ -234,6 +234,6 @@ def describe_undetectable_changes_by_load(
             times[place[row["term"]]] = LIMITS.contradicting_std * std / row["prior_mean_u"]
     return {
         number: _UNDETECTED.format(float(np.max(np.abs(moved_kg) * times, initial=0.0)))
-        for (of, number), moved_kg in shared_errors.moved_kg.items()
+        for (of, number), moved_kg in shared_errors.mass_responses_kg.items()
         if of == "mass"
     }

@@ -46,9 +46,12 @@ class DifferenceOnLine:
     shared_u_kg: Floats
     abs_slope_1: float
 
-    def compute_common_u_not_absorbed_by_line_kg(self, common_kg: Floats) -> Floats:
-        """(n,) common uncertainty in kg of m̂ minus the absorbed part, in kg of mass."""
-        return np.sqrt(np.maximum(common_kg**2 - self.absorbed_u_kg**2, 0.0)) / self.abs_slope_1
+    def compute_unabsorbed_common_u_kg(self, common_u_kg: Floats) -> Floats:
+        """(n,) part of the common uncertainty that the line does not absorb, in kg of mass.
+
+        The absorbed part is subtracted in quadrature; `common_u_kg` is in kg of m̂.
+        """
+        return np.sqrt(np.maximum(common_u_kg**2 - self.absorbed_u_kg**2, 0.0)) / self.abs_slope_1
 
 
 def calibrate_mass_differences(
@@ -62,7 +65,7 @@ def calibrate_mass_differences(
     Args:
         calibration: calibration of masses, or of payloads with a level.
         shared_errors: the log's estimate of errors shared with its campaign; None corrects none.
-        payload_kinds_and_numbers: (n,) kind (`MOVED`) and number of each payload.
+        payload_kinds_and_numbers: (n,) kind (`MASS_KINDS`) and number of each payload.
         payload_kg: (n,) uncalibrated payloads; NaN if missing.
     """
     absolute = calibration.method == "joint_payload"
@@ -80,7 +83,10 @@ def calibrate_mass_differences(
         centre_kg = calibration.centre_kg if absolute else 0.0
         nothing = np.zeros(len(shared_errors.terms))
         moved = np.array(
-            [shared_errors.moved_kg.get(each, nothing) for each in payload_kinds_and_numbers]
+            [
+                shared_errors.mass_responses_kg.get(each, nothing)
+                for each in payload_kinds_and_numbers
+            ]
         )
         of_level = shared_errors.compute_line_shifts_kg(calibration.responses, 1.0, 0.0)
         of_slope = shared_errors.compute_line_shifts_kg(calibration.responses, 0.0, 1.0)
@@ -88,7 +94,7 @@ def calibrate_mass_differences(
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
         told = np.array(
-            [each in shared_errors.moved_kg for each in payload_kinds_and_numbers]
+            [each in shared_errors.mass_responses_kg for each in payload_kinds_and_numbers]
         ) & np.isfinite(mass_kg)
         moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
         off = [

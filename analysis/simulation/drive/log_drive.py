@@ -86,7 +86,7 @@ class TrialDriver(MachineDriver):
             self._added_kg, self._lost_kg = added_kg, 0.0
         load_kg = self._load_kg + added_kg - self._lost_kg
         body = RigidBody.make_loaded_body(self.scenario, load_kg)
-        body = replace(body, rolling_x_N=self.rolling_resistance_newtons(body.mass_kg))
+        body = replace(body, rolling_x_N=self.compute_rolling_resistance_here_newtons(body.mass_kg))
         if self._stands_loaded:
             self.mass_kg = body.mass_kg
         load_end_kg, direction, throttle = load_kg, None, None
@@ -146,7 +146,7 @@ class TrialDriver(MachineDriver):
             ]
         )
         stage = DriveStage(start_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
-        self.state[plant.BRAKE] = -body.mass_kg * self.uphill_gravity_m_s2()
+        self.state[plant.BRAKE] = -body.mass_kg * self.compute_uphill_gravity_m_s2()
         self.integrate_stage(FREE, stage, excitation.duration_s, wave)
         braking_s = self.time_s
         self.brake_to_stop(stage._replace(begin_s=braking_s))
@@ -179,7 +179,7 @@ class TrialDriver(MachineDriver):
             )
             if travel.in_motion and self.time_s == start_s:
                 self.state[[plant.WHEEL, plant.BODY]] = leg.wanted_m_s[0]
-                self.state[plant.DRIVE] = self._cruise_force_newtons(stage, full_N)
+                self.state[plant.DRIVE] = self._compute_cruise_force_newtons(stage, full_N)
             duration_s = (leg.wanted_m_s.size - 1) * LIMITS.wave_step_s
             self.integrate_stage(
                 FREE,

@@ -198,13 +198,13 @@ class MachineDriver:
             )
         filled_kg = start_order.fill_kg_s * start_order.start_s
 
-        def spilled_kg() -> float:
+        def compute_spilled_kg() -> float:
             return start_order.load_kg * -math.expm1(
                 -start_order.spill_1_s * (self.time_s - begin_s)
             )
 
         def stage_from_now(stage: DriveStage) -> DriveStage:
-            lost_kg = spilled_kg()
+            lost_kg = compute_spilled_kg()
             return stage._replace(
                 begin_s=self.time_s,
                 mass_kg=body.mass_kg + filled_kg - lost_kg,
@@ -214,11 +214,11 @@ class MachineDriver:
         steady = stage_from_now(opened)._replace(one_way=0.0, stick_share=0.0)
         cruise_s = start_order.cruise_s
         if start_order.distance_m is not None:
-            cruise_s = self._cruise_duration_s(
+            cruise_s = self._compute_cruise_duration_s(
                 abs(self.position_m - start_m), start_order.distance_m, body
             )
         lead_s = min(brakes.gentle_lead_s, cruise_s) if brakes.gentle_m_s2 else 0.0
-        keeping = steady._replace(drive_N=self._cruise_force_newtons(steady, full_N))
+        keeping = steady._replace(drive_N=self._compute_cruise_force_newtons(steady, full_N))
         self.integrate_stage(STEADY, keeping, cruise_s - lead_s)
         filled_kg += start_order.fill_kg_s * (cruise_s - lead_s)
         braking_s = self.time_s
@@ -235,7 +235,7 @@ class MachineDriver:
         self.brake_to_stop(stage_from_now(shut))
         self.starts += 1
         times = ManoeuvreTimes("start", begin_s, begin_s, steady_s, braking_s, self.time_s)
-        return DrivenStart(times, filled_kg, spilled_kg())
+        return DrivenStart(times, filled_kg, compute_spilled_kg())
 
     def brake_to_stop(self, stage: DriveStage) -> None:
         """Brake until the machine stands.
@@ -296,13 +296,13 @@ class MachineDriver:
         self.kept.commit_rows(kept, stage_kind)
         return rows[:kept]
 
-    def uphill_gravity_m_s2(self) -> float:
+    def compute_uphill_gravity_m_s2(self) -> float:
         """Component of gravity against the machine's forward direction at its position, in m/s²."""
         slope_rad = self.scenario.terrain.compute_slope_rad(self.position_m)
         return self.facing * self._machine.gravity_m_s2 * math.sin(slope_rad)
 
     def make_body_with_cold_friction(self, body: RigidBody, time_s: float) -> RigidBody:
-        """Body with the friction that the machine has at a time while it warms up."""
+        """Copy of the body with the friction of a machine that is still warming up at this time."""
         viscous, coulomb = self._cold_viscous_and_coulomb_fractions(time_s)
         return replace(
             body,
@@ -338,16 +338,18 @@ class MachineDriver:
             self.scenario.sensors.seed, self._load_index, self.starts, stream
         )
 
-    def _cruise_duration_s(self, driven_m: float, distance_m: float, body: RigidBody) -> float:
+    def _compute_cruise_duration_s(
+        self, driven_m: float, distance_m: float, body: RigidBody
+    ) -> float:
         """Cruise duration in s after which the machine stops at about the ordered distance."""
         speed = abs(float(self.state[plant.WHEEL]))
         campaign = self.scenario.campaign
         stop_m = speed * (campaign.valve_lag_s + 0.5 * speed / campaign.braking_m_s2)
         if self.scenario.brakes.gentle_m_s2:
-            stop_m = self._gentle_stopping_distance_m(speed, body)
+            stop_m = self._compute_gentle_stopping_distance_m(speed, body)
         return max((distance_m - driven_m - stop_m) / max(speed, 0.05), LIMITS.min_cruise_s)
 
-    def _gentle_stopping_distance_m(self, speed_m_s: float, body: RigidBody) -> float:
+    def _compute_gentle_stopping_distance_m(self, speed_m_s: float, body: RigidBody) -> float:
         """Stopping distance under gentle brakes and friction, in m."""
         gripping = body.max_holding_force_and_torque[0] / body.mass_kg
         braking_m_s2 = self.scenario.brakes.gentle_m_s2 + gripping
@@ -361,10 +363,10 @@ class MachineDriver:
         wheel_kg = self._machine.wheel_share * mass_kg + self._machine.rotating_kg
         body_kg = mass_kg * (1.0 - self._machine.wheel_share)
         reduced_kg = wheel_kg * body_kg / (wheel_kg + body_kg)
-        pull_N = body_kg * self.uphill_gravity_m_s2()
+        pull_N = body_kg * self.compute_uphill_gravity_m_s2()
         return pull_N / (reduced_kg * self._machine.resonance_rad_s**2)
 
-    def rolling_resistance_newtons(
+    def compute_rolling_resistance_here_newtons(
         self, mass_kg: float, speed_m_s: float = 0.0, turn_rad_s: float = 0.0
     ) -> float:
         """Rolling resistance of a mass at the machine's position, in N."""
@@ -373,19 +375,19 @@ class MachineDriver:
             self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._machine
         )
 
-    def _cruise_force_newtons(self, stage: DriveStage, full_force_N: float) -> float:
+    def _compute_cruise_force_newtons(self, stage: DriveStage, full_force_N: float) -> float:
         """Drive force in N that keeps the speed on the present slope, limited by the throttle."""
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_force_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
         viscous, coulomb = self._cold_viscous_and_coulomb_fractions(self.time_s)
         resistance_N = stage.coulomb_N * coulomb + self._machine.drag_N
         resistance_N += stage.scrub_N_s_rad * turned
-        resistance_N += self.rolling_resistance_newtons(stage.mass_kg, speed, turned)
+        resistance_N += self.compute_rolling_resistance_here_newtons(stage.mass_kg, speed, turned)
         needed_N = (
             self._machine.friction_N_s_m * viscous * speed
             + self._machine.air_N_s2_m2 * abs(speed) * speed
             + self.facing * self._machine.spring_N_m * self.position_m
-            + stage.mass_kg * self.uphill_gravity_m_s2()
+            + stage.mass_kg * self.compute_uphill_gravity_m_s2()
             + stage.fill_kg_s * speed
             + sign * resistance_N
         )

@@ -162,7 +162,11 @@ class ShiftDriver(MachineDriver):
         """Body of the machine with its present fuel and load."""
         body = RigidBody.make_loaded_body(self.scenario, self._load_kg)
         mass_kg = body.mass_kg - self._burnt_kg
-        return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance_newtons(mass_kg))
+        return replace(
+            body,
+            mass_kg=mass_kg,
+            rolling_x_N=self.compute_rolling_resistance_here_newtons(mass_kg),
+        )
 
     def _make_cycle_random_generator(self, stream: str) -> np.random.Generator:
         """Random generator of a stream for the present cycle."""

@@ -121,7 +121,7 @@ class RigidBody:
             + self.first_moment_y_kg_m * gravity_x,
         )
 
-    def accelerations(
+    def compute_accelerations(
         self, net_force_and_torque: LongitudinalYawPair, moving_axes: tuple[bool, bool]
     ) -> LongitudinalYawPair:
         """dv/dt and ω̇ under `net_force_and_torque`; 0 for an axis that does not move."""
@@ -139,7 +139,7 @@ class RigidBody:
         )
         return LongitudinalYawPair((net_force_and_torque.x + mc_y * turn) / m, turn)
 
-    def required_force_and_torque(
+    def compute_required_force_and_torque(
         self,
         rate: LongitudinalYawPair,
         acceleration: LongitudinalYawPair,

@@ -130,7 +130,7 @@ class SolvedMotion:
             inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
             if inside.any():  # a short phase may lie between two samples
                 state = phase.state(time_s[inside])
-                name[inside] = _phase_names(state) if phase.name is None else phase.name
+                name[inside] = _label_motion_phases(state) if phase.name is None else phase.name
                 rows[:, inside] = np.stack(state)
         state = MotionState(*[rows[i] for i in range(len(rows))])
         gravity_x, gravity_y = self.body.slope_acceleration_along_and_across(state.heading_rad)
@@ -157,7 +157,7 @@ class SolvedMotion:
         )
 
 
-def _phase_names(state: MotionState) -> NDArray[np.str_]:
+def _label_motion_phases(state: MotionState) -> NDArray[np.str_]:
     """Names of the phases of motion (n,), derived from the state."""
     stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
     return np.select(

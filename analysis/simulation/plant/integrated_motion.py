@@ -123,7 +123,7 @@ class IntegratedLog:
         gravity = terrain.gravity_m_s2 * np.sin(slope)
         heading = np.interp(time_s, self.rows[:, plant.TIME], self._heading_rad)
         return Channels(
-            phase=self._phase_names(last, wheel, acc, omega),
+            phase=self._label_motion_phases(last, wheel, acc, omega),
             speed_x_m_s=body,
             acc_x_m_s2=acc,
             force_x_N=force,
@@ -166,7 +166,7 @@ class IntegratedLog:
         turned = np.diff(time) * (rate[1:] + rate[:-1]) / 2.0
         return self.heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
 
-    def _phase_names(
+    def _label_motion_phases(
         self, row_before: NDArray[np.int64], speed: Floats, acceleration: Floats, yaw_rate: Floats
     ) -> NDArray[np.str_]:
         stage = self.stage[row_before]

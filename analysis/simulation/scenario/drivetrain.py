@@ -74,8 +74,8 @@ class SimulatedDrivetrain(BaseModel):
         shifts, rotating_kg = self.gear_up_m_s, self.gear_rotating_kg
         if (shifts or rotating_kg) and len(rotating_kg) != len(shifts) + 1:
             raise ValueError(
-                f"gear_rotating_kg: {len(rotating_kg)} of {len(shifts) + 1} gears; "
-                "give one more than gear_up_m_s"
+                f"gear_rotating_kg: has the masses of {len(rotating_kg)} of {len(shifts) + 1} "
+                "gears; give one mass per gear, which is one more than gear_up_m_s has speeds"
             )
         if list(shifts) != sorted(set(shifts)) or any(speed <= 0.0 for speed in shifts):
             raise ValueError("gear_up_m_s: give ascending speeds above 0")
@@ -199,7 +199,10 @@ class SimulatedRolling(BaseModel):
     @model_validator(mode="after")
     def _refuse_inconsistent_ground(self) -> Self:
         if self.coefficient + self.second_ground_more < 0.0:
-            raise ValueError("'second_ground_more' makes the second ground's coefficient negative")
+            raise ValueError(
+                "'second_ground_more' makes the second ground's coefficient negative; give at "
+                f"least {-self.coefficient:g}"
+            )
         return self
 
     @property

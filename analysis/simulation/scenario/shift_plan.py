@@ -156,7 +156,9 @@ class SimulatedShift(BaseModel):
     @model_validator(mode="after")
     def _refuse_inconsistent_shift(self) -> Self:
         if not self.load_least_kg <= self.load_kg <= self.load_most_kg:
-            raise ValueError("'load_kg' is not between 'load_least_kg' and 'load_most_kg'")
+            raise ValueError(
+                "'load_kg' is not between 'load_least_kg' and 'load_most_kg'; correct one of them"
+            )
         if self.carry_back_most_kg >= self.load_least_kg:
             raise ValueError("'carry_back_most_kg' must be less than 'load_least_kg'")
         if self.logs > 1 and self.restart_s > 0.3 * self.duration_h * 3600.0 / self.logs:
@@ -166,7 +168,7 @@ class SimulatedShift(BaseModel):
         if self.damaged_logs > self.logs:
             raise ValueError(f"'damaged_logs' is larger than 'logs'; set it to {self.logs} or less")
         if len(set(self.topics)) < len(self.topics):
-            raise ValueError("a topic of 'topics' appears twice")
+            raise ValueError("a topic of 'topics' appears twice; remove one")
         if self.fuel_kg_h * self.duration_h > self.fuel_tank_kg and not self.refuel_share:
             raise ValueError("'fuel_tank_kg' runs empty before the shift ends; give 'refuel_share'")
         return self

@@ -39,7 +39,7 @@ def make_arc_phases_and_times(
         )
         heading = heading_rad + turned
         sign = LongitudinalYawPair(np.sign(rate.x), np.sign(rate.z))
-        total = body.required_force_and_torque(rate, acceleration, heading, sign)
+        total = body.compute_required_force_and_torque(rate, acceleration, heading, sign)
         drive = LongitudinalYawPair(
             _zero_force_against_motion(total.x, rate.x), _zero_force_against_motion(total.z, rate.z)
         )

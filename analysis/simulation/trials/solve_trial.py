@@ -103,7 +103,7 @@ class _TrialSolver:
 
     def stand_at_heading(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Phase of standing at a heading, held by the brakes."""
-        hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.compute_required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
 
         def standing_state(time_s: Floats) -> MotionState:
             zero = np.zeros_like(time_s)
@@ -134,7 +134,9 @@ class _TrialSolver:
         )
         signs = LongitudinalYawPair(sign, 0.0) if axis == 0 else LongitudinalYawPair(0.0, sign)
         rate = LongitudinalYawPair(float(state[0]), float(state[3]))
-        keeping = self.body.required_force_and_torque(rate, _STILL, float(state[6]), signs)[axis]
+        keeping = self.body.compute_required_force_and_torque(rate, _STILL, float(state[6]), signs)[
+            axis
+        ]
         asked = Commands(_make_constant_drive_command(axis, float(keeping)))
         kept, state = machine.integrate_motion_until(names[1], steady_s, braking_s, state, asked)
         braked = machine.integrate_motion_until_rest(
@@ -156,7 +158,7 @@ class _TrialSolver:
 
         The brakes release as the drive takes over the slope.
         """
-        hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.compute_required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
         against = sign * float(hold[axis])
         coulomb = self.body.max_holding_force_and_torque[axis]
         lag_s = self.scenario.campaign.valve_lag_s
@@ -198,7 +200,7 @@ class _TrialSolver:
         kinks = [
             start_s + kink for wave in waves for kink in wave.kink_times_s(manoeuvre.duration_s)
         ]
-        hold = self.body.required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.compute_required_force_and_torque(_STILL, _STILL, heading_rad, _STILL)
         state = np.array([0.0, 0.0, -hold.x, 0.0, 0.0, -hold.z, heading_rad])
         machine = DrivenMotion(
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
@@ -318,7 +320,7 @@ class DrivenMotion:
             StictionMotion(self.body, self.valve_lag_s, free_axes, friction_signs)
             for friction_signs in grips
         ]
-        return min(machines, key=lambda machine: machine.friction_sign_inconsistency(state))
+        return min(machines, key=lambda machine: machine.compute_friction_law_violation(state))
 
 
 def _refuse_endless_stick_slip(phases: Sequence[MotionPhase]) -> None:

@@ -45,7 +45,9 @@ class StictionMotion:
     free: tuple[bool, bool]
     friction_signs: tuple[float | None, float | None]
 
-    def net_force_and_torque(self, state: Floats | tuple[float, ...]) -> LongitudinalYawPair:
+    def compute_net_force_and_torque(
+        self, state: Floats | tuple[float, ...]
+    ) -> LongitudinalYawPair:
         """Net force and torque for the state, (7,) or (7, n), including sliding friction."""
         v, drive_x, brake_x, omega, drive_z, brake_z, heading = state
         applied = LongitudinalYawPair(drive_x - brake_x, drive_z - brake_z)
@@ -58,23 +60,25 @@ class StictionMotion:
             net_z - body.max_holding_force_and_torque[1] * (friction_signs[1] or 0.0),
         )
 
-    def accelerations(self, net_force_and_torque: LongitudinalYawPair) -> LongitudinalYawPair:
+    def compute_accelerations(
+        self, net_force_and_torque: LongitudinalYawPair
+    ) -> LongitudinalYawPair:
         """dv/dt and ω̇ of the axes that are free and not held."""
-        return self.body.accelerations(net_force_and_torque, self._are_axes_free)
+        return self.body.compute_accelerations(net_force_and_torque, self._are_axes_free)
 
     @property
     def _are_axes_free(self) -> tuple[bool, bool]:
         x, z = (self.free[axis] and self.friction_signs[axis] is not None for axis in (0, 1))
         return x, z
 
-    def holding_force_required(self, state: Floats) -> tuple[float, float]:
+    def compute_required_holding_force_and_torque(self, state: Floats) -> tuple[float, float]:
         """Force and torque that sticking friction must balance in the state (7,)."""
-        net = self.net_force_and_torque(state)
-        acceleration = self.accelerations(net)
+        net = self.compute_net_force_and_torque(state)
+        acceleration = self.compute_accelerations(net)
         mc_y = self.body.first_moment_y_kg_m
         return float(net.x + mc_y * acceleration.z), float(net.z + mc_y * acceleration.x)
 
-    def friction_sign_inconsistency(self, state: Floats) -> float:
+    def compute_friction_law_violation(self, state: Floats) -> float:
         """Violation of the friction law by the friction signs, for axes at rest in the state (7,).
 
         It is 0 if sticking friction does not exceed its limit, and sliding friction opposes the
@@ -82,8 +86,8 @@ class StictionMotion:
         consistent.
         """
         pull, acceleration = (
-            self.holding_force_required(state),
-            self.accelerations(self.net_force_and_torque(state)),
+            self.compute_required_holding_force_and_torque(state),
+            self.compute_accelerations(self.compute_net_force_and_torque(state)),
         )
         inertia = (self.body.mass_kg, self.body.inertia_z_kg_m2)
         wrong = 0.0
@@ -157,8 +161,8 @@ class StictionMotion:
         free_x, free_z = self.free
         moves = self._are_axes_free
         net_of, accelerations, drive = (
-            self.net_force_and_torque,
-            self.body.accelerations,
+            self.compute_net_force_and_torque,
+            self.body.compute_accelerations,
             commands.drive,
         )
 
@@ -185,8 +189,8 @@ class StictionMotion:
             v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full_state(
                 solution(time_s)
             )
-            acceleration = self.accelerations(self.net_force_and_torque(whole))
-            kept = self.body.required_force_and_torque(
+            acceleration = self.compute_accelerations(self.compute_net_force_and_torque(whole))
+            kept = self.body.compute_required_force_and_torque(
                 LongitudinalYawPair(v, omega), acceleration, heading, LongitudinalYawPair(0.0, 0.0)
             )
             if not self.free[0]:
@@ -215,7 +219,7 @@ class _StictionChange:
         machine, axis, state = self._machine, self._axis, self._full(part)
         if machine.friction_signs[axis] is None:
             return (
-                abs(machine.holding_force_required(state)[axis])
+                abs(machine.compute_required_holding_force_and_torque(state)[axis])
                 - machine.body.max_holding_force_and_torque[axis]
             )
         return float(state[RATES[axis]])

@@ -189,7 +189,7 @@ class _TrialLimits:
         light, force, torque = self.lightest, excitation.force, excitation.torque
         highest_N = max(map(abs, force.value_range)) if force else 0.0
         highest_N_m = max(map(abs, torque.value_range)) if torque else 0.0
-        self._refuse_beyond_full_throttle(highest_N, highest_N_m, scenario_key)
+        self._refuse_drive_beyond_full_throttle(highest_N, highest_N_m, scenario_key)
         push_N = highest_N + light.mass_kg * abs(light.uphill_m_s2)
         slow = max(light.friction_x_N_s_m, light.mass_kg / excitation.duration_s)
         if force and push_N > LIMITS.top_speed_m_s * slow:
@@ -225,11 +225,11 @@ class _TrialLimits:
             sides = np.maximum(abs(state.drive_x) / 2, abs(state.brake_x) / 2)
             torque = np.maximum(abs(state.drive_z), abs(state.brake_z))
             worst = int(np.argmax(sides + torque / self.scenario.machine.track_width_m))
-            self._refuse_beyond_full_throttle(
+            self._refuse_drive_beyond_full_throttle(
                 2.0 * float(sides[worst]), float(torque[worst]), scenario_key
             )
 
-    def _refuse_beyond_full_throttle(
+    def _refuse_drive_beyond_full_throttle(
         self, force_N: float, torque_N_m: float, scenario_key: str
     ) -> None:
         """Raise an error if a side exceeds full throttle with its part of force and torque."""
@@ -251,7 +251,8 @@ class _TrialLimits:
         spin_N_m = (braking - LIMITS.min_braking_m_s2) * 2.0 / self.scenario.machine.track_width_m
         if self.lightest.inertia_z_kg_m2 * spin_N_m < self._largest_slope_torque_newton_metres():
             raise ScenarioError(
-                f"campaign.braking_m_s2: {braking:g} does not stop a spin on this slope"
+                f"campaign.braking_m_s2: {braking:g} does not stop a spin on this slope; "
+                "give a larger value"
             )
 
     def _largest_slope_torque_newton_metres(self) -> float:

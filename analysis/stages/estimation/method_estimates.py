@@ -22,7 +22,7 @@ from analysis.model.axes import (
     select_estimate_rows_of_axis,
 )
 from analysis.model.machine import Machine
-from analysis.model.methods import METHODS, AxisNoise, FeedKind, LogSummary, Method
+from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method, SummaryRule
 from analysis.model.schema import build_frame, get_column_values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
@@ -267,14 +267,14 @@ def estimate_log_parameters_and_stds_by_method(
             continue
         method = METHODS[name]
         match method.summary:
-            case LogSummary.POOL:
+            case SummaryRule.POOL:
                 theta[row], std[row] = fit_parameters_and_stds_to_accepted_samples(
                     axis, excitation, gated, settings, noise, method
                 )
-            case LogSummary.LAST:
+            case SummaryRule.LAST:
                 traced, traced_std = read_parameters_and_stds(axis, frame)
                 theta[row], std[row] = traced[-1], traced_std[-1]
-            case LogSummary.MEAN:
+            case SummaryRule.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
                 windows = read_parameters_and_stds(axis, frame)
                 unseen = estimate_attenuation_errors_of_windows(

@@ -75,7 +75,7 @@ def _make_gate_columns(
     first = int(np.argmin(missing)) if n and not missing.all() else n
     slips = mark_slipping_samples(
         get_column_values(excitation, "speed_rate_x_m_s2"),
-        _forward_acceleration_m_s2(excitation),
+        _compute_forward_acceleration_m_s2(excitation),
         settings,
     )
     brakes = mark_deceleration(axis, excitation, settings)
@@ -84,7 +84,7 @@ def _make_gate_columns(
         **flag_rows_that_exclude_windows_by_reason(axis, phase, f, brakes, slips, settings.gate),
     }
 
-    def estimate_window_information(window_ends: Ints) -> Floats:
+    def estimate_ksg_mutual_information(window_ends: Ints) -> Floats:
         return nearest_neighbours.estimate_window_mutual_information(
             A[:, 0].copy(), f, window, window_ends, settings.gate.ksg_neighbours
         )
@@ -94,7 +94,7 @@ def _make_gate_columns(
         seen,
         np.arange(n) < first + window - 1,
         {why: flag_windows_with_flagged_rows(flag, window) for why, flag in flags.items()},
-        estimate_window_information,
+        estimate_ksg_mutual_information,
         settings.gate,
     )
     columns: dict[str, Floats | pl.Series] = {
@@ -192,7 +192,7 @@ def mark_deceleration(axis: Axis, excitation: pl.DataFrame, settings: Settings) 
     )
 
 
-def _forward_acceleration_m_s2(excitation: pl.DataFrame) -> Floats:
+def _compute_forward_acceleration_m_s2(excitation: pl.DataFrame) -> Floats:
     pitch = (
         get_column_values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
     )

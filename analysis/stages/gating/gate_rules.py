@@ -111,7 +111,7 @@ def decide_window_acceptance(
     statistics: WindowStatistics,
     is_warming_up: Bools,
     holds_row_by_reason: Mapping[str, Bools],
-    estimate_information: Callable[[Ints], Floats],
+    estimate_ksg_mutual_information: Callable[[Ints], Floats],
     settings: GateSettings,
 ) -> GateDecision:
     """Accept or reject each window, with the reason.
@@ -122,8 +122,8 @@ def decide_window_acceptance(
         is_warming_up: (windows,) whether the log has fewer rows so far than a window.
         holds_row_by_reason: (windows,) by reason, whether each window contains a row flagged `gap`
             or by `flag_rows_that_exclude_windows_by_reason`, in order of precedence.
-        estimate_information: computes the mutual information of some windows by nearest neighbours,
-            in nat.
+        estimate_ksg_mutual_information: computes the mutual information of some windows by
+            nearest neighbours, in nat.
         settings: the index and its threshold.
     """
     rho, spread, predicted_std, condition, _, noise_share = statistics
@@ -151,7 +151,7 @@ def decide_window_acceptance(
             left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
             ksg = np.full(rho.size, np.nan)
             if left.size:
-                ksg[left] = estimate_information(left)
+                ksg[left] = estimate_ksg_mutual_information(left)
             poor = ~(ksg >= settings.threshold_nat)
     refusals["low_information"] = poor
     refusals["noise_limited"] = noise_share > settings.noise_share_max

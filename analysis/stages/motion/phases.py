@@ -55,7 +55,9 @@ def compute_sign_of_speed_change(
     """
     changing = np.abs(speed_rate) > steady_rate
     return np.where(
-        changing, np.sign(_mean_speed_over_span(speed, speed_rate, settings) * speed_rate), 0.0
+        changing,
+        np.sign(_estimate_mean_speed_over_span(speed, speed_rate, settings) * speed_rate),
+        0.0,
     )
 
 
@@ -145,7 +147,7 @@ def mark_speed_falls_beyond_noise(speed: Floats, noise_m_s: float, settings: Set
     return flag_windows_with_flagged_rows(falls[::-1], span + 1)[::-1]
 
 
-def _mean_speed_over_span(speed: Floats, speed_rate: Floats, settings: Settings) -> Floats:
+def _estimate_mean_speed_over_span(speed: Floats, speed_rate: Floats, settings: Settings) -> Floats:
     return (
         speed - speed_rate * count_rows_in_speed_rate_span(settings) / settings.align.rate_hz / 2.0
     )
@@ -175,7 +177,7 @@ def classify_motion_phases(
     )
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = compute_trailing_speed_rate(yaw_rate, settings)
-    mean_speed = _mean_speed_over_span(speed, speed_rate, settings)
+    mean_speed = _estimate_mean_speed_over_span(speed, speed_rate, settings)
     turning = np.abs(yaw_rate) > settings.phases.turning_rate_rad_s
     slow = np.abs(speed) < settings.phases.standstill_speed_m_s
     steady = np.abs(speed_rate) <= settings.phases.steady_acc_m_s2

@@ -24,9 +24,9 @@ from analysis.stages.motion.forces import (
     compute_yaw_torque,
 )
 from analysis.stages.noise.grid_noise import (
-    ColumnResponse,
+    ColumnProcessing,
     flag_columns_with_noise_hidden_by_grid,
-    list_column_responses,
+    list_column_processing,
     simulate_noise_covariances_on_grid,
 )
 from analysis.stages.noise.noise_limits import LIMITS
@@ -43,8 +43,8 @@ from analysis.stages.noise.noise_spectra import (
     convert_spectra_to_covariances,
     cut_into_detrended_pieces,
     estimate_lag_covariances,
+    find_flagged_spans,
     find_resolution_of_column,
-    find_true_runs,
     limit_noise_covariances_in_place,
     list_block_frequencies_per_sample,
     list_spectrum_frequencies,
@@ -129,7 +129,7 @@ def estimate_channel_noise(
         samples = _select_standing_and_moving_samples(
             x, stands & known, moves & known, known, rate_hz
         )
-        made = list_column_responses(tuple(axis), machine)
+        made = list_column_processing(tuple(axis), machine)
         found, sources = estimate_covariances_and_sources(samples, made)
         if channels is not None:
             replace_noise_hidden_by_grid(found, sources, tuple(axis), machine, channels)
@@ -221,11 +221,11 @@ def _select_standing_and_moving_samples(
     columns: Floats, stands: Bools, is_moving: Bools, is_known: Bools, rate_hz: float
 ) -> NoiseSamples:
     """Select the settled part of each standstill, and the samples in motion."""
-    after, before = (
-        round(LIMITS.settle_after_stop_s * rate_hz),
-        round(LIMITS.settle_before_start_s * rate_hz),
-    )
-    quiet = [(a + after, b - before) for a, b in find_true_runs(stands) if b - before > a + after]
+    after = round(LIMITS.settle_after_stop_s * rate_hz)
+    before = round(LIMITS.settle_before_start_s * rate_hz)
+    quiet = [
+        (a + after, b - before) for a, b in find_flagged_spans(stands) if b - before > a + after
+    ]
     quiet = quiet[:: max(len(quiet) // LIMITS.max_standstills, 1)]
     quiet = [trim_stretch_to_settled_rows(columns, begin, end) for begin, end in quiet]
     still = np.zeros(stands.size, np.bool_)
@@ -243,7 +243,7 @@ def _select_standing_and_moving_samples(
 
 
 def estimate_covariances_and_sources(
-    samples: NoiseSamples, column_responses: list[ColumnResponse]
+    samples: NoiseSamples, column_processing: list[ColumnProcessing]
 ) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS), and the source of each column's noise."""
     p = samples.x.shape[1]
@@ -269,13 +269,13 @@ def estimate_covariances_and_sources(
                 )
             if power is not None:
                 # a column whose reading mostly stays the same has at least the noise of rounding
-                level = fit_spectrum_to_fast_band(power[0], column_responses[column], samples)
+                level = fit_spectrum_to_fast_band(power[0], column_processing[column], samples)
                 spectra[column, column] = np.maximum(
                     level, estimate_rounding_variance(samples, column)
                 )
     # a column and its derivative share one noise
     at = list_spectrum_frequencies()
-    for column, how in enumerate(column_responses):
+    for column, how in enumerate(column_processing):
         of = how.derivative_of
         if of >= 0 and not (live[column] and live[of]):
             shared = np.sqrt(np.maximum(spectra[column, column] * spectra[of, of], 0.0))
@@ -328,19 +328,19 @@ def has_noise_at_standstill(samples: NoiseSamples, pieces: list[Floats], column:
 
 
 def fit_spectrum_to_fast_band(
-    block_power: Floats, column_response: ColumnResponse, samples: NoiseSamples
+    block_power: Floats, column_processing: ColumnProcessing, samples: NoiseSamples
 ) -> Floats:
     """Noise spectrum (frequencies,) of a column, at `list_spectrum_frequencies`.
 
     Below the fast band it is extrapolated from the level in the band.
     """
     at, wanted = list_block_frequencies_per_sample(), list_spectrum_frequencies()
-    response = column_response.compute_power_response(at)
+    response = column_processing.compute_power_response(at)
     fast = samples.min_relative_frequency
     band = (at >= fast) & (at <= samples.max_relative_frequency) & (response > 0.0)
     level = float(np.mean(block_power[band] / response[band]))
     seen = np.interp(wanted, at[1:], average_over_neighbouring_frequencies(block_power, 1)[1:])
-    return np.where(wanted < fast, level * column_response.compute_power_response(wanted), seen)
+    return np.where(wanted < fast, level * column_processing.compute_power_response(wanted), seen)
 
 
 def estimate_noise_growth_in_motion(

@@ -67,7 +67,7 @@ class ColumnNoise:
         pairs = np.maximum(samples_per_mean - lag, 0) / samples_per_mean**2
         return find_nearest_semidefinite_matrix(self._sum_covariances_over_lags(pairs))
 
-    def power_at_zero_frequency(self) -> Floats:
+    def compute_power_at_zero_frequency(self) -> Floats:
         """(p, p) power at 0 Hz: variance per sample of long sums."""
         lags = self.covariances.shape[2]
         return find_nearest_semidefinite_matrix(
@@ -130,7 +130,7 @@ def collect_axis_noise(
         return AxisNoise(usual, None, None)
     mean, lasting = (
         known.compute_covariance_of_means(settings.smooth.samples),
-        known.power_at_zero_frequency(),
+        known.compute_power_at_zero_frequency(),
     )
     std = np.sqrt(np.diagonal(mean))
     *of_A, of_f = (float(each) for each in std)

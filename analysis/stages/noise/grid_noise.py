@@ -40,7 +40,7 @@ Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
-class ColumnResponse:
+class ColumnProcessing:
     """How a column is computed from a channel.
 
     Attributes:
@@ -238,7 +238,7 @@ def estimate_white_noise_std(t_ns: Ints, readings: Floats, max_gap_ns: float) ->
     return float(np.sqrt(max(variance, 0.0 if step is None else step**2 / 12.0)))
 
 
-def list_column_responses(axis: tuple[str, ...], machine: Machine) -> list[ColumnResponse]:
+def list_column_processing(axis: tuple[str, ...], machine: Machine) -> list[ColumnProcessing]:
     """Processing of each column of an axis.
 
     Args:
@@ -255,7 +255,7 @@ def list_column_responses(axis: tuple[str, ...], machine: Machine) -> list[Colum
     ]
     filtered = any(channel.is_derivative for channel in channels.values())
     cutoff = machine.settings.filter.cutoff_hz / machine.settings.align.rate_hz
-    found: list[ColumnResponse] = []
+    found: list[ColumnProcessing] = []
     for name in names:
         depth, at = 0, name
         while at in channels and channels[at].direct_source_channels:
@@ -263,7 +263,7 @@ def list_column_responses(axis: tuple[str, ...], machine: Machine) -> list[Colum
             at = channels[at].direct_source_channels[0]
         parent = channels[name].differentiated_channel if name in channels else None
         found.append(
-            ColumnResponse(
+            ColumnProcessing(
                 depth,
                 names.index(parent) if parent in names else -1,
                 filtered and cutoff < SIGNAL_LIMITS.cutoff_max_rate_fraction,

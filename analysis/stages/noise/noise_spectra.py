@@ -33,7 +33,7 @@ def choose_relative_noise_band(rate_hz: float) -> tuple[float, float]:
     return fast, min(LIMITS.fast_band_ratio * fast, 0.5)
 
 
-def find_true_runs(flags: Bools) -> list[tuple[int, int]]:
+def find_flagged_spans(flags: Bools) -> list[tuple[int, int]]:
     """First row of every run of True, and the row after its last."""
     first, last = find_flagged_runs(flags)
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))

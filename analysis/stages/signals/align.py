@@ -157,7 +157,7 @@ def align_channels_at_instants(
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
         instants, stale = (
-            chosen.newest_known_instants_and_staleness(name)
+            chosen.find_newest_known_instants_and_staleness(name)
             if chosen
             else (grid_instants_ns, np.False_)
         )
@@ -272,7 +272,7 @@ class KnownInstants:
         for name in self.names:
             self.shared = np.minimum(self.shared, self.newest[name])
 
-    def newest_known_instants_and_staleness(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
+    def find_newest_known_instants_and_staleness(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
         """Instants (rows,) to take a channel at, and whether its newest sample is too old."""
         each = self.series[name]
         newest = self.newest[name]

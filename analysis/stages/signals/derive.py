@@ -328,10 +328,11 @@ def select_usable_readings(
 
 
 def _zero_unresolved_samples(name: str, t_ns: filters.Ints, x: filters.Floats) -> mounting.Series:
-    """A derived channel with values below the resolution set to 0; a DataError if it is empty."""
+    """A processed channel with values below the resolution set to 0; a DataError if it is empty."""
     if t_ns.size == 0:
         raise DataError(
-            f"{name}: no stretch of the log without gaps is long enough to derive this channel"
+            f"{name}: every stretch between gaps of the log is too short to differentiate, "
+            "combine or low-pass this channel; give a log with fewer gaps"
         )
     return t_ns, set_values_below_resolution_to_zero(x)
 

@@ -41,7 +41,7 @@ def drop_readings_outside_range(
     if left.is_empty() and not frame.is_empty():
         raise NoReadingError(
             f"{name}: {field} of {channel.topic or 'the table'} has no reading in valid_range, "
-            f"{low:g} to {high:g}"
+            f"{low:g} to {high:g}; correct valid_range, or choose another field"
         )
     if left.height < frame.height:
         losses.append(

@@ -75,7 +75,7 @@ class BagFile(BlockFile):
         return tuple(self._connections.values())
 
     @staticmethod
-    def _load_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         from replay.logs.bag.bag_grammar import RECORD_FINDERS
 
         return RECORD_FINDERS

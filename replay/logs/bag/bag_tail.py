@@ -26,7 +26,7 @@ class BagTail(GrowingBlockFile):
     """
 
     @staticmethod
-    def _load_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         from replay.logs.bag.bag_grammar import RECORD_FINDERS
 
         return RECORD_FINDERS

@@ -12,7 +12,7 @@ _MOST_SINGLE: Final = 20
 
 
 class BlockDamage(FileDamage):
-    """Damaged blocks, gaps without records, and other damage."""
+    """Damage of a file of blocks: `FileDamage`, lost blocks, and stretches without records."""
 
     def __init__(self, source: str) -> None:
         super().__init__(source)

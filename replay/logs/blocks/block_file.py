@@ -39,7 +39,7 @@ class BlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _load_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         """Import the functions that find records of the format in bytes."""
 
     @abstractmethod
@@ -47,7 +47,7 @@ class BlockFile(ABC):
         """Process a record other than a message; see `block_messages.Describe`."""
 
     def _make_store(self) -> BlockStore:
-        return BlockStore(self._file, self._load_record_finders, self._process_non_message_record)
+        return BlockStore(self._file, self._import_record_finders, self._process_non_message_record)
 
     def _make_second_pass_store(self) -> BlockStore:
         """Make a store for a second pass over the file, which shares the notes of damage."""
@@ -77,11 +77,11 @@ class BlockFile(ABC):
         """Number of log times of a connection."""
         return self._store.count_messages_of_connection(connection_id)
 
-    def read_message_groups(
+    def iter_batch_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
         """Read messages in file order; damaged chunks are skipped."""
-        return self._store.read_message_groups(connection_ids, start_ns, end_ns)
+        return self._store.iter_batch_groups(connection_ids, start_ns, end_ns)
 
     def log_time_lower_bound_ns(self) -> int:
         """Lower bound of all log times, by the index."""

@@ -214,10 +214,10 @@ class BlockStore:
                 self._times.setdefault(key, []).extend(parts)
             self._unread = []
 
-    def read_message_groups(
+    def iter_batch_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
-        """See `Container.read_message_groups`."""
+        """See `Container.iter_batch_groups`."""
         wanted = frozenset(connection_ids)
         first = 0 if start_ns is None else max(start_ns, 0)
         last = _INT64_MAX if end_ns is None else end_ns

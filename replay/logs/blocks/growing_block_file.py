@@ -53,7 +53,7 @@ class GrowingBlockFile(ABC):
 
     @staticmethod
     @abstractmethod
-    def _load_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         """Import the functions that find records of the format in bytes."""
 
     @abstractmethod
@@ -119,7 +119,7 @@ class GrowingBlockFile(ABC):
 
     def _split_complete_records(self, data: NDArray[np.uint8]) -> _CompleteRecords:
         """Find messages in bytes (n,), and the offset of the first incomplete record."""
-        finders = self._load_record_finders()
+        finders = self._import_record_finders()
         _, whole = finders.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         index = MessageRowIndex(finders, data, 0)
         index.add_rows_of_span(0, whole)

@@ -150,7 +150,7 @@ class McapFile(BlockFile):
         )
 
     @staticmethod
-    def _load_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         from replay.logs.mcap.mcap_grammar import RECORD_FINDERS
 
         return RECORD_FINDERS

@@ -36,7 +36,7 @@ class McapTail(GrowingBlockFile):
         self._schemas: dict[int, Schema] = {}
 
     @staticmethod
-    def _load_record_finders() -> RecordFinders:
+    def _import_record_finders() -> RecordFinders:
         from replay.logs.mcap.mcap_grammar import RECORD_FINDERS
 
         return RECORD_FINDERS

@@ -132,7 +132,9 @@ class Rosbag2Directory:
 
     def _open_storage_file(self, path: Path) -> Container:
         if not path.exists():
-            raise LogError(f"{METADATA} names {path.name}, which is not there")
+            raise LogError(
+                f"{METADATA} names {path.name}, which is missing from the folder; copy it there"
+            )
         if path.stat().st_size == 0:
             raise LogError("the file is empty (0 bytes)")
         stored = path
@@ -179,7 +181,7 @@ class Rosbag2Directory:
         part_number, inner = self._origin[connection_id]
         return self._parts[part_number].message_count(inner)
 
-    def read_message_groups(
+    def iter_batch_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
         """Read messages file by file."""
@@ -193,7 +195,7 @@ class Rosbag2Directory:
             }
             if not outer:
                 continue
-            stored = part.read_message_groups(list(outer), start_ns, end_ns)
+            stored = part.iter_batch_groups(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
                 stored = prefetch_items_in_thread(self._decompress_messages_of_part(part, stored))
             for batches, floor_ns in stored:

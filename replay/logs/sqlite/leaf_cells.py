@@ -42,13 +42,16 @@ def read_signed_integer(data: NDArray[np.uint8], offset: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-#: Integer, and offset after it; -1 if it is incomplete.
+#: Integer, and offset after it; the offset is -1 if the integer is incomplete.
 IntegerAndEnd: TypeAlias = tuple[int, int]
 
 
 @compiled_without_refcounts
 def read_varint_and_end(data: NDArray[np.uint8], offset: int, end: int) -> IntegerAndEnd:
-    """Read a variable-length integer of 1 to 9 bytes, and its end; -1 if that is beyond `end`."""
+    """Read an SQLite varint of 1 to 9 bytes: its value, and the offset after it.
+
+    The offset is -1 if the varint does not end before or at `end`.
+    """
     value, bits, stop = np.int64(0), 0, -1
     # with several returns, numba would count references to the data, which takes longer than this
     while offset < end and stop < 0:

@@ -119,7 +119,7 @@ class Db3File:
             self._damage.add_damage_sentence(what, topic)
         return times[times >= 0]
 
-    def read_message_groups(
+    def iter_batch_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
         """Read messages in stored order; damaged pages are skipped."""

@@ -61,7 +61,7 @@ class Container(Protocol):
         """Number of log times of a connection, without collecting them."""
         ...
 
-    def read_message_groups(
+    def iter_batch_groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[BatchGroup]:
         """Yield messages of some connections in file order, in a time range that includes its ends.

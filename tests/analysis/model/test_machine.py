@@ -171,7 +171,7 @@ def test_derivations_are_read_with_any_spacing():
         ),
         (
             FORCE | SPEED | IMU | {"acc_x_m_s2": {"derive": "d/dt speed_left_m_s"}},
-            "channels.acc_x_m_s2: 'speed_left_m_s' is not among the channels",
+            "channels.acc_x_m_s2: 'speed_left_m_s' is not a channel; add it",
         ),
         (
             FORCE
@@ -211,8 +211,8 @@ def test_derivations_are_read_with_any_spacing():
         (
             FORCE | SPEED,
             "settings.forces.acceleration is 'specific_force', which needs "
-            "channels.specific_force_x_m_s2; give that channel, or choose the other of "
-            "specific_force, kinematic",
+            "channels.specific_force_x_m_s2; give that channel, or set "
+            'settings.forces.acceleration = "kinematic"',
         ),
     ],
     ids=[

@@ -10,7 +10,7 @@ import pytest
 from analysis.model.schema import PHASE
 from analysis.model.settings import Settings
 from analysis.stages.gating.digging import add_column_of_digging_starts
-from analysis.weighing.braking_comparison import compare_mass_with_braking_to_driving
+from analysis.weighing.braking_comparison import compare_masses_with_and_without_braking
 from analysis.weighing.fitted_stretches import mark_rows_from_dig_to_standstill
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.weigh import weigh
@@ -123,7 +123,7 @@ def test_braking_that_one_load_contradicts_is_left_out(
 ) -> None:
     driving = np.array([4000.0, 5000.0, 4000.0])
     fits = (_Fit(driving + changes_kg, 40.0), _Fit(driving, 30.0))
-    change_kg, contradicts = compare_mass_with_braking_to_driving(
+    change_kg, contradicts = compare_masses_with_and_without_braking(
         *(cast("JointFit", fit) for fit in fits)
     )
     assert (pytest.approx(change_kg), contradicts) == expected

@@ -64,12 +64,12 @@ def test_an_error_of_the_gain_late_in_the_log_does_not_cancel_in_the_ratio_to_th
     drift = EmptyMassDrift(-0.04, 0.001, 0.0, (0, 2), nearby_1)
     late = np.array([0.0, 0.0, -1.0, 1.0])
     ratio = late - (late @ masses_kg) / 4000.0 * np.array([0.5, 0.0, 0.5, 0.0])
-    stated, course, _ = drift.mass_changes_by_gain_kg(masses_kg) @ ratio
+    stated, course, _ = drift.compute_mass_responses_kg(masses_kg) @ ratio
     assert stated == pytest.approx(0.0, abs=1e-9)
     assert course == pytest.approx(-0.02 * 980.0, rel=0.05)
     # a load between the two may have either gain
     between = np.array([-0.5, 1.0, -0.5, 0.0])
-    assert abs((drift.mass_changes_by_gain_kg(masses_kg) @ between)[2]) > 0.02 * 4000.0
+    assert abs((drift.compute_mass_responses_kg(masses_kg) @ between)[2]) > 0.02 * 4000.0
 
 
 def test_small_loads_are_told_from_an_empty_machine_whose_mass_drifts() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.model.settings import Settings
 from analysis.weighing.body_squat import LoadSquat, estimate_load_squat
-from analysis.weighing.fit_columns import RelativeMassDeviations
+from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.haul_route import HaulRoute
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
@@ -64,7 +64,7 @@ def hauls(
 
 def squat_of(motion: MotionSamples, route: HaulRoute | None) -> LoadSquat:
     unit = np.unique(motion.manoeuvre_of_sample)
-    loads = RelativeMassDeviations.from_masses(
+    loads = RelativeLoads.from_masses(
         unit, np.where(unit % 2 == 0, LOADED_KG, EMPTY_KG), (0.5, 0.5)
     )
     wheels = compare_wheels_with_accelerometer(motion, WhiteNoise(0.004), PRIORS)

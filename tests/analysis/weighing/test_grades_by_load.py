@@ -7,7 +7,7 @@ import pytest
 
 from analysis.model.settings import Settings
 from analysis.weighing.body_squat import LoadSquat, estimate_load_squat
-from analysis.weighing.fit_columns import RelativeMassDeviations
+from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.wheel_comparison import compare_wheels_with_accelerometer
 from tests.analysis.weighing.test_noisy_speed import WhiteNoise
 from tests.analysis.weighing.test_pitch_squat import starts
@@ -20,7 +20,7 @@ def squat_of(hills_m_s2: float, heavy_place: int, seed: int) -> LoadSquat:
     _, motion = starts(0.0, hills_m_s2, seed)
     blind = replace(motion, without_gravity=None)
     unit = np.unique(motion.manoeuvre_of_sample)
-    loads = RelativeMassDeviations.from_masses(
+    loads = RelativeLoads.from_masses(
         unit, np.where(unit % 2 == heavy_place, 4200.0, 3800.0), (0.5, 0.5)
     )
     wheels = compare_wheels_with_accelerometer(blind, WhiteNoise(0.004), PRIORS)

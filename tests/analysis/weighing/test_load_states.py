@@ -18,7 +18,7 @@ from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, GroupEffects
+from estimators.joint.unit_levels import FILLED, HINTED, NAMED, UnitLevels
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
@@ -232,18 +232,18 @@ def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
         np.arange(4), np.zeros(4, np.int64), nothing, nothing, 0.0, 3.0, 1.0, 0.6, other
     )
     of_one = np.sqrt(0.4 * np.mean(other.mass_difference_kg**2))
-    assert one.mass_sum_std_by_alternative_partition_kg(np.ones(1)) == pytest.approx(of_one)
+    assert one.compute_mass_sum_std_by_alternative_partition_kg(np.ones(1)) == pytest.approx(of_one)
     # two states, which one load with a scatter may as well be
     two = replace(
         one,
         state_of_manoeuvre=np.array([0, 0, 1, 1]),
         alternative_partition=replace(other, mass_difference_kg=40.0 * LEFT),
     )
-    assert two.mass_sum_std_by_alternative_partition_kg(np.array([-1.0, 1.0])) == pytest.approx(
-        np.sqrt(0.4) * 80.0
-    )
+    assert two.compute_mass_sum_std_by_alternative_partition_kg(
+        np.array([-1.0, 1.0])
+    ) == pytest.approx(np.sqrt(0.4) * 80.0)
     assert (
-        replace(one, alternative_partition=None).mass_sum_std_by_alternative_partition_kg(
+        replace(one, alternative_partition=None).compute_mass_sum_std_by_alternative_partition_kg(
             np.ones(1)
         )
         == 0.0
@@ -267,7 +267,7 @@ def test_a_load_that_comes_and_goes_is_never_one_narrow_mass():
 
 def find_states(masses_kg: list[float], kind: int = 1, **stated: float) -> LoadStates:
     """States of manoeuvres with these masses, each known to 20 kg, and this kind of boundary."""
-    units = GroupEffects(
+    units = UnitLevels(
         np.array(masses_kg),
         np.zeros((len(masses_kg), 0)),
         np.full(len(masses_kg), 400.0),

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from analysis.weighing.load_states import find_load_states
-from estimators.joint.group_effects import GroupEffects, estimate_group_effects
+from estimators.joint.unit_levels import UnitLevels, estimate_unit_levels
 
 
-def units(*levels_kg: float, std_kg: float = 1.0) -> GroupEffects:
+def units(*levels_kg: float, std_kg: float = 1.0) -> UnitLevels:
     """Manoeuvres that say these masses and share nothing."""
     n = len(levels_kg)
     shared, kind = np.zeros((n, 0)), np.ones(n - 1, np.int64)
     variance = np.full(n, std_kg**2)
-    return GroupEffects(np.array(levels_kg), shared, variance, np.zeros((0, 0)), np.zeros(0), kind)
+    return UnitLevels(np.array(levels_kg), shared, variance, np.zeros((0, 0)), np.zeros(0), kind)
 
 
 @pytest.mark.parametrize("repeatability_kg", [None, 2.0])
@@ -37,7 +37,7 @@ def test_a_mass_far_above_its_noise_is_split_as_before() -> None:
 def test_a_unit_that_never_accelerates_tells_no_level() -> None:
     A = np.column_stack([np.repeat([1.0, 0.0], 50), np.linspace(1.0, 2.0, 100)])
     group = np.repeat([0, 1], 50)
-    of_each = estimate_group_effects(
+    of_each = estimate_unit_levels(
         A, A.sum(axis=1), group, None, np.zeros(1), np.full(1, np.inf), group[::50]
     )
     assert np.isnan(of_each.y).all()

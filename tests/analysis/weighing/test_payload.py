@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.weighing.fit_columns import RelativeMassDeviations
+from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.nuisances import LoadProportionalShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
@@ -132,39 +132,30 @@ class TestWeightShare:
 
 class TestRelativeLoads:
     def test_they_are_relative_to_the_mean_of_the_manoeuvres(self):
-        found = RelativeMassDeviations.from_masses(
-            np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5)
-        )
+        found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
-        np.testing.assert_allclose(
-            found.look_up_relative_mass_deviations(np.array([3, 5])), [-0.1, 0.1]
-        )
+        np.testing.assert_allclose(found.look_up_relative_loads(np.array([3, 5])), [-0.1, 0.1])
 
     def test_a_manoeuvre_that_is_not_known_goes_with_the_one_before(self):
-        found = RelativeMassDeviations.from_masses(
-            np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5)
-        )
+        found = RelativeLoads.from_masses(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
         assert found is not None
         np.testing.assert_allclose(
-            found.look_up_relative_mass_deviations(np.array([1, 4, 9])), [-0.1, -0.1, 0.1]
+            found.look_up_relative_loads(np.array([1, 4, 9])), [-0.1, -0.1, 0.1]
         )
 
     def test_masses_that_are_none_have_no_relation(self):
-        assert (
-            RelativeMassDeviations.from_masses(np.array([0]), np.array([-5.0]), (0.5, 0.5)) is None
-        )
+        assert RelativeLoads.from_masses(np.array([0]), np.array([-5.0]), (0.5, 0.5)) is None
 
     def test_a_mass_that_no_machine_has_is_taken_for_a_usual_one(self) -> None:
         masses_kg = np.array([2_200.0, 2_700.0, 2_200.0, 76_000.0, 2_700.0, 2_200.0])
         usual_kg = np.where(masses_kg < 5_000.0, masses_kg, np.median(masses_kg))
         unit = np.arange(masses_kg.size)
         found, usual = (
-            RelativeMassDeviations.from_masses(unit, each, (0.5, 0.5))
-            for each in (masses_kg, usual_kg)
+            RelativeLoads.from_masses(unit, each, (0.5, 0.5)) for each in (masses_kg, usual_kg)
         )
         assert found is not None
         assert usual is not None
         np.testing.assert_array_equal(
-            found.look_up_relative_mass_deviations(unit) / found.rms_relative_load,
-            usual.look_up_relative_mass_deviations(unit) / usual.rms_relative_load,
+            found.look_up_relative_loads(unit) / found.rms_relative_load,
+            usual.look_up_relative_loads(unit) / usual.rms_relative_load,
         )

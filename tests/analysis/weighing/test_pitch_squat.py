@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from analysis.weighing.motion_samples import Floats, MotionSamples
-from analysis.weighing.pitch_squat import estimate_pitch_gravity_per_acceleration_and_std
+from analysis.weighing.pitch_squat import estimate_squat_fraction_and_u
 
 RATE_HZ = 100.0
 START_S = 4.0
@@ -66,10 +66,7 @@ def starts(
 @pytest.mark.parametrize("hills_m_s2", [0.0, 0.15])
 @pytest.mark.parametrize("squat_1", [0.02, 0.045])
 def test_a_squat_is_found_with_and_without_hills(squat_1: float, hills_m_s2: float) -> None:
-    found = [
-        estimate_pitch_gravity_per_acceleration_and_std(*starts(squat_1, hills_m_s2, seed))
-        for seed in range(6)
-    ]
+    found = [estimate_squat_fraction_and_u(*starts(squat_1, hills_m_s2, seed)) for seed in range(6)]
     shares = np.array([each[0] for each in found if each is not None])
     us = np.array([each[1] for each in found if each is not None])
     assert shares.size == 6
@@ -79,7 +76,7 @@ def test_a_squat_is_found_with_and_without_hills(squat_1: float, hills_m_s2: flo
 
 def test_hills_and_noise_of_the_pitch_are_no_squat() -> None:
     assert not any(
-        estimate_pitch_gravity_per_acceleration_and_std(*starts(0.0, hills, seed))
+        estimate_squat_fraction_and_u(*starts(0.0, hills, seed))
         for hills in (0.0, 0.15)
         for seed in range(6)
     )
@@ -87,22 +84,20 @@ def test_hills_and_noise_of_the_pitch_are_no_squat() -> None:
 
 def test_few_starts_tell_none() -> None:
     gravity, motion = starts(0.04, 0.0, 1, count=5)
-    assert estimate_pitch_gravity_per_acceleration_and_std(gravity, motion) is None
+    assert estimate_squat_fraction_and_u(gravity, motion) is None
 
 
 def test_few_starts_tell_it_where_the_wheels_show_the_same() -> None:
     gravity, motion = starts(0.04, 0.0, 1, count=5)
-    found = estimate_pitch_gravity_per_acceleration_and_std(gravity, motion, (0.04, 0.005))
+    found = estimate_squat_fraction_and_u(gravity, motion, (0.04, 0.005))
     assert found is not None
     assert found[0] == pytest.approx(0.04, abs=0.004)
-    assert not estimate_pitch_gravity_per_acceleration_and_std(gravity, motion, (0.1, 0.005))
+    assert not estimate_squat_fraction_and_u(gravity, motion, (0.1, 0.005))
 
 
 def test_wheels_alone_tell_none_where_the_pitch_does_not_follow_the_force() -> None:
     found = [
-        estimate_pitch_gravity_per_acceleration_and_std(
-            *starts(0.0, 0.0, seed, count=4), (0.03, 0.004)
-        )
+        estimate_squat_fraction_and_u(*starts(0.0, 0.0, seed, count=4), (0.03, 0.004))
         for seed in range(12)
     ]
     assert sum(each is not None for each in found) <= 1

@@ -10,7 +10,7 @@ from analysis.weighing.load_changes import (
     find_manoeuvre_of_stretches,
 )
 from analysis.weighing.motion_samples import MotionSamples
-from estimators.joint.group_effects import FILLED, HINTED, TURNED
+from estimators.joint.unit_levels import FILLED, HINTED, TURNED
 
 #: Samples of a manoeuvre, of one too short to tell a mass, and of the stand between.
 LONG, SHORT, STAND = 200, 20, 100

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from estimators.joint.changepoints import find_best_partitions
-from estimators.joint.group_effects import FILLED, HINTED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import PartitionPosterior, Stretches
+from estimators.joint.unit_levels import FILLED, HINTED, RESTARTED, TURNED, UnitLevels
 from tests.twins import mark_slow_after
 
 SPREAD = 1200.0
@@ -25,7 +25,7 @@ def units(levels, seed=0, scatter=0.0, effect=None, kind=None):
     x = np.zeros((n, 0)) if effect is None else np.asarray(effect, float)[:, None]
     gram = np.zeros((0, 0)) if effect is None else np.array([[300.0**-2]])
     kind = np.ones(n - 1, np.int64) if kind is None else np.asarray(kind)
-    return GroupEffects(y, x, np.full(n, STD**2), gram, np.zeros(x.shape[1]), kind)
+    return UnitLevels(y, x, np.full(n, STD**2), gram, np.zeros(x.shape[1]), kind)
 
 
 def state_of(levels, **more):

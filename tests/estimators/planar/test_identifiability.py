@@ -215,7 +215,7 @@ def test_the_condition_number_is_that_of_the_base_columns_scaled_to_unit_norm():
 
 def test_what_is_wrong_with_a_regressor_is_said_in_one_line():
     A = planar_rows.make_planar_regressor(**MOTIONS["joint"])
-    with pytest.raises(DataError, match="6 columns; 2 parameters"):
+    with pytest.raises(DataError, match="6 columns, but 2 parameters"):
         find_identifiable_parameters(A, planar_rows.STRAIGHT_PARAMETERS)
     with pytest.raises(DataError, match="noise must hold 6 values, above zero"):
         find_identifiable_parameters(A, planar_rows.PARAMETERS, 0.0 * LOADER)

@@ -19,7 +19,7 @@ def stored(container: Container, start_ns: int | None = None, end_ns: int | None
     topics = {connection.id: connection.topic for connection in container.connections}
     found: list[Stored] = []
     for batch in chain.from_iterable(
-        g.batches for g in container.read_message_groups(list(topics), start_ns, end_ns)
+        g.batches for g in container.iter_batch_groups(list(topics), start_ns, end_ns)
     ):
         logged = batch.log_times.tolist()
         topic = topics[batch.connection_id]

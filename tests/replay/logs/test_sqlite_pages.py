@@ -117,7 +117,7 @@ def by_container(path: Path) -> tuple[list[Message], list[str]]:
     ids = [connection.id for connection in container.connections]
     found: list[Message] = []
     for batch in chain.from_iterable(
-        g.batches for g in container.read_message_groups(ids, None, None)
+        g.batches for g in container.iter_batch_groups(ids, None, None)
     ):
         times = batch.log_times.tolist()
         found += [(batch.connection_id, *m) for m in zip(times, batch.iter_messages(), strict=True)]
@@ -220,7 +220,7 @@ def test_only_wanted_topics_and_times_are_given(tmp_path: Path) -> None:
     found = [
         (batch.connection_id, *message)
         for batch in chain.from_iterable(
-            g.batches for g in container.read_message_groups([1, 2], 100, 250)
+            g.batches for g in container.iter_batch_groups([1, 2], 100, 250)
         )
         for message in zip(batch.log_times.tolist(), batch.iter_messages(), strict=True)
     ]

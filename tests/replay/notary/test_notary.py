@@ -204,7 +204,7 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "not a signed line"),
     "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "not a signed line"),
     "nested": (lambda lines: [*lines[:3], b"[" * 90_000, *lines[3:]], "nested deeper"),
-    "very long": (lambda lines: [*lines[:3], b" " * (2 << 20), *lines[3:]], "is longer than"),
+    "very long": (lambda lines: [*lines[:3], b" " * (2 << 20), *lines[3:]], "has more than"),
     "carriage returns": (
         lambda lines: [line + b"\r" for line in lines],
         "canonical|not valid JSON",

@@ -104,7 +104,7 @@ def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
     # the campaign's responses grow by 0.02 for each kg as well: 2 kg of 100 are in the slope
     assert like.driving_u_kg[0] == pytest.approx(0.0, abs=0.05)
     assert like.absorbed_u_kg[0] == pytest.approx(np.hypot(2.0, 3.0), rel=0.01)
-    assert like.compute_common_u_not_absorbed_by_line_kg(np.array([5.0]))[0] == pytest.approx(
+    assert like.compute_unabsorbed_common_u_kg(np.array([5.0]))[0] == pytest.approx(
         np.sqrt(25.0 - 13.0), rel=0.02
     )
     other = calibrate_mass_differences(line, log(32.0, of=of), [of], np.array([100.0]))
@@ -141,7 +141,7 @@ def test_evidence_that_does_not_say_what_moved_its_line_leaves_all_of_it_in():
     )
     of = ("cycle", 1)
     found = calibrate_mass_differences(line, log(75.0, of=of), [of], np.array([1000.0]))
-    assert found.compute_common_u_not_absorbed_by_line_kg(np.array([80.0]))[0] == pytest.approx(
+    assert found.compute_unabsorbed_common_u_kg(np.array([80.0]))[0] == pytest.approx(
         80.0 / abs(line.c1_1)
     )
 

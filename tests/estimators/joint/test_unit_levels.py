@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.joint.group_effects import estimate_group_effects
+from estimators.joint.unit_levels import estimate_unit_levels
 
 
 class TestUnits:
@@ -17,7 +17,7 @@ class TestUnits:
         stds: list[float] = []
         for _ in range(30):
             f = level * a + 2900.0 * v + dice.normal(0.0, 60.0, a.size)
-            found = estimate_group_effects(
+            found = estimate_unit_levels(
                 np.column_stack([a, v]),
                 f,
                 group,

@@ -22,7 +22,7 @@ NAMED: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
-class GroupEffects:
+class UnitLevels:
     """Levels of the units, and the information about the effects that all units share.
 
     Attributes:
@@ -44,7 +44,7 @@ class GroupEffects:
     kind: Ints
 
 
-def estimate_group_effects(
+def estimate_unit_levels(
     A: Floats,
     f: Floats,
     group: Ints,
@@ -52,7 +52,7 @@ def estimate_group_effects(
     prior_mean: Floats,
     prior_std: Floats,
     unit_of_group: Ints,
-) -> GroupEffects:
+) -> UnitLevels:
     """Reduce A θ = f to one first parameter per unit, with all others shared.
 
     Every unit has its own level, so changes between units leave no residual.
@@ -85,7 +85,7 @@ def estimate_group_effects(
     kind = np.ones(own.size - 1, np.int64)
     if not (own > 0.0).all():
         nothing, r = np.full(own.size, np.nan), A.shape[1] - 1
-        return GroupEffects(
+        return UnitLevels(
             nothing, np.full((own.size, r), np.nan), nothing, np.zeros((r, r)), np.zeros(r), kind
         )
     y, x = bare[:, 0] / own, clean[:, 0, 1:] / own[:, None]
@@ -120,7 +120,7 @@ def estimate_group_effects(
     sandwiched /= scale[0] ** 2
     per_square = white * max(sandwiched / float(each.grams[:, 0, 0].sum()), 1.0)
     back = scale[1:]
-    return GroupEffects(
+    return UnitLevels(
         y / scale[0],
         x * back / scale[0],
         per_square * each.grams[:, 0, 0] / own**2 / scale[0] ** 2,
