@@ -67,9 +67,9 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
         np.count_nonzero(straight.braking) >= fewest
         and opposing <= LIMITS.unsigned_opposing_fraction
     )
-    lost, nearly = has_channel_lost_its_sign(inputs, name), _is_negative_only_by_noise(straight)
-    backwards = _drives_in_reverse(straight) and (lost or nearly)
-    if not (backwards or (brakes and (lost or (nearly and _pushes_while_braking(straight))))):
+    lost, nearly = has_channel_lost_its_sign(inputs, name), is_negative_only_by_noise(straight)
+    backwards = drives_in_reverse(straight) and (lost or nearly)
+    if not (backwards or (brakes and (lost or (nearly and pushes_while_braking(straight))))):
         return []
     high = float(np.quantile(inputs.unfiltered_readings[name][1], 0.99))
     return [
@@ -86,19 +86,19 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _drives_in_reverse(straight: AxisMotion) -> bool:
+def drives_in_reverse(straight: AxisMotion) -> bool:
     """Whether the machine drives backwards for a part of the log."""
     reverses = straight.speed_or_yaw_rate[straight.complete] < -LIMITS.reverse_speed_m_s
     return float(reverses.mean()) > LIMITS.unsigned_reverse_min_fraction
 
 
-def _is_negative_only_by_noise(straight: AxisMotion) -> bool:
+def is_negative_only_by_noise(straight: AxisMotion) -> bool:
     """Whether the force is negative by no more than noise about zero."""
     low, high = np.quantile(straight.f[straight.complete], [0.001, 0.99])
     return bool(-low < LIMITS.unsigned_noise_fraction * high)
 
 
-def _pushes_while_braking(straight: AxisMotion) -> bool:
+def pushes_while_braking(straight: AxisMotion) -> bool:
     """Whether the force is far above zero in most of the samples that slow down."""
     far_N = LIMITS.unsigned_force_fraction * np.quantile(straight.f[straight.complete], 0.99)
     return bool(np.median(straight.f[straight.braking]) > far_N)

@@ -82,7 +82,7 @@ class ScaleFactor:
         return UncertaintySource(self.name, "scale", u, self.meaning, reduced_by)
 
 
-def _count_wheel_radius_in_mass(machine: Machine) -> int:
+def count_wheel_radius_in_mass(machine: Machine) -> int:
     """Power of the wheel radius in a mass: 1 by the force, and 1 by an acceleration of wheels."""
     by_force = "force_x_N" not in machine.channels or machine.depends_on_wheel_radius("force_x_N")
     by_motion = machine.differentiates_speed and machine.depends_on_wheel_radius("speed_x_m_s")
@@ -92,7 +92,7 @@ def _count_wheel_radius_in_mass(machine: Machine) -> int:
 def _is_wheel_radius_by_load_in_mass(machine: Machine) -> bool:
     """Whether tyres change a mass: a stated change counts in a force that the log has in N too."""
     stated = machine.machine.wheel_radius_by_load_u is not None
-    return stated or _count_wheel_radius_in_mass(machine) > 0
+    return stated or count_wheel_radius_in_mass(machine) > 0
 
 
 def has_side_torques(machine: Machine) -> bool:
@@ -107,7 +107,7 @@ def compute_relative_uncertainty(u: float | None, value: float | None) -> float 
 
 def _compute_relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
     u = machine.machine.wheel_radius_u_1
-    return None if u is None else u * _count_wheel_radius_in_mass(machine)
+    return None if u is None else u * count_wheel_radius_in_mass(machine)
 
 
 def _compute_relative_mass_u_by_loaded_wheel_radius(machine: Machine) -> float | None:
@@ -144,7 +144,7 @@ SCALES: Final = (
     ),
     ScaleFactor(
         "wheel_radius",
-        lambda machine: _count_wheel_radius_in_mass(machine) > 0,
+        lambda machine: count_wheel_radius_in_mass(machine) > 0,
         _compute_relative_mass_u_by_wheel_radius,
         "machine.wheel_radius_u_m",
         "radius of the wheels",
