@@ -193,8 +193,10 @@ class CycleLimits:
     min_loaded_spread: float = 0.1
     #: Fewest states that have a spread of their own.
     own_spread_min_states: int = 4
-    #: Standard deviations by which a load's last state is lighter if it is spilled on the way.
-    spilled_load_std: float = 3.0
+    #: Standard deviations by which the states of a pass differ if the load changes on the way.
+    other_load_std: float = 3.0
+    #: Time from dump to dump, in usual cycles, below which the second one dumps the rest of a load.
+    rest_max_cycles: float = 0.6
     #: Fraction of loads with digging from which digging shows fillings.
     digging_min_fraction: float = 0.5
     #: Fewest cycles that show how long one lasts.

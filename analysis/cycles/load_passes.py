@@ -5,6 +5,7 @@ loaded from empty (spillage, a state split in two) belong to one pass.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -148,6 +149,8 @@ def find_load_passes(
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = find_boom_dumps(aligned, excitation, known)
         of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digging, dumps)
+        of_manoeuvre = mass_kg[state] - step_kg[state], u_kg[state]
+        of_state &= ~mark_rests_of_loads(of_state, of_manoeuvre, begin, end, digging, dumps)
     pause_ns = compute_max_filling_pause_ns(of_state, begin, end, digging)
     parts = np.diff(of_state) != 0
     parts[find_manoeuvres_after_refills(of_state, begin, end, digging, dumps, pause_ns)] = True
@@ -162,8 +165,8 @@ def find_load_passes(
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
     dumping = mark_manoeuvres_while_dumping(begin, end, dumps)
-    spilled = mark_spilled_loads(of_state & ~dumping, of, state, mass_kg - step_kg, u_kg)
-    no_mass = dumping | spilled | hauls_nothing | ~mark_plausible_masses(mass_kg)[state]
+    other = mark_other_loads_of_passes(~dumping, of_state, of, state, mass_kg - step_kg, u_kg)
+    no_mass = dumping | other | hauls_nothing | ~mark_plausible_masses(mass_kg)[state]
     no_mass |= step_kg[state] != step_kg[state[first]][of]
     left = np.where(no_mass, 0.0, weight)
     # a pass without other manoeuvres keeps its weights
@@ -302,27 +305,74 @@ def correct_loaded_flags_at_dumps(
     return moved
 
 
-def mark_spilled_loads(
-    is_loaded: Bools, pass_of_manoeuvre: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
+def mark_rests_of_loads(
+    is_loaded: Bools,
+    mass_and_u_kg: tuple[Floats, Floats],
+    start_ns: Ints,
+    end_ns: Ints,
+    digging: pl.DataFrame,
+    dumps: BoomDumps,
 ) -> Bools:
-    """Mark manoeuvres with a larger load than the last of their pass, (manoeuvres,): it spills.
+    """Mark manoeuvres with the rest of a load that is dumped in parts, (manoeuvres,).
+
+    The rest is lighter than the load, was not dug, and is dumped sooner than a cycle lasts.
 
     Args:
-        is_loaded: (manoeuvres,) whether each is loaded and not dumping.
+        is_loaded: (manoeuvres,) whether each is loaded.
+        mass_and_u_kg: (manoeuvres,) mass of the load state of each, and its random uncertainty.
+        start_ns: (manoeuvres,) start of each.
+        end_ns: (manoeuvres,) end of each.
+        digging: the frame `digging`.
+        dumps: dumps seen in the boom angle.
+    """
+    rests = np.zeros(is_loaded.size, np.bool_)
+    dumped_ns = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
+    middle_ns = (start_ns + end_ns) // 2
+    between = [(middle_ns > t) & (middle_ns < to) for t, to in pairwise(dumped_ns)]
+    whole = [bool((~is_loaded[each]).any() and is_loaded[each].any()) for each in between]
+    if sum(whole) < LIMITS.filling_min_cycles:
+        return rests
+    usual_ns = float(np.median(np.diff(dumped_ns)[whole]))
+    dug_after = np.searchsorted(middle_ns, digging["start_t_ns"].to_numpy())
+    mass_kg, u_kg = mass_and_u_kg
+    for last in find_load_change_indices_at_dumps(is_loaded, start_ns, end_ns, dumps):
+        first = last + 1
+        at = int(np.searchsorted(dumped_ns, start_ns[first]))
+        apart_kg = LIMITS.other_load_std * float(np.hypot(u_kg[last], u_kg[first]))
+        is_lighter = mass_kg[first] < mass_kg[last] - apart_kg
+        if not is_lighter or first in dug_after or not 0 < at < dumped_ns.size:
+            continue
+        if dumped_ns[at] - dumped_ns[at - 1] < LIMITS.rest_max_cycles * usual_ns:
+            rests |= is_loaded & (middle_ns > dumped_ns[at - 1]) & (middle_ns < dumped_ns[at])
+    return rests
+
+
+def mark_other_loads_of_passes(
+    has_load: Bools,
+    is_loaded: Bools,
+    pass_of_manoeuvre: Ints,
+    state: Ints,
+    mass_kg: Floats,
+    u_kg: Floats,
+) -> Bools:
+    """Mark manoeuvres with a load that their pass does not end or begin with, (manoeuvres,).
+
+    A loaded machine spills, or is filled up: it dumps its last load. An empty one may carry the
+    rest of a load to another dump, or a part of the next: it is empty with its lightest load.
+
+    Args:
+        has_load: (manoeuvres,) whether the load of each is known: not while dumping.
+        is_loaded: (manoeuvres,) whether each is loaded.
         pass_of_manoeuvre: (manoeuvres,) pass of each.
-        state: (manoeuvres,) load state of each.
+        state: (manoeuvres,) load state of each manoeuvre.
         mass_kg: (states,) mass of each state.
         u_kg: (states,) random uncertainty of each mass.
     """
-    spilled = np.zeros(pass_of_manoeuvre.size, np.bool_)
-    for number in np.unique(pass_of_manoeuvre[is_loaded]):
-        inside = is_loaded & (pass_of_manoeuvre == number)
-        last = int(state[inside][-1])
-        for each in np.unique(state[inside]):
-            apart = float(np.hypot(u_kg[each], u_kg[last]))
-            spilled |= (
-                inside
-                & (state == each)
-                & bool(mass_kg[each] - mass_kg[last] > LIMITS.spilled_load_std * apart)
-            )
-    return spilled
+    other = np.zeros(pass_of_manoeuvre.size, np.bool_)
+    for number in np.unique(pass_of_manoeuvre[has_load]):
+        inside = has_load & (pass_of_manoeuvre == number)
+        of_pass = state[inside]
+        kept = of_pass[-1] if is_loaded[inside][-1] else of_pass[np.argmin(mass_kg[of_pass])]
+        apart_kg = LIMITS.other_load_std * np.hypot(u_kg[state], u_kg[kept])
+        other |= inside & (np.abs(mass_kg[state] - mass_kg[kept]) > apart_kg)
+    return other
