@@ -274,8 +274,10 @@ def find_manoeuvres_after_refills(
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(start_ns[first]), last_ns)
             dumped = bool(dumps.select_dumps_emptied_in_span(int(end_ns[after - 1]), start))
+            is_late = start - since_ns > max_filling_pause_ns
+            may_have = is_late and not dumps.can_exclude_dump(since_ns, start)
             # a manoeuvre during the digging is no haul
-            if (start - since_ns > max_filling_pause_ns or dumped) and end_ns[after - 1] <= start:
+            if (may_have or dumped) and end_ns[after - 1] <= start:
                 found.append(after - 1)
         last_ns = stop
     return found
@@ -333,7 +335,8 @@ def mark_rests_of_loads(
     if sum(whole) < LIMITS.filling_min_cycles:
         return rests
     usual_ns = float(np.median(np.diff(dumped_ns)[whole]))
-    dug_after = np.searchsorted(middle_ns, digging["start_t_ns"].to_numpy())
+    dug_ns = (digging["start_t_ns"].to_numpy() + digging["end_t_ns"].to_numpy()) // 2
+    dug_after = np.searchsorted(middle_ns, dug_ns)
     mass_kg, u_kg = mass_and_u_kg
     for last in find_load_change_indices_at_dumps(is_loaded, start_ns, end_ns, dumps):
         first = last + 1

@@ -33,11 +33,11 @@ def label_state_loaded_by_digging(
 ) -> Ints:
     """Label of each state, (states,): 0 if a digging start follows, 1 if one precedes, else -1."""
     label = np.full(mass_kg.size, -1)
-    # the drive to the pile may be part of the manoeuvre that digs
+    # a manoeuvre that digs is empty if most of it is before the digging
     middle_ns = (start_ns + end_ns) // 2
     for start, stop in digging.select("start_t_ns", "end_t_ns").iter_rows():
-        before = int(np.searchsorted(middle_ns, start, "right")) - 1
-        after = int(np.searchsorted(middle_ns, stop, "left"))
+        after = int(np.searchsorted(middle_ns, (start + stop) // 2))
+        before = after - 1
         if before < 0 or after >= state.size:
             continue
         empty, full = state[before], state[after]

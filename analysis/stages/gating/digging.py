@@ -19,6 +19,7 @@ from analysis.model.axes import X, make_regressor_and_force
 from analysis.model.machine import Machine
 from analysis.model.schema import build_frame
 from analysis.model.settings import Settings
+from analysis.model.windows import find_flagged_runs
 from analysis.stages.gating.gate import reject_windows_with_excluded_rows
 from analysis.stages.motion.phases import count_rows_in_speed_rate_span
 from analysis.stages.stage_limits import LIMITS
@@ -82,9 +83,9 @@ def find_starts_with_changed_resistance(
         and (largest_N := find_robust_maximum_force(force[driving])) > 0.0
     ):
         fastest = find_robust_maximum_force(speed[driving])
-        against = (
-            slowing & whole & (np.sign(speed) * force > LIMITS.slowing_drive_fraction * largest_N)
-        )
+        drive_N = np.sign(speed) * force
+        against = slowing & whole & (drive_N > LIMITS.slowing_drive_fraction * largest_N)
+        against = mark_slowing_before_driving(slowing & whole & (drive_N > 0.0), against, driving)
         mass_kg = machine.machine.empty_mass_kg or largest_N / max(
             find_robust_maximum_force(acceleration[driving]), 1e-3
         )
@@ -101,7 +102,8 @@ def find_starts_with_changed_resistance(
         stands = (stood | np.isnan(speed)) & ~drives
         ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
         goes_on = np.flatnonzero(drives)
-        for rows in split_driving_at_pauses_and_turns(drives, speed, machine.settings):
+        for start in split_driving_at_pauses_and_turns(drives, speed, machine.settings):
+            rows = select_longest_part_without_stop(start, stands)
             way = int(np.sign(np.mean(speed[rows])))
             grown_N, std_N = estimate_resistance_growth_and_std(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
@@ -115,10 +117,10 @@ def find_starts_with_changed_resistance(
                 LIMITS.pile_min_growth_fraction * largest_N, LIMITS.pile_min_growth_std * std_N
             )
             if least_N < abs(grown_N) < LIMITS.pile_max_growth_fraction * largest_N:
-                row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
+                row = int(t_ns[start[0]]), int(t_ns[start[-1]]), grown_N, std_N
                 stops = find_next_row_or_infinity(
-                    ends[way], int(rows[-1])
-                ) <= find_next_row_or_infinity(goes_on, int(rows[-1]))
+                    ends[way], int(start[-1])
+                ) <= find_next_row_or_infinity(goes_on, int(start[-1]))
                 stops &= float(np.abs(speed[rows]).max()) <= LIMITS.pile_max_speed_m_s
                 found.append(_PileContact(row, way, stops))
     return found
@@ -201,6 +203,35 @@ def split_driving_at_pauses_and_turns(
     return [part for part in parts if fewest <= part.size <= longest]
 
 
+def mark_slowing_before_driving(pushes: Bools, pushes_hard: Bools, is_driving: Bools) -> Bools:
+    """Mark samples that slow down under a large force, or on the way to it or to driving, (n,).
+
+    A machine that meets a pile at a held speed slows down before its force has risen.
+
+    Args:
+        pushes: (n,) whether the machine slows down although its force drives.
+        pushes_hard: (n,) the same under a large force.
+        is_driving: (n,) whether the machine drives.
+    """
+    marked = pushes_hard.copy()
+    until = np.append(pushes_hard | is_driving, False)
+    for begin, end in zip(*find_flagged_runs(pushes), strict=True):
+        last = begin + np.flatnonzero(until[begin : end + 2])
+        marked[begin : last[-1] if last.size else begin] = True
+    return marked
+
+
+def select_longest_part_without_stop(rows: Ints, is_standing: Bools) -> Ints:
+    """Of a stretch, the longest part without a stop: what a pile has stopped lurches when lifted.
+
+    Args:
+        rows: row numbers of the stretch.
+        is_standing: (n,) whether the machine stands.
+    """
+    stops = np.flatnonzero(np.diff(np.cumsum(is_standing)[rows]) > 0) + 1
+    return max(np.split(rows, stops), key=len)
+
+
 def estimate_resistance_growth_and_std(
     motion: Floats,
     force: Floats,
@@ -211,7 +242,8 @@ def estimate_resistance_growth_and_std(
 ) -> tuple[float, float]:
     """Growth of the resistance over a start, and its standard deviation, in N.
 
-    The growth may begin at several points of the start; the most likely of them is used.
+    The growth may begin at several points of the start; the most likely of them is used. No
+    viscous friction is negative.
 
     Args:
         motion: (samples, 2) acceleration and speed.
@@ -230,6 +262,10 @@ def estimate_resistance_growth_and_std(
         information = weight * design.T @ design + np.diag(known)
         right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])
         covariance = np.linalg.inv(information)
+        if covariance[1] @ right < 0.0:
+            # a pile that slows the machine down would be friction that falls with the speed
+            information[1, 1] += information[1, 1] / np.finfo(float).eps
+            covariance = np.linalg.inv(information)
         # the reduction of the sum of squared residuals by this ramp, up to a constant
         taken = float(right @ covariance @ right)
         if taken > likeliest:

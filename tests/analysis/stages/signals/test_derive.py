@@ -317,7 +317,7 @@ def test_the_direction_is_the_sign_of_the_speed_beyond_its_deadband(raw_topic, m
 def test_a_log_too_short_to_derive_from_is_an_error(raw_topic, machine):
     short = {name: frame[:10] for name, frame in loader(raw_topic).items()}
     with pytest.raises(
-        DataError, match="force_x_N: no stretch of the log without gaps is long enough"
+        DataError, match="force_x_N: every stretch between gaps of the log is too short"
     ):
         derived(short, from_position(machine))
 
