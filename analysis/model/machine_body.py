@@ -85,18 +85,22 @@ class Body(BaseModel):
     #: Not written if not given, like the serial number.
     empty_mass_attachment: str | None = Field(None, exclude_if=lambda value: value is None)
     attachment: str | None = Field(None, exclude_if=lambda value: value is None)
-    wheel_radius_m: float | None = Field(None, gt=0)
-    wheel_radius_u_m: float | None = Field(None, ge=0)
+    #: In m: 350 is one in mm.
+    wheel_radius_m: float | None = Field(None, gt=0, le=10)
+    wheel_radius_u_m: float | None = Field(None, ge=0, le=10)
     #: Standard uncertainty of the relative change of the radius under a load as heavy as the
     #: machine. Not written if not given, like the serial number.
-    wheel_radius_by_load_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
-    track_width_m: float | None = Field(None, gt=0)
-    track_width_u_m: float | None = Field(None, ge=0)
+    wheel_radius_by_load_u: float | None = Field(
+        None, ge=0, le=1, exclude_if=lambda value: value is None
+    )
+    track_width_m: float | None = Field(None, gt=0, le=100)
+    track_width_u_m: float | None = Field(None, ge=0, le=100)
     force_share: float = Field(1.0, gt=0, le=1)
-    force_share_u: float | None = Field(None, ge=0)
+    force_share_u: float | None = Field(None, ge=0, le=1)
     #: Standard uncertainty of the share's relative change under a load as heavy as the machine.
     force_share_by_load_u: float | None = Field(None, ge=0)
-    force_gain_u: float | None = Field(None, ge=0)
+    #: Relative: 5 is one in per cent.
+    force_gain_u: float | None = Field(None, ge=0, le=1)
     #: Reading of the force in reverse over that forwards, for the same force.
     #: Not written if not given, like the serial number.
     force_gain_in_reverse: float | None = Field(None, gt=0, exclude_if=lambda value: value is None)
@@ -110,7 +114,7 @@ class Body(BaseModel):
     )
     haul_spillage_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
     #: Relative standard uncertainty of the fuel rate's channel. Not written if not given.
-    fuel_gain_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
+    fuel_gain_u: float | None = Field(None, ge=0, le=1, exclude_if=lambda value: value is None)
     fuel: FuelTank | None = Field(None, exclude_if=lambda value: value is None)
     #: Whether the machine has a bucket to dig with; without one there are no digging starts.
     digs: bool = True

@@ -71,6 +71,8 @@ def test_a_setting_outside_its_stage_is_refused_with_the_stage():
         {"empty_mass_kg": -3.0},
         {"empty_mass_u_kg": -1.0},
         {"wheel_radius_m": 0.0},
+        {"wheel_radius_m": 350.0},
+        {"force_gain_u": 5.0},
         {"wheel_radius_u_m": -0.1},
         {"track_width_m": -1.0},
         {"track_width_u_m": -0.1},
