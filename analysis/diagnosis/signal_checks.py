@@ -164,6 +164,7 @@ SIGNAL_CHECKS: Final = (
         maximum="imu_tilt_max_deg",
         applies=lambda inputs, _: inputs.machine.settings.forces.acceleration == "specific_force",
         optional=True,
-        remedy="machine.imu: payscope init proposes roll, pitch and yaw",
+        remedy="machine.imu: payscope init proposes roll, pitch and yaw; without gravity it is "
+        "channels.acc_x_m_s2",
     ),
 )

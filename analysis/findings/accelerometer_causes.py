@@ -42,10 +42,7 @@ _PITCH: Final = "pitch_rad"
 _Y: Final = "specific_force_y_m_s2"
 _Z: Final = "specific_force_z_m_s2"
 #: Channels that must be measured so that a rotated IMU can be corrected.
-_ALL_AXES: Final = (
-    *(ACC, _Y, _Z),
-    *("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"),
-)
+_ALL_AXES: Final = (ACC, _Y, _Z, "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 
 
 def does_accelerometer_lack_gravity(inputs: FindingInputs) -> bool:
@@ -288,26 +285,30 @@ def _find_descents_without_pitch(inputs: FindingInputs) -> list[Symptom]:
 
 def _find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[Symptom]:
     """Find sloping ground in a log whose acceleration has gravity removed."""
-    kinematic = inputs.machine.settings.forces.acceleration == "kinematic"
     if (
-        kinematic
+        inputs.machine.settings.forces.acceleration == "kinematic"
         or not inputs.select_measured_channels(ACC)
-        or not has_pitch_channel(inputs)
         or not does_accelerometer_lack_gravity(inputs)
     ):
         return []
+    z, _ = inputs.compute_mean_and_std_of_column_at_rest(_Z)
+    keys, new = inputs.propose_kinematic_acceleration_settings()
+    lacking_1 = 1.0 - abs(z) / inputs.machine.machine.gravity_m_s2
+    if not has_pitch_channel(inputs):
+        return [
+            Symptom(
+                lacking_1 / (1.0 - LIMITS.gravity_min_fraction),
+                f"at standstill the accelerometer reads {z:.2f} m/s² along z: gravity has been "
+                "removed, and no pitch shows the slopes",
+                channel=ACC,
+                setting=keys,
+                value=new,
+            )
+        ]
     pitch, std = inputs.compute_mean_and_std_of_column_at_rest(_PITCH)
     if not np.isfinite(pitch):
         return []
     strength = abs(pitch) / max(LIMITS.standing_reading_std * std, LIMITS.slope_min_pitch_rad)
-    channel = inputs.machine.channels[ACC]
-    keys = ["settings.forces.acceleration"]
-    new = ['"kinematic"']
-    for name in ("topic", "field", "scale", "offset", "unit", "delay_s"):
-        of_channel = getattr(channel, name)
-        if of_channel is not None and of_channel not in (1.0, 0.0):
-            keys.append(f"channels.acc_x_m_s2.{name}")
-            new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
     pull = compute_gravity_by_pitch_m_s2(inputs)
 
     def add_gravity(motion: MotionSamples) -> MotionSamples:
@@ -318,15 +319,14 @@ def _find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[S
             without_gravity=motion.specific_force,
         )
 
-    z, _ = inputs.compute_mean_and_std_of_column_at_rest(_Z)
     return [
         Symptom(
             strength,
             f"standing at {np.degrees(pitch):+.2f} ± {np.degrees(std):.2f}°, the accelerometer "
             f"reads {z:.2f} m/s² of gravity along z: gravity has been removed",
             channel=ACC,
-            setting=", ".join(keys),
-            value=", ".join(new),
+            setting=keys,
+            value=new,
             change=lambda: compute_mass_change_by_refit(
                 inputs, add_gravity, min(std / abs(pitch), 1.0)
             ),

@@ -192,7 +192,7 @@ CAUSES: Final = (
     Cause(
         "slope",
         "the ground slopes, but the acceleration does not include gravity",
-        f"the pitch, {_STILL}, and the accelerometer's z axis; or descents without drive",
+        f"{_STILL}, and the accelerometer's z axis; or descents without drive",
         accelerometer_causes.find_slope_missing_from_acceleration,
         explains=("imu_misaligned", "offset", *_OF_FIT),
     ),

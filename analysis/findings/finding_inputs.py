@@ -1,5 +1,6 @@
 """Inputs of the causes: the log, its verdict and its joint fit."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -242,6 +243,13 @@ class FindingInputs:
             ((limits - offset) / gain - channel.offset) / (channel.scale or 1.0)
         )
         return f"channels.{name}.valid_range", f"[{lowest:.4g},{highest:.4g}]"
+
+    def propose_kinematic_acceleration_settings(self) -> tuple[str, str]:
+        """Keys and values that take an accelerometer without gravity as the acceleration."""
+        channel = self.machine.channels["specific_force_x_m_s2"].model_dump(exclude_defaults=True)
+        values = {f"channels.acc_x_m_s2.{name}": value for name, value in channel.items()}
+        values = {"settings.forces.acceleration": "kinematic"} | values
+        return ", ".join(values), ", ".join(map(json.dumps, values.values()))
 
     def propose_delay_settings(self, names: tuple[str, ...], delay_s: float) -> tuple[str, str]:
         """Keys and values of the machine file that correct a delay of channels."""
