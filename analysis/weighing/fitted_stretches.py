@@ -283,7 +283,8 @@ def mark_rows_from_dig_to_standstill(
     """Mark the rows from a digging start until the machine stands or turns back, (n,).
 
     The pile takes a part of the force, and brakes what leaves it no other way. Where braking counts
-    as driving, a manoeuvre is as long as the log, so the gate alone does not keep them out.
+    as driving, a manoeuvre is as long as the log, so the gate alone does not keep them out. What a
+    pile has stopped lurches forwards as the bucket is lifted: that is marked as well.
 
     Args:
         aligned: grid, with `digs` if known.
@@ -300,7 +301,15 @@ def mark_rows_from_dig_to_standstill(
     stands = count_standstills_so_far(excitation)
     ends = np.append(True, (way[1:] != way[:-1]) | (stands[1:] != stands[:-1]))
     last_dig, last_end = (np.maximum.accumulate(np.where(rows, row, -1)) for rows in (digs, ends))
-    return flag_rows_near_flagged_rows(last_dig >= last_end, margin + 1)
+    digs = last_dig >= last_end
+    move = np.cumsum(ends) - 1
+    path_m = np.bincount(move, np.abs(np.nan_to_num(speed))) / settings.align.rate_hz
+    in_pile, way_of_move = np.bincount(move, digs) > 0.0, way[ends]
+    lurches = np.zeros(path_m.size, np.bool_)
+    for each in np.flatnonzero(path_m[1:] < LIMITS.lurch_m) + 1:
+        lurches[each] = in_pile[each - 1] and way_of_move[each] == way_of_move[each - 1]
+        in_pile[each] |= lurches[each]
+    return flag_rows_near_flagged_rows(digs | (lurches[move] & moves), margin + 1)
 
 
 def make_centred_ramp(sample_count: int) -> Floats:

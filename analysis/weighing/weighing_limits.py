@@ -171,6 +171,8 @@ class WeighingLimits:
     slow_1: float = 0.4
     #: this quantile of the speed of a log: under a chute a machine creeps at a fifth of it.
     driving_speed_quantile: float = 0.9
+    #: Path in m below which a machine that has stopped in a pile does not drive on.
+    lurch_m: float = 0.3
 
     # force_hysteresis
     #: Prior standard deviation of half the loop over the largest force: sensors have 1 to 5 %.
