@@ -92,7 +92,7 @@ JSON_FORMS: tuple[tuple[str, bytes, str], ...] = (
     ("half a surrogate", b'{"a":"\\ud800"}', "canonical"),
     ("nothing", b"", "not valid JSON"),
     ("a pickle", pickle.dumps({"a": 1}), "not valid JSON"),
-    ("sixteen megabytes", b" " * ((16 << 20) + 1), "are more than"),
+    ("sixteen megabytes", b" " * ((16 << 20) + 1), "has more than"),
     ("another object", b'{"a":1}', "does not follow the schema of evidence"),
     ("a list", b"[]", "does not follow the schema of evidence"),
 )

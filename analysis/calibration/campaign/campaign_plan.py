@@ -162,7 +162,7 @@ class NotaryStretch(BaseModel):
     def _refuse_reversed_range_and_left_out_beyond_it(self) -> Self:
         if self.last < self.first:
             raise ValueError(
-                f"notary: last ({self.last}) is before first ({self.first}); correct one of them"
+                f"last ({self.last}) is before first ({self.first}); correct one of them"
             )
         numbers = [each.number for each in self.left_out]
         for number in numbers:

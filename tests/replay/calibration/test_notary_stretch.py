@@ -127,7 +127,7 @@ def test_the_list_of_a_revoked_recorder_counts_for_nothing(notarised: Notarised)
     ("old", "new", "words"),
     [
         ("last = 4", "last = 9", "notary.last is 9, but .* ends at number 4"),
-        ("first = 1", "first = 5", "last (4) is before first (5); correct one"),
+        ("first = 1", "first = 5", r"notary: last \(4\) is before first \(5\); correct one"),
         ("number = 4", "number = 7", "number 7 in left_out is not between first and last"),
         ('reason = "shift work between the runs"', 'reason = ""', "notary.left_out.*reason"),
         ('list = "notary.jsonl"', 'list = "none.jsonl"', "none.jsonl: cannot be read"),
