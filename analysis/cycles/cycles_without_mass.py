@@ -67,9 +67,10 @@ def add_boom_cycles(
         np.int64,
     )
     told = any(part.loaded_pass is not None for part in cycle_parts)
+    explained_ns = np.append(times, np.array(passes.rest_dumped_ns, np.int64))
     # before the first and after the last pass the masses cannot show a change
     agree = [
-        each.is_near_any_time(times, LIMITS.dump_match_ns)
+        each.is_near_any_time(explained_ns, LIMITS.dump_match_ns)
         for each in seen.dumps
         if told and passes.end_ns[0] <= each.end_ns and each.start_ns <= passes.start_ns[-1]
     ]
@@ -77,15 +78,12 @@ def add_boom_cycles(
     if contradicts or not told:
         return _make_cycles_from_dumps(seen, digging) or cycle_parts, contradicts
     # within half a cycle of a dump the machine is empty
-    apart_ns = (
-        int(LIMITS.min_dump_interval_cycles * float(np.median(np.diff(times))))
-        if times.size > 1
-        else 0
-    )
+    usual_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    apart_ns = int(LIMITS.min_dump_interval_cycles * usual_ns)
     missed = [
         CycleParts(dump_ns=(each.start_ns, each.end_ns), bucket_emptied_ns=each.bucket_emptied_ns)
         for each in passes.dumps.dumps
-        if not each.is_near_any_time(times, max(LIMITS.one_dump_ns, apart_ns))
+        if not each.is_near_any_time(explained_ns, max(LIMITS.one_dump_ns, apart_ns))
     ]
     return sorted([*cycle_parts, *missed], key=_find_start_of_earliest_part_ns), False
 

@@ -39,6 +39,7 @@ class LoadPasses:
         end_ns: (passes,) last fitted sample.
         max_filling_pause_ns: longest pause between digging starts that fill the same bucket.
         dumps: dumps seen in the boom angle.
+        rest_dumped_ns: (rests,) times at which the rest of a load is dumped.
         drift_1: (passes,) relative drift of the empty machine's mass at each pass.
         step_kg: (passes,) change of the empty machine's mass by a step before each pass.
     """
@@ -52,6 +53,7 @@ class LoadPasses:
     end_ns: Ints
     max_filling_pause_ns: int = LIMITS.max_filling_pause_ns
     dumps: BoomDumps = NO_DUMPS
+    rest_dumped_ns: tuple[int, ...] = ()
     drift_1: Floats | float = 0.0
     step_kg: Floats | float = 0.0
 
@@ -142,7 +144,7 @@ def find_load_passes(
     if loaded is None:
         return None
     of_state = loaded[state]
-    dumps = NO_DUMPS
+    dumps, rest_dumped_ns = NO_DUMPS, tuple[int, ...]()
     if aligned is not None and excitation is not None:
         emptied = np.flatnonzero(of_state[:-1] & ~of_state[1:])
         # a machine that creeps to the dump may empty its bucket before the manoeuvre ends
@@ -150,7 +152,10 @@ def find_load_passes(
         dumps = find_boom_dumps(aligned, excitation, known)
         of_state = correct_loaded_flags_at_dumps(of_state, begin, end, digging, dumps)
         of_manoeuvre = mass_kg[state] - step_kg[state], u_kg[state]
-        of_state &= ~mark_rests_of_loads(of_state, of_manoeuvre, begin, end, digging, dumps)
+        rests, rest_dumped_ns = find_rests_of_loads(
+            of_state, of_manoeuvre, begin, end, digging, dumps
+        )
+        of_state &= ~rests
     pause_ns = compute_max_filling_pause_ns(of_state, begin, end, digging)
     parts = np.diff(of_state) != 0
     parts[find_manoeuvres_after_refills(of_state, begin, end, digging, dumps, pause_ns)] = True
@@ -166,6 +171,11 @@ def find_load_passes(
     last = np.append(first[1:] - 1, of.size - 1)
     dumping = mark_manoeuvres_while_dumping(begin, end, dumps)
     other = mark_other_loads_of_passes(~dumping, of_state, of, state, mass_kg - step_kg, u_kg)
+    for k in np.flatnonzero(other[:-1] & ~other[1:] & ~of_state[:-1] & (np.diff(of) == 0)):
+        rest_dumped_ns += tuple(
+            each.bucket_emptied_ns
+            for each in dumps.select_dumps_emptied_in_span(int(end[k]), int(begin[k + 1]))
+        )
     no_mass = dumping | other | hauls_nothing | ~mark_plausible_masses(mass_kg)[state]
     no_mass |= step_kg[state] != step_kg[state[first]][of]
     left = np.where(no_mass, 0.0, weight)
@@ -185,6 +195,7 @@ def find_load_passes(
         end[last],
         pause_ns,
         dumps,
+        rest_dumped_ns,
         np.broadcast_to(drift_1, mass_kg.shape)[state[first]],
         step_kg[state[first]],
     )
@@ -307,15 +318,15 @@ def correct_loaded_flags_at_dumps(
     return moved
 
 
-def mark_rests_of_loads(
+def find_rests_of_loads(
     is_loaded: Bools,
     mass_and_u_kg: tuple[Floats, Floats],
     start_ns: Ints,
     end_ns: Ints,
     digging: pl.DataFrame,
     dumps: BoomDumps,
-) -> Bools:
-    """Mark manoeuvres with the rest of a load that is dumped in parts, (manoeuvres,).
+) -> tuple[Bools, tuple[int, ...]]:
+    """Find the manoeuvres with the rest of a load that is dumped in parts, (manoeuvres,).
 
     The rest is lighter than the load, was not dug, and is dumped sooner than a cycle lasts.
 
@@ -326,14 +337,18 @@ def mark_rests_of_loads(
         end_ns: (manoeuvres,) end of each.
         digging: the frame `digging`.
         dumps: dumps seen in the boom angle.
+
+    Returns:
+        Whether each manoeuvre carries a rest, and the times in ns at which rests are dumped.
     """
     rests = np.zeros(is_loaded.size, np.bool_)
     dumped_ns = np.array([each.bucket_emptied_ns for each in dumps.dumps], np.int64)
     middle_ns = (start_ns + end_ns) // 2
     between = [(middle_ns > t) & (middle_ns < to) for t, to in pairwise(dumped_ns)]
     whole = [bool((~is_loaded[each]).any() and is_loaded[each].any()) for each in between]
+    times_ns: list[int] = []
     if sum(whole) < LIMITS.filling_min_cycles:
-        return rests
+        return rests, ()
     usual_ns = float(np.median(np.diff(dumped_ns)[whole]))
     dug_ns = (digging["start_t_ns"].to_numpy() + digging["end_t_ns"].to_numpy()) // 2
     dug_after = np.searchsorted(middle_ns, dug_ns)
@@ -347,7 +362,8 @@ def mark_rests_of_loads(
             continue
         if dumped_ns[at] - dumped_ns[at - 1] < LIMITS.rest_max_cycles * usual_ns:
             rests |= is_loaded & (middle_ns > dumped_ns[at - 1]) & (middle_ns < dumped_ns[at])
-    return rests
+            times_ns.append(int(dumped_ns[at]))
+    return rests, tuple(times_ns)
 
 
 def mark_other_loads_of_passes(
@@ -375,6 +391,9 @@ def mark_other_loads_of_passes(
     for number in np.unique(pass_of_manoeuvre[has_load]):
         inside = has_load & (pass_of_manoeuvre == number)
         of_pass = state[inside]
+        of_pass = of_pass[mark_plausible_masses(mass_kg)[of_pass]]
+        if not of_pass.size:
+            continue
         kept = of_pass[-1] if is_loaded[inside][-1] else of_pass[np.argmin(mass_kg[of_pass])]
         apart_kg = LIMITS.other_load_std * np.hypot(u_kg[state], u_kg[kept])
         other |= inside & (np.abs(mass_kg[state] - mass_kg[kept]) > apart_kg)

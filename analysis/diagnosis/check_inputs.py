@@ -36,10 +36,8 @@ from estimators.arrays import Bools, Floats
 
 #: Usual factors by which forces, speeds or the stated mass are wrong, with their causes.
 _CANDIDATES: Final = {
-    1.1023: "short tons instead of tonnes, or the reverse, in machine.empty_mass_kg",
     1.6093: "mile/h instead of km/h, or the reverse",
     2.0: "one side instead of both, or both instead of one",
-    2.2046: "lb instead of kg, or the reverse, in machine.empty_mass_kg",
     2.2369: "mile/h instead of m/s",
     3.6: "km/h instead of m/s",
     4.4482: "lbf for N",
@@ -49,6 +47,11 @@ _CANDIDATES: Final = {
     9.80665: "kgf instead of N, or g instead of m/s²",
     57.296: "degrees instead of radians",
     1000.0: "a thousand",
+}
+#: Likewise of the machine file's mass.
+_MASS_UNITS: Final = {
+    1.1023: "short tons instead of tonnes, or the reverse, in machine.empty_mass_kg",
+    2.2046: "lb instead of kg, or the reverse, in machine.empty_mass_kg",
 }
 
 
@@ -116,16 +119,20 @@ class EmptyMassDifference:
 
 
 def list_possible_causes_of_mass_ratio(
-    mass_ratio: float, machine: Machine | None = None
+    mass_ratio: float, machine: Machine | None = None, tolerance: float = LIMITS.factor_tolerance
 ) -> list[str]:
     """Possible causes of masses that are wrong by a factor, as text, the gear or gain first.
 
-    With a machine file its own factors are among them.
+    Args:
+        mass_ratio: the factor.
+        machine: machine file whose own factors and empty mass may be wrong; None if they are not in
+            the factor.
+        tolerance: largest difference of the logarithms of the factor and that of a cause.
     """
     if mass_ratio <= 0.0:
         return ["a force with the wrong sign"]
     times = max(mass_ratio, 1.0 / mass_ratio)
-    known = dict(_CANDIDATES)
+    known = _CANDIDATES if machine is None else {**_CANDIDATES, **_MASS_UNITS}
     share_1 = 1.0 if machine is None else machine.machine.force_share
     if share_1 < 1.0:
         known[1.0 / share_1] = f"machine.force_share ({share_1:g})"
@@ -137,7 +144,7 @@ def list_possible_causes_of_mass_ratio(
         (off, f"{each:.4g}, {what}")
         for each, what in known.items()
         # a candidate must be nearer than a factor of 1
-        if (off := abs(np.log(times / each))) < min(LIMITS.factor_tolerance, np.log(each) / 2.0)
+        if (off := abs(np.log(times / each))) < min(tolerance, np.log(each) / 2.0)
     ]
     named = [what for _, what in sorted(near)]
     gear = f"a gear or gain of {times:.3g}"

@@ -249,7 +249,8 @@ class FindingInputs:
         channel = self.machine.channels["specific_force_x_m_s2"].model_dump(exclude_defaults=True)
         values = {f"channels.acc_x_m_s2.{name}": value for name, value in channel.items()}
         values = {"settings.forces.acceleration": "kinematic"} | values
-        return ", ".join(values), ", ".join(map(json.dumps, values.values()))
+        texts = (json.dumps(value, separators=(",", ":")) for value in values.values())
+        return ", ".join(values), ", ".join(texts)
 
     def propose_delay_settings(self, names: tuple[str, ...], delay_s: float) -> tuple[str, str]:
         """Keys and values of the machine file that correct a delay of channels."""

@@ -137,11 +137,12 @@ class FindingLimits:
     #: Mass over the lightest load up to which a load is as light, and from which it is heavier,
     as_light_ratio: float = 1.04
     heavier_ratio: float = 1.08
-    #: Ratio of the lightest loads before and after a time from which they are not one machine: as
-    #: of the logs of a shift (`analysis/cycles/cycle_limits.py`),
+    #: Ratio of lightest loads before and after a time from which they are not one machine,
     lightest_load_step_ratio: float = 1.15
     #: with the difference in standard deviations.
     lightest_load_step_std: float = 4.0
+    #: Relative distance within which it is that of two units: slip by load makes 2 %.
+    step_unit_tolerance: float = 0.03
 
     # likelihood_search
     #: Difference of gains (twice the log likelihood) below which causes are indistinguishable.
@@ -303,7 +304,7 @@ class FindingLimits:
     signed_gain_std: float = 8.0
     #: A force is unsigned if at most this fraction of decelerating samples opposes the motion,
     unsigned_opposing_fraction: float = 0.1
-    #: or it is positive while the machine reverses, in more than this fraction of the samples.
+    #: or where it reverses in more than this fraction of the samples.
     unsigned_reverse_min_fraction: float = 0.05
     #: A force drives above this share of the largest that makes the speed rise,
     unsigned_force_fraction: float = 0.3

@@ -133,7 +133,9 @@ def find_step_of_lightest_load(inputs: FindingInputs) -> list[Symptom]:
     first_manoeuvre = states.manoeuvre_ids[firsts[step.first_state_run]]
     t_ns = inputs.aligned["t_ns"].to_numpy()[fit.motion.is_fittable]
     start = np.argmax(find_manoeuvre_of_fitted_samples(fit.motion) >= first_manoeuvre)
-    gear, *units = list_possible_causes_of_mass_ratio(step.mass_ratio)
+    gear, *units = list_possible_causes_of_mass_ratio(
+        step.mass_ratio, tolerance=LIMITS.step_unit_tolerance
+    )
     return [
         Symptom(
             abs(float(np.log(step.mass_ratio))) / np.log(LIMITS.lightest_load_step_ratio),
@@ -144,7 +146,7 @@ def find_step_of_lightest_load(inputs: FindingInputs) -> list[Symptom]:
             span_ns=(int(t_ns[start]), int(t_ns[-1])),
             # which side is right is not known
             change=lambda: MassChange(0.0, abs(step.after.mass_kg - step.before.mass_kg)),
-            # a step by the ratio of two units is hardly another machine
+            # a step by just the ratio of two units is hardly another machine
             invalidates=bool(units),
         )
     ]

@@ -68,7 +68,9 @@ def _find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
         and opposing <= LIMITS.unsigned_opposing_fraction
     )
     lost, nearly = has_channel_lost_its_sign(inputs, name), is_negative_only_by_noise(straight)
-    backwards = drives_in_reverse(straight) and (lost or nearly)
+    backwards = drives_in_reverse(straight) and (
+        lost or (nearly and pushes_forwards_in_reverse(straight))
+    )
     if not (backwards or (brakes and (lost or (nearly and pushes_while_braking(straight))))):
         return []
     high = float(np.quantile(inputs.unfiltered_readings[name][1], 0.99))
@@ -90,6 +92,15 @@ def drives_in_reverse(straight: AxisMotion) -> bool:
     """Whether the machine drives backwards for a part of the log."""
     reverses = straight.speed_or_yaw_rate[straight.complete] < -LIMITS.reverse_speed_m_s
     return float(reverses.mean()) > LIMITS.unsigned_reverse_min_fraction
+
+
+def pushes_forwards_in_reverse(straight: AxisMotion) -> bool:
+    """Whether the force is far above zero where the machine reverses, and not that of a roll."""
+    reverses = straight.complete & (straight.speed_or_yaw_rate < -LIMITS.reverse_speed_m_s)
+    largest_N, reversing_N = (
+        np.quantile(straight.f[each], 0.99) for each in (straight.complete, reverses)
+    )
+    return bool(reversing_N > LIMITS.unsigned_force_fraction * largest_N)
 
 
 def is_negative_only_by_noise(straight: AxisMotion) -> bool:

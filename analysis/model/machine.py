@@ -287,8 +287,8 @@ class Machine(BaseModel):
 
     def depends_on_wheel_radius(self, channel_name: str) -> bool:
         """Whether a channel is computed with the wheel radius: by its scale or in arithmetic."""
-        channel = self.channels[channel_name]
-        return (
+        channel = self.channels.get(channel_name)
+        return channel is not None and (
             (
                 channel.expression is not None
                 and _WHEEL_RADIUS in iter_channel_names(channel.expression)

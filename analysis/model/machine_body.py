@@ -112,7 +112,7 @@ class Body(BaseModel):
     haul_spillage_share: float | None = Field(
         None, ge=0, lt=1, exclude_if=lambda value: value is None
     )
-    haul_spillage_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
+    haul_spillage_u: float | None = Field(None, ge=0, le=1, exclude_if=lambda value: value is None)
     #: Relative standard uncertainty of the fuel rate's channel. Not written if not given.
     fuel_gain_u: float | None = Field(None, ge=0, le=1, exclude_if=lambda value: value is None)
     fuel: FuelTank | None = Field(None, exclude_if=lambda value: value is None)

@@ -85,8 +85,13 @@ class ScaleFactor:
 def count_wheel_radius_in_mass(machine: Machine) -> int:
     """Power of the wheel radius in a mass: 1 by the force, and 1 by an acceleration of wheels."""
     by_force = "force_x_N" not in machine.channels or machine.depends_on_wheel_radius("force_x_N")
-    by_motion = machine.differentiates_speed and machine.depends_on_wheel_radius("speed_x_m_s")
-    return int(by_force) + int(by_motion)
+    return int(by_force) + int(takes_acceleration_from_wheel_radius(machine))
+
+
+def takes_acceleration_from_wheel_radius(machine: Machine) -> bool:
+    """Whether the acceleration that multiplies the mass is computed with the wheel radius."""
+    kinematic = machine.settings.forces.acceleration == "kinematic"
+    return kinematic and machine.depends_on_wheel_radius("acc_x_m_s2")
 
 
 def _is_wheel_radius_by_load_in_mass(machine: Machine) -> bool:
@@ -112,7 +117,7 @@ def _compute_relative_mass_u_by_wheel_radius(machine: Machine) -> float | None:
 
 def _compute_relative_mass_u_by_loaded_wheel_radius(machine: Machine) -> float | None:
     u = machine.machine.wheel_radius_by_load_u
-    by_wheels = machine.settings.forces.acceleration == "kinematic"
+    by_wheels = machine.differentiates_speed or takes_acceleration_from_wheel_radius(machine)
     return None if u is None else u * (2.0 if by_wheels else 1.0)
 
 

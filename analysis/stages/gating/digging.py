@@ -224,12 +224,15 @@ def mark_slowing_before_driving(pushes: Bools, pushes_hard: Bools, is_driving: B
 def select_longest_part_without_stop(rows: Ints, is_standing: Bools) -> Ints:
     """Of a stretch, the longest part without a stop: what a pile has stopped lurches when lifted.
 
+    A stretch whose parts are too short for a start stays whole.
+
     Args:
         rows: row numbers of the stretch.
         is_standing: (n,) whether the machine stands.
     """
     stops = np.flatnonzero(np.diff(np.cumsum(is_standing)[rows]) > 0) + 1
-    return max(np.split(rows, stops), key=len)
+    longest = max(np.split(rows, stops), key=len)
+    return longest if longest.size >= LIMITS.start_min_samples else rows
 
 
 def estimate_resistance_growth_and_std(

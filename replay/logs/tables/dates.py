@@ -8,6 +8,8 @@ import numpy as np
 import polars as pl
 
 from analysis.model.physical_units import NS
+from analysis.model.windows import find_flagged_runs
+from estimators.arrays import Bools, Ints
 from replay.logs.tables.header import ColumnName, reduce_to_lower_case_letters
 from replay.logs.tables.table_limits import LIMITS
 from replay.logs.tables.times import RowTimes, TimeError
@@ -165,18 +167,46 @@ def convert_local_times_to_utc(stamps: pl.Series, zone: str) -> pl.Series:
             f"{local.filter(missing)[0]:%Y-%m-%d %H:%M:%S}: the log's clock was not; set [log] "
             "timezone to a zone that does not change, such as Etc/GMT-1 for UTC+1,"
         )
-    twice = (first != second).fill_null(value=False).to_numpy()
-    t_ns = stamps.fill_null(strategy="forward").fill_null(strategy="backward").to_numpy()
-    is_second = np.zeros(twice.size, dtype=bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], twice, [False]])))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        falls = np.flatnonzero(np.diff(t_ns[begin:end]) < -LIMITS.set_back_ns)
-        if falls.size:
-            is_second[begin + int(falls[0]) + 1 : end] = True
-        elif end < t_ns.size and t_ns[end] - t_ns[end - 1] < LIMITS.set_back_ns:
-            before_ns = t_ns[begin] - t_ns[begin - 1] if begin else LIMITS.set_back_ns
-            is_second[begin:end] = before_ns >= LIMITS.set_back_ns
+    twice = (first != second).fill_null(value=False)
+    if not twice.any():
+        return first.alias(stamps.name)
+    known = stamps.is_not_null()
+    is_second = np.zeros(stamps.len(), dtype=bool)
+    is_second[known.to_numpy()] = _mark_second_hours(
+        stamps.filter(known).to_numpy(), twice.filter(known).to_numpy()
+    )
     return second.zip_with(pl.Series(is_second), first).alias(stamps.name)
+
+
+def _mark_second_hours(local_ns: Ints, twice: Bools) -> Bools:
+    """Mark the rows of the second of two hours of one name, (rows,).
+
+    Args:
+        local_ns: (rows,) local times, none missing.
+        twice: (rows,) whether the time comes twice.
+
+    Raises:
+        TimeError: the rows are not in order of time, so that their order shows nothing.
+    """
+    steps_ns = np.diff(local_ns)
+    falls = steps_ns < -LIMITS.set_back_ns
+    is_descending = 2 * np.count_nonzero((steps_ns < 0) & ~falls) > steps_ns.size
+    if is_descending or (falls & ~(twice[:-1] & twice[1:])).any():
+        raise TimeError(
+            "its times come twice in the hour that clocks are set back by, and its rows are not in "
+            "order of time, which would tell the two hours apart; sort them as they were recorded"
+        )
+    is_second = np.zeros(twice.size, dtype=bool)
+    for begin, end in zip(*find_flagged_runs(twice), strict=True):
+        fallen = np.flatnonzero(falls[begin:end])
+        if fallen.size > 1:
+            raise TimeError("its times fall back more than once in the hour that comes twice")
+        if fallen.size:
+            is_second[begin + int(fallen[0]) + 1 : end + 1] = True
+        elif end < steps_ns.size and steps_ns[end] < LIMITS.set_back_ns:
+            before_ns = steps_ns[begin - 1] if begin else LIMITS.set_back_ns
+            is_second[begin : end + 1] = before_ns >= LIMITS.set_back_ns
+    return is_second
 
 
 def _join_dates_and_times(dates: pl.Series, times: pl.Series) -> pl.Series:

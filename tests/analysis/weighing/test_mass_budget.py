@@ -5,7 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from analysis.model.machine import Machine
+from analysis.model.machine import Channel, Machine
 from analysis.model.uncertainty_sources import SCALES, combine_u, list_scale_sources_without_u
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import make_load_frame, make_manoeuvre_frame
@@ -76,7 +76,11 @@ class TestScale:
         assert u_of(log, **body)["wheel_radius_by_load"] == pytest.approx(expected)
         forces = log.machine.settings.forces.model_copy(update={"acceleration": "kinematic"})
         settings = log.machine.settings.model_copy(update={"forces": forces})
-        wheels = with_body(log, **body).model_copy(update={"settings": settings})
+        by_wheels = Channel(derive="d/dt speed_x_m_s")
+        channels = {**log.machine.channels, "acc_x_m_s2": by_wheels}
+        wheels = with_body(log, **body).model_copy(
+            update={"settings": settings, "channels": channels}
+        )
         found = {each.name: each.u for each in make_mass_budget(log.weighing, wheels, ONE)}
         assert found["wheel_radius_by_load"] == pytest.approx(2.0 * expected)
 

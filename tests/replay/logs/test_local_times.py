@@ -56,6 +56,23 @@ def test_a_table_is_of_the_zone_that_is_given(tmp_path: Path) -> None:
         assert f"the times name no zone: they are taken as {BERLIN}" in " ".join(log.notes())
 
 
+def test_rows_without_a_time_leave_the_second_hour_whole() -> None:
+    utc = (pl.int_range(9_000, eager=True) + SET_BACK_S - 4_000) * SECOND_NS
+    missing = pl.int_range(9_000, eager=True).is_in([3_000, 5_500, 5_501])
+    local = make_local_times(utc).cast(pl.Int64).set(missing, None)
+    found = convert_local_times_to_utc(local, BERLIN)
+    assert found.to_list() == utc.set(missing, None).to_list()
+
+
+@pytest.mark.parametrize("disorder", ["shuffled", "descending"])
+def test_rows_out_of_order_do_not_tell_the_two_hours(disorder: str) -> None:
+    utc = (pl.int_range(9_000, eager=True) + SET_BACK_S - 4_000) * SECOND_NS
+    local = make_local_times(utc).cast(pl.Int64)
+    local = local.reverse() if disorder == "descending" else local.shuffle(seed=1)
+    with pytest.raises(TimeError, match="not in order of time"):
+        convert_local_times_to_utc(local, BERLIN)
+
+
 def test_times_that_a_zone_skips_are_refused() -> None:
     skipped = pl.Series([1_774_749_600 * SECOND_NS])  # 29 March 2026, 2:00 by the clock
     with pytest.raises(TimeError, match="clocks were set forward over 2026-03-29 02:00:00"):
