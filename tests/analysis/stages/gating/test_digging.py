@@ -8,7 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.stages.gating.digging import find_digging_starts, reject_windows_with_digging
+from analysis.stages.gating.digging import (
+    find_digging_starts,
+    mark_slowing_before_driving,
+    reject_windows_with_digging,
+    select_longest_part_without_stop,
+)
 from replay import load_machine, open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.without_bucket import WITHOUT_BUCKET
@@ -207,3 +212,24 @@ def test_machines_without_a_bucket_have_no_pile(name: str, seed: int, tmp_path: 
         made = run(log, drawn.machine)
     assert made.frames["digging"].is_empty()
     assert "external_force" not in set(made.frames["findings"]["cause"])
+
+
+def test_slowing_counts_from_its_beginning_where_the_force_rises_or_the_machine_drives_on() -> None:
+    def marked(pushes: str, hard: str, drives: str) -> str:
+        flags = (np.array([each == "1" for each in text]) for text in (pushes, hard, drives))
+        return "".join("1" if each else "0" for each in mark_slowing_before_driving(*flags))
+
+    assert marked("0111110", "0000110", "1000000") == "0111110"
+    assert marked("0111000", "0000000", "1000111") == "0111000"
+    # a throttle that is let go: hard first, and soft as the force falls
+    assert marked("0111110", "0110000", "1000000") == "0110000"
+    assert marked("0111110", "0000000", "1000000") == "0000000"
+
+
+def test_what_lurches_after_a_stop_is_not_judged() -> None:
+    rows = np.concatenate([np.arange(10, 90), np.arange(100, 108)])
+    stands = np.zeros(120, np.bool_)
+    stands[90:100] = True
+    assert select_longest_part_without_stop(rows, stands).tolist() == list(range(10, 90))
+    # parts too short for a start are judged together
+    assert select_longest_part_without_stop(rows[76:], stands).tolist() == rows[76:].tolist()
