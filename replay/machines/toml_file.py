@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final, NamedTuple, TypeVar, Union, get_args, 
 
 from pydantic import BaseModel, ValidationError
 
+from analysis.model.physical_units import split_unit_from_name
 from estimators.errors import PayscopeError, format_count, suggest_choice
 from replay.machines.old_names import (
     OLD_NAMES,
@@ -207,11 +208,21 @@ def explain_validation_fault(validation_fault: ValidationError, model: type[Base
         text = f"{key}: {message[:1].lower()}{message[1:]}, not {reprlib.repr(first['input'])}"
         if kind == "tuple_type" and isinstance(first["input"], str):
             text += f": write {format_toml([first['input']])}"
+        if kind.startswith("less_than") and steps:
+            text += _describe_unit_of_key(steps[-1])
     others = len(details) - 1
     # a quoted key may contain line breaks
     return " ".join(
         f"{text} (and {format_count(others, 'more fault')})".split() if others else text.split()
     )
+
+
+def _describe_unit_of_key(key: str) -> str:
+    """Say in which unit a key is, which a value that is too large may not be; empty if unknown."""
+    if key.endswith("_u"):
+        return "; it is relative: 0.01 is 1 %"
+    unit = split_unit_from_name(key)[1]
+    return f"; it is in {unit}" if unit else ""
 
 
 class LocatedKeys(NamedTuple):

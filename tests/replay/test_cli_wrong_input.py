@@ -90,6 +90,16 @@ class TestWrongInput:
         said = payscope("run", log, "-m", machine_file, "--set", "settings.trace.methods=ls")
         join_to_one_line(said, 'write ["ls"]')
 
+    def test_a_value_in_another_unit_is_told_which_its_key_has(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        for override, unit in (
+            ("wheel_radius_m=350", "it is in m"),
+            ("force_gain_u=5", "it is relative: 0.01 is 1 %"),
+        ):
+            said = payscope("run", log, "-m", machine_file, "--set", f"machine.{override}")
+            join_to_one_line(said, unit)
+
     def test_a_number_beyond_all_bounds_is_named(
         self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
     ) -> None:
