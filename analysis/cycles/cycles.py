@@ -39,7 +39,7 @@ from analysis.weighing.weigh import Weighing
 from estimators.arrays import Floats
 
 _UNSEEN: Final = "dumped while nothing was recorded"
-_CONTRADICTED: Final = "the mass does not change where the boom dumps"
+_CONTRADICTED: Final = "at many dumps of the boom the mass does not change, or the log cannot tell"
 _HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
 
 
