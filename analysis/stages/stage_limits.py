@@ -49,7 +49,9 @@ class StageLimits:
     digging_mass_std_1: float = 0.15
     #: Standard deviation of friction at full speed, over the driving force: it may take nearly all.
     digging_friction_std_1: float = 1.0
-    #: The same of a constant force.
+    #: Factor of it by which there is no friction.
+    no_friction_ratio: float = 1e-6
+    #: Standard deviation of a constant force, likewise.
     digging_constant_std_1: float = 0.3
     #: Noise and what the model misses, as a fraction of that force,
     digging_misfit_fraction: float = 0.015
