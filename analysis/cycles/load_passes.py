@@ -169,14 +169,16 @@ def find_load_passes(
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
-    dumping = mark_manoeuvres_while_dumping(begin, end, dumps)
-    other = mark_other_loads_of_passes(~dumping, of_state, of, state, mass_kg - step_kg, u_kg)
+    has_load = ~(
+        mark_manoeuvres_while_dumping(begin, end, dumps) | ~mark_plausible_masses(mass_kg)[state]
+    )
+    other = mark_other_loads_of_passes(has_load, of_state, of, state, mass_kg - step_kg, u_kg)
     for k in np.flatnonzero(other[:-1] & ~other[1:] & ~of_state[:-1] & (np.diff(of) == 0)):
         rest_dumped_ns += tuple(
             each.bucket_emptied_ns
             for each in dumps.select_dumps_emptied_in_span(int(end[k]), int(begin[k + 1]))
         )
-    no_mass = dumping | other | hauls_nothing | ~mark_plausible_masses(mass_kg)[state]
+    no_mass = ~has_load | other | hauls_nothing
     no_mass |= step_kg[state] != step_kg[state[first]][of]
     left = np.where(no_mass, 0.0, weight)
     # a pass without other manoeuvres keeps its weights
@@ -380,7 +382,7 @@ def mark_other_loads_of_passes(
     rest of a load to another dump, or a part of the next: it is empty with its lightest load.
 
     Args:
-        has_load: (manoeuvres,) whether the load of each is known: not while dumping.
+        has_load: (manoeuvres,) whether the load of each is known and plausible: not while dumping.
         is_loaded: (manoeuvres,) whether each is loaded.
         pass_of_manoeuvre: (manoeuvres,) pass of each.
         state: (manoeuvres,) load state of each manoeuvre.
@@ -391,9 +393,6 @@ def mark_other_loads_of_passes(
     for number in np.unique(pass_of_manoeuvre[has_load]):
         inside = has_load & (pass_of_manoeuvre == number)
         of_pass = state[inside]
-        of_pass = of_pass[mark_plausible_masses(mass_kg)[of_pass]]
-        if not of_pass.size:
-            continue
         kept = of_pass[-1] if is_loaded[inside][-1] else of_pass[np.argmin(mass_kg[of_pass])]
         apart_kg = LIMITS.other_load_std * np.hypot(u_kg[state], u_kg[kept])
         other |= inside & (np.abs(mass_kg[state] - mass_kg[kept]) > apart_kg)

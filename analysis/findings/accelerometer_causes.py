@@ -293,8 +293,8 @@ def _find_slope_under_gravity_free_acceleration(inputs: FindingInputs) -> list[S
         return []
     z, _ = inputs.compute_mean_and_std_of_column_at_rest(_Z)
     keys, new = inputs.propose_kinematic_acceleration_settings()
-    lacking_1 = 1.0 - abs(z) / inputs.machine.machine.gravity_m_s2
     if not has_pitch_channel(inputs):
+        lacking_1 = 1.0 - abs(z) / inputs.machine.machine.gravity_m_s2
         return [
             Symptom(
                 lacking_1 / (1.0 - LIMITS.gravity_min_fraction),

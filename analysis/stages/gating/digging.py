@@ -256,39 +256,23 @@ def estimate_resistance_growth_and_std(
         prior_stds: (3,) prior standard deviations of mass, viscous friction and constant.
         noise_N: standard deviation of the force residual.
     """
-    start = motion, force, progress_1, mean_kg
-    growth_N, std_N, friction = fit_growing_resistance(*start, prior_stds, noise_N)
-    if growth_N < 0.0 > friction:
-        # a pile that slows the machine down is no friction that falls with the speed
-        no_friction = prior_stds * [1.0, LIMITS.no_friction_ratio, 1.0]
-        growth_N, std_N, _ = fit_growing_resistance(*start, no_friction, noise_N)
-    return growth_N, std_N
-
-
-def fit_growing_resistance(
-    motion: Floats,
-    force: Floats,
-    progress_1: Floats,
-    mean_kg: float,
-    prior_stds: Floats,
-    noise_N: float,
-) -> tuple[float, float, float]:
-    """Fit a resistance that grows over a start: growth and its std in N, friction in N·s/m.
-
-    Arguments are those of `estimate_resistance_growth_and_std`.
-    """
     weight = 1.0 / (noise_N**2 * LIMITS.digging_misfit_samples)
-    known = np.append(prior_stds**-2.0, 0.0)
-    likeliest, growth, variance, friction = -np.inf, 0.0, np.inf, 0.0
-    for met in LIMITS.pile_contact_fractions:
-        ramp = np.maximum(progress_1 - met, 0.0) / (1.0 - met)
-        design = np.column_stack([motion, np.ones(force.size), ramp])
-        information = weight * design.T @ design + np.diag(known)
-        right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])
-        covariance = np.linalg.inv(information)
-        # the reduction of the sum of squared residuals by this ramp, up to a constant
-        taken = float(right @ covariance @ right)
-        if taken > likeliest:
-            likeliest, variance = taken, float(covariance[3, 3])
-            friction, growth = (float(row @ right) for row in covariance[[1, 3]])
-    return growth, float(np.sqrt(variance)), friction
+    growth, variance, friction = 0.0, np.inf, 0.0
+    # a pile that slows the machine down is no friction that falls with the speed
+    for friction_ratio in (1.0, LIMITS.no_friction_ratio):
+        known = np.append((prior_stds * [1.0, friction_ratio, 1.0]) ** -2.0, 0.0)
+        likeliest = -np.inf
+        for met in LIMITS.pile_contact_fractions:
+            ramp = np.maximum(progress_1 - met, 0.0) / (1.0 - met)
+            design = np.column_stack([motion, np.ones(force.size), ramp])
+            information = weight * design.T @ design + np.diag(known)
+            right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])
+            covariance = np.linalg.inv(information)
+            # the reduction of the sum of squared residuals by this ramp, up to a constant
+            taken = float(right @ covariance @ right)
+            if taken > likeliest:
+                likeliest, variance = taken, float(covariance[3, 3])
+                friction, growth = (float(row @ right) for row in covariance[[1, 3]])
+        if not growth < 0.0 > friction:
+            break
+    return growth, float(np.sqrt(variance))

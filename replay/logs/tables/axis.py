@@ -136,9 +136,10 @@ class TableTimes:
         """Convert dates that name no zone from the given one to UTC, and say what was taken."""
         if not times.names_no_zone:
             return times
-        zone = self.timezone or "UTC"
-        stamps = convert_local_times_to_utc(times.stamps, zone)
-        note = f"the times name no zone: they are taken as {zone}"
+        note = f"the times name no zone: they are taken as {self.timezone or 'UTC'}"
+        stamps = times.stamps
+        if self.timezone is not None:
+            stamps = convert_local_times_to_utc(stamps, self.timezone)
         return RowTimes(stamps, (*times.notes, note))
 
     def _add_second_fractions(self, seconds: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
