@@ -17,6 +17,7 @@ import tempfile
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from traceback import walk_tb
 from typing import Final, NamedTuple
 
 #: Folder that contains the packages.
@@ -101,6 +102,28 @@ def remove_compile_cache() -> list[Path]:
     for parent in kept:
         shutil.rmtree(parent, ignore_errors=True)
     return sorted(kept)
+
+
+def remove_unreadable_compiled_code(error: BaseException) -> list[Path]:
+    """Remove the compiled code that could not be read.
+
+    The disk was full when it was written, or two processes wrote it at the same time.
+
+    Args:
+        error: what reading raised: an EOFError or an UnpicklingError.
+
+    Returns:
+        The removed files and folders; none if something else could not be read.
+    """
+    for frame, _ in walk_tb(error.__traceback__):
+        if "numba" in Path(frame.f_code.co_filename).parts:
+            return remove_compile_cache()
+        if frame.f_code.co_name == "get_code" and frame.f_locals.get("bytecode_path"):
+            # a module's: Python up to 3.12 takes a file that a full disk cut short for whole
+            bytecode = Path(frame.f_locals["bytecode_path"])
+            bytecode.unlink(missing_ok=True)
+            return [bytecode]
+    return []
 
 
 def _list_cache_parents(package: str) -> tuple[Path, ...]:

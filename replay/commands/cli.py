@@ -11,9 +11,6 @@ import sys
 import warnings
 from collections.abc import Generator
 from contextlib import contextmanager
-from pathlib import Path
-from pickle import UnpicklingError
-from traceback import extract_tb
 from types import FrameType
 from typing import Any, Final
 
@@ -122,10 +119,6 @@ def main() -> None:
             raise
         _discard_buffered_stdout()
         status = 0
-    except (UnpicklingError, EOFError) as error:
-        status = _print_error_and_get_exit_status(
-            remove_unreadable_compile_cache_and_make_message(error)
-        )
     except OSError as error:
         _discard_buffered_stdout()
         # a file that was being closed when the signal arrived may have been closed twice
@@ -212,19 +205,6 @@ def _warn_of_old_keys_on_exit() -> Generator[None]:
 def _discard_buffered_stdout() -> None:
     """Discard buffered output, so that the flush at exit cannot fail again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def remove_unreadable_compile_cache_and_make_message(error: Exception) -> str:
-    """Remove a compile cache that cannot be read, and return a message; re-raise other errors.
-
-    Two processes may have written it at the same time, or the disk was full.
-    """
-    if not any("numba" in Path(frame.filename).parts for frame in extract_tb(error.__traceback__)):
-        raise error
-    from estimators.compile_cache import remove_compile_cache
-
-    folders = ", ".join(map(str, remove_compile_cache()))
-    return f"{folders}: compiled code kept there cannot be read and was removed; run it again"
 
 
 def _print_error_and_get_exit_status(error_text: str) -> int:

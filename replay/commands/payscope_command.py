@@ -9,10 +9,13 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime
 from math import isfinite
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, Final, get_args
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
+
+from estimators.errors import PayscopeError
 
 #: Name of a value in the help, by its type.
 _VALUE_NAMES: Final = {Path: "PATH", str: "TEXT", int: "N", float: "X", datetime: "TIME"}
@@ -32,7 +35,10 @@ class PayscopeCommand(TyperCommand):
                 what = f"input should be a finite number, not {value:g}"
                 raise typer.BadParameter(what, ctx=ctx, param=parameter)
         refuse_outputs_among_inputs(ctx.params)
-        return super().invoke(ctx)
+        try:
+            return super().invoke(ctx)
+        except (UnpicklingError, EOFError) as error:
+            raise remove_compiled_code_and_make_error(error) from error
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Parameters, with names for their values."""
@@ -50,6 +56,21 @@ class PayscopeCommandGroup(TyperGroup):
     def get_params(self, ctx: Any) -> list[Any]:
         """The parameters, with names for their values."""
         return [name_value_of_parameter(each) for each in super().get_params(ctx)]
+
+
+def remove_compiled_code_and_make_error(error: Exception) -> Exception:
+    """Remove compiled code that could not be read, and make the error that says so.
+
+    Typer would exit after an EOFError without saying anything.
+    """
+    from estimators.compile_cache import remove_unreadable_compiled_code
+
+    removed = ", ".join(map(str, remove_unreadable_compiled_code(error)))
+    if not removed:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return PayscopeError(
+        f"{removed}: compiled code kept there cannot be read and was removed; run it again"
+    )
 
 
 _BRACES: Final = str.maketrans("", "", "{}")

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import REPO
 from tests.replay.sledge import MACHINE, sledge
 
 #: One compiled function, by which a run stands or falls like by all of them.
 ONE_LOOP = """
-from replay.commands.cli import remove_unreadable_compile_cache_and_make_message
+from estimators.compile_cache import remove_unreadable_compiled_code
 import numpy as np
 from estimators.interpreted import force_compilation
 from estimators.methods.ls import compute_mean_sample_weights
@@ -20,7 +21,7 @@ try:
         compute_mean_sample_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")
 except Exception as error:
-    print(remove_unreadable_compile_cache_and_make_message(error))
+    print(*remove_unreadable_compiled_code(error))
 """
 
 
@@ -43,9 +44,31 @@ def test_a_loop_that_cannot_be_read_is_removed_and_compiled_anew(tmp_path: Path)
         said.append(left.stdout.strip())
         if len(said) == 1:
             damage(tmp_path)
-    folder = tmp_path / "payscope-numba"
-    line = f"{folder}: compiled code kept there cannot be read and was removed; run it again"
-    assert said == ["done", line, "done"]
+    assert said == ["done", str(tmp_path / "payscope-numba"), "done"]
+
+
+def test_a_module_cut_short_by_a_full_disk_is_removed_and_the_next_command_works(
+    tmp_path: Path,
+) -> None:
+    sledge(seconds=4.0).write_csv(tmp_path / "sledge.csv")
+    words = [sys.executable, "-P", str(REPO / "payscope.py"), "info", "sledge.csv"]
+    environment = {**os.environ, "PYTHONPYCACHEPREFIX": str(tmp_path / "kept")}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+
+    def look() -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+
+    assert look().returncode == 0
+    (cut,) = (tmp_path / "kept").rglob("describe_log*.pyc")
+    cut.write_bytes(cut.read_bytes()[:1000])
+    damaged = look()
+    assert damaged.returncode == 2
+    assert damaged.stderr == (
+        f"payscope: {cut}: compiled code kept there cannot be read and was removed; run it again\n"
+    )
+    assert look().returncode == 0
 
 
 #: The command, which interprets no short log.

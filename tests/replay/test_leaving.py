@@ -81,7 +81,8 @@ def limited(size: int, *words: object) -> "subprocess.CompletedProcess[str]":
         "from replay.commands.cli import main; main()"
     )
     return subprocess.run(
-        [sys.executable, "-c", limit, *words],
+        # Python 3.11 would keep modules that it compiles cut short by the limit
+        [sys.executable, "-B", "-c", limit, *words],
         capture_output=True,
         text=True,
         check=False,

@@ -1,6 +1,7 @@
 """Killed at any moment and started again, `follow` goes on: nothing twice, a second lost."""
 
 import json
+import os
 import resource
 import signal
 import subprocess
@@ -73,6 +74,8 @@ def started(
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=limit,
+        # under a limit, Python 3.11 would keep modules that it compiles cut short
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"} if limit else None,
     )
 
 
