@@ -107,7 +107,9 @@ def find_boom_dumps(
     inside_ns = t_ns[whole & ~out]
     spans = [
         trim_span_to_standstills(span, t_ns[stands], reach[stands])
-        for span in group_boom_out_times_into_dumps(t_ns[out & slow], inside_ns)
+        for span in group_boom_out_times_into_dumps(
+            t_ns[out & slow], inside_ns, t_ns[driving & ~out]
+        )
     ]
     spans = drop_truncated_dump(spans, inside_ns, int(t_ns[-1]))
     if (
@@ -171,22 +173,26 @@ def find_emptying_time_ns(boom_angle_rad: Floats, t_ns: Ints, span: Span) -> int
     return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
-def group_boom_out_times_into_dumps(boom_out_ns: Ints, boom_in_ns: Ints) -> list[Span]:
+def group_boom_out_times_into_dumps(
+    boom_out_ns: Ints, boom_in_ns: Ints, driving_boom_in_ns: Ints
+) -> list[Span]:
     """Spans of dumping, each first and last time in ns, joined over short pauses of one dump.
 
     Spans between which the boom does not return belong to one dump: the machine drives there with
-    its boom extended.
+    its boom extended. A pause is none if it drives with the boom retracted.
 
     Args:
         boom_out_ns: (n,) times with the boom extended while the machine hardly moves.
         boom_in_ns: times with the boom retracted.
+        driving_boom_in_ns: those of them at which the machine drives.
     """
     if not boom_out_ns.size:
         return []
-    load_returns = np.diff(np.searchsorted(boom_in_ns, boom_out_ns)) > 0
-    parts = np.split(
-        boom_out_ns, np.flatnonzero((np.diff(boom_out_ns) > LIMITS.one_dump_ns) & load_returns) + 1
+    returns, drives = (
+        np.diff(np.searchsorted(each, boom_out_ns)) > 0 for each in (boom_in_ns, driving_boom_in_ns)
     )
+    is_apart = drives | (returns & (np.diff(boom_out_ns) > LIMITS.one_dump_ns))
+    parts = np.split(boom_out_ns, np.flatnonzero(is_apart) + 1)
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 

@@ -284,7 +284,8 @@ def mark_rows_from_dig_to_standstill(
 
     The pile takes a part of the force, and brakes what leaves it no other way. Where braking counts
     as driving, a manoeuvre is as long as the log, so the gate alone does not keep them out. What a
-    pile has stopped lurches forwards as the bucket is lifted: that is marked as well.
+    pile has stopped lurches forwards as the bucket is lifted: that is marked as well, with the
+    stand before it, so that the load changes where the machine digs.
 
     Args:
         aligned: grid, with `digs` if known.
@@ -306,10 +307,12 @@ def mark_rows_from_dig_to_standstill(
     path_m = np.bincount(move, np.abs(np.nan_to_num(speed))) / settings.align.rate_hz
     in_pile, way_of_move = np.bincount(move, digs) > 0.0, way[ends]
     lurches = np.zeros(path_m.size, np.bool_)
-    for each in np.flatnonzero(path_m[1:] < LIMITS.lurch_m) + 1:
+    is_short = (path_m < LIMITS.lurch_m) & (np.bincount(move, moves) > 0.0)
+    for each in np.flatnonzero(is_short[1:]) + 1:
         lurches[each] = in_pile[each - 1] and way_of_move[each] == way_of_move[each - 1]
         in_pile[each] |= lurches[each]
-    return flag_rows_near_flagged_rows(digs | (lurches[move] & moves), margin + 1)
+    lurch = lurches[move]
+    return lurch | flag_rows_near_flagged_rows(digs | (lurch & moves), margin + 1)
 
 
 def make_centred_ramp(sample_count: int) -> Floats:

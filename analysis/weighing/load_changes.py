@@ -10,7 +10,7 @@ from analysis.weighing.fitted_stretches import (
 )
 from analysis.weighing.load_limits import LIMITS
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from estimators.joint.unit_levels import FILLED, HINTED, NAMED, RESTARTED, TURNED
+from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, NAMED, RESTARTED, TURNED
 
 
 @cache_on_samples
@@ -75,8 +75,9 @@ def classify_load_change_evidence(motion: MotionSamples) -> Ints:
     Returns:
         0 if the load cannot change, since the machine drove on, is stated to be empty or is known
         to carry one load; 1 if only the masses can show a change; `TURNED` at a change of
-        direction; `RESTARTED` after a gap as between files; `HINTED` if boom or bucket moved;
-        `FILLED` if the machine dug; `NAMED` at the start or end of the stated empty time.
+        direction; `RESTARTED` after a gap as between files; `HINTED` if boom or bucket moved,
+        `DUMPED` if away from where they usually are; `FILLED` if the machine dug; `NAMED` at the
+        start or end of the stated empty time.
     """
     used = np.flatnonzero(motion.is_fittable)
     first = np.flatnonzero(np.append(True, np.diff(find_manoeuvre_of_fitted_samples(motion)) > 0))
@@ -88,7 +89,7 @@ def classify_load_change_evidence(motion: MotionSamples) -> Ints:
     # the bucket is in front: the machine arrives, fills or empties it, and backs out
     arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
     backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
-    seen = np.isin(kind, (HINTED, FILLED)).any()
+    seen = np.isin(kind, (HINTED, DUMPED, FILLED)).any()
     kind = np.where(backs_out & ~seen, TURNED, kind)
     return np.zeros_like(kind) if motion.has_single_load else kind
 
@@ -116,17 +117,28 @@ def classify_load_change(
         and motion.earlier_stop_count[end_row] == motion.earlier_stop_count[begin_row]
     ):
         return 0
-    moved = any(
-        compute_finite_range(arm[boom_begin_row : boom_end_row + 1]) > LIMITS.arm_movement_rad
-        for arm in motion.boom_and_bucket_angles_rad
-    )
-    if moved:
-        return HINTED
+    span, stand = slice(boom_begin_row, boom_end_row + 1), slice(end_row, begin_row + 1)
+    arms = motion.boom_and_bucket_angles_rad
+    if any(compute_finite_range(arm[span]) > LIMITS.arm_movement_rad for arm in arms):
+        out_rad = [
+            np.nanmax(away_rad[stand], initial=0.0) - away_rad[boom_begin_row]
+            for away_rad in compute_arm_deflections_rad(motion)
+        ]
+        return DUMPED if max(out_rad) > LIMITS.arm_movement_rad else HINTED
     silent = (
         motion.long_gap_count is not None
         and motion.long_gap_count[end_row] != motion.long_gap_count[begin_row]
     )
     return RESTARTED if silent else 1
+
+
+@cache_on_samples
+def compute_arm_deflections_rad(motion: MotionSamples) -> list[Floats]:
+    """Deflection of boom and bucket from where they usually are while driving, (n,) each."""
+    return [
+        np.abs(arm - np.nanmedian(arm[motion.is_fittable]))
+        for arm in motion.boom_and_bucket_angles_rad
+    ]
 
 
 def compute_finite_range(values: Floats) -> float:

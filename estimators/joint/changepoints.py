@@ -22,7 +22,15 @@ from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 from estimators.joint.joint_limits import LIMITS
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
-from estimators.joint.unit_levels import FILLED, HINTED, NAMED, RESTARTED, TURNED, UnitLevels
+from estimators.joint.unit_levels import (
+    DUMPED,
+    FILLED,
+    HINTED,
+    NAMED,
+    RESTARTED,
+    TURNED,
+    UnitLevels,
+)
 from estimators.numerics.in_order import sum_in_order
 
 #: Bytes of the (units,) level numbers of a partition, by which equal partitions are found.
@@ -72,7 +80,7 @@ def find_best_partitions(
     )
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(unit_values.kind > 0))
     # with many changes, the effects fitted with one level hide them from searches that start there
-    least_kinds = (TURNED, RESTARTED, HINTED, FILLED, NAMED)
+    least_kinds = (TURNED, RESTARTED, HINTED, DUMPED, FILLED, NAMED)
     hinted = [np.append(0, np.cumsum(unit_values.kind >= least)) for least in least_kinds if n > 1]
     noise_alone = PartitionPosterior(unit_values, max_level_distance, 0.0, None)
     begin = [

@@ -74,7 +74,11 @@ class JointLimits:
     unfilled_probability: float = 0.0003
     #: that what is filled is not emptied once before it is filled again,
     unusual_emptying_probability: float = 0.05
-    #: and how much likelier an emptying is where something else tells a change.
+    #: known as well as so many cycles would tell it: where a driver mostly dumps in two parts,
+    #: seven cycles pay for that as two or three would at a known probability,
+    usual_emptying_cycles: float = 4.0
+    #: and how much likelier an emptying is where something else tells a change, and where a boom
+    #: is extended than where it only moves.
     hinted_emptying_ratio: float = 20.0
 
     # prior_fit

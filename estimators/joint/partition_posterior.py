@@ -4,11 +4,11 @@ The prior is not tuned: one level is as probable as several; with several levels
 changes is equally probable, and so is every choice of the same number of boundaries (Scott & Berger
 2010, Bayes and empirical-Bayes multiplicity adjustment). At the ends of records three cases are
 equally probable: one level for all records, mostly one level per record, and any rate of changes.
-All levels differ, or two levels alternate, or every second level recurs, like that of an empty
-machine: these three are equally probable. Levels are normal about a mean of their own, with a
-spread that the series determines, up to `spread` (Gelman 2006, Prior distributions for variance
-parameters). The scatter is half-normal: scatter and a level for each unit are equivalent, and only
-the size distinguishes them.
+All levels differ, or two levels alternate, or one level recurs, like that of an empty machine, at
+every second stretch or before every filling: these three are equally probable. Levels are normal
+about a mean of their own, with a spread that the series determines, up to `spread` (Gelman 2006,
+Prior distributions for variance parameters). The scatter is half-normal: scatter and a level for
+each unit are equivalent, and only the size distinguishes them.
 """
 
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from typing import Final, Self
 
 import numpy as np
 from scipy.linalg.lapack import dposv
-from scipy.special import betaln
+from scipy.special import betaln, gammaln
 
 from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_unless_short_log
 from estimators.joint.joint_limits import LIMITS
-from estimators.joint.unit_levels import FILLED, HINTED, NAMED, RESTARTED, UnitLevels
+from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, NAMED, RESTARTED, UnitLevels
 
 #: Standard deviations of the levels, as fractions of the largest spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
@@ -77,10 +77,11 @@ class Stretches:
     @classmethod
     def from_boundaries(cls, state_of_unit: Ints, change_kinds: Ints) -> Self:
         """Number the stretches of a partition, and compute its log prior probability."""
+        has_change = np.diff(state_of_unit) > 0
         return cls(
             state_of_unit,
-            list_level_assignments_and_log_priors(int(state_of_unit[-1]) + 1),
-            compute_log_prior_of_changes(change_kinds, np.diff(state_of_unit) > 0),
+            list_level_assignments_and_log_priors(change_kinds[has_change] == FILLED),
+            compute_log_prior_of_changes(change_kinds, has_change),
         )
 
 
@@ -189,16 +190,26 @@ def solve_with_log_determinant(
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def list_level_assignments_and_log_priors(state_count: int) -> list[tuple[float, Ints]]:
-    """Possible level indices of the states, (states,), each with its log probability."""
-    own = np.arange(state_count)
-    if state_count <= 2:
+def list_level_assignments_and_log_priors(ends_in_filling: Bools) -> list[tuple[float, Ints]]:
+    """Possible level indices of the states, (states,), each with its log probability.
+
+    Args:
+        ends_in_filling: (states - 1,) whether each state but the last ends where it is filled.
+    """
+    own = np.arange(ends_in_filling.size + 1)
+    if own.size <= 2:
         return [(0.0, own)]
-    back = [
-        (_THIRD + _HALF, np.unique(np.where(own % 2 == which, -1, own), return_inverse=True)[1])
-        for which in (0, 1)
+    recurs = [own % 2 == 0, own % 2 == 1]
+    # emptied in several parts, a load has more than two states, and the last one recurs
+    emptied = np.append(ends_in_filling, False)
+    if emptied.sum() > 1 and not any((emptied[:-1] == each[:-1]).all() for each in recurs):
+        recurs.append(emptied)
+    back = _THIRD - float(np.log(len(recurs)))
+    return [
+        (_THIRD, own),
+        (_THIRD, own % 2),
+        *((back, np.unique(np.where(each, -1, own), return_inverse=True)[1]) for each in recurs),
     ]
-    return [(_THIRD, own), (_THIRD, own % 2), *back]
 
 
 def compute_log_likelihood_of_levels(
@@ -251,42 +262,47 @@ def compute_log_prior_of_work_cycles(change_kinds: Ints, has_change: Bools) -> f
     """Log prior probability of changes of the load as work cycles, without its constant.
 
     A cycle has one change at its filling and another, the dump, before the next filling, preferably
-    where there is a hint.
+    where there is a hint. How many of the loads are emptied in several parts is unknown, so that
+    what is usual in a series costs little (a beta-binomial prior).
 
     Args:
         change_kinds: (n - 1,) kind of each boundary between manoeuvres.
         has_change: (n - 1,) whether the load changes there.
     """
     filling = change_kinds == FILLED
-    filled = filling & has_change
-    stretch, number = np.cumsum(filled), int(filled.sum()) + 1
-    weight = np.where(
-        filling | (change_kinds == 0),
-        0.0,
-        np.where(change_kinds == HINTED, LIMITS.hinted_emptying_ratio, 1.0),
+    cycle = np.cumsum(filling & has_change)
+    count = int(cycle[-1]) + 1
+    weight = LIMITS.hinted_emptying_ratio ** (
+        np.float64(change_kinds >= HINTED) + (change_kinds == DUMPED)
     )
-    total = np.bincount(stretch, weight, minlength=number)
+    weight[filling | (change_kinds == 0)] = 0.0
+    total = np.bincount(cycle, weight, minlength=count)
     emptied = has_change & ~filling
-    often = np.bincount(stretch[emptied], minlength=number)
-    each = np.log(
-        np.array(
-            [
-                LIMITS.unusual_emptying_probability,
-                1.0 - 2.0 * LIMITS.unusual_emptying_probability,
-                LIMITS.unusual_emptying_probability,
-            ]
-        )
-    )[np.minimum(often, 2)]
+    parts = np.bincount(cycle[emptied], minlength=count)
     # no dump can be seen without a boundary, and a log may begin or end anywhere in a cycle
-    each[total == 0.0] = 0.0
-    each[[0, -1]] = np.where(often[[0, -1]] == 0, _HALF, each[[0, -1]])
-    where = float(np.log(weight[emptied] / total[stretch[emptied]]).sum())
+    is_cut = np.zeros(count, np.bool_)
+    is_cut[[0, -1]] = parts[[0, -1]] == 0
+    none, once, several = np.bincount(
+        np.minimum(parts[(total > 0.0) & ~is_cut], 2), minlength=3
+    ).tolist()
+    rare, cycles = LIMITS.unusual_emptying_probability, LIMITS.usual_emptying_cycles
+    # ∫ over the unknown share of loads that are emptied in several parts
+    log = none * float(np.log(rare)) + (once + several) * float(np.log1p(-rare))
+    log += float(
+        betaln(cycles * rare + several, cycles * (1.0 - rare) + once)
+        - betaln(cycles * rare, cycles * (1.0 - rare))
+    )
+    log += _HALF * (int(is_cut.sum()) + int((parts[parts > 1] - 1).sum()))
+    # any choice of so many boundaries, each by its weight, the second another than the first
+    log += float(gammaln(parts + 1).sum() + np.log(weight[emptied] / total[cycle[emptied]]).sum())
+    same = np.bincount(cycle, weight**2, minlength=count)[parts > 1] / total[parts > 1] ** 2
+    log -= float(np.log1p(-same).sum())
     fillings = np.where(
         has_change[filling],
         np.log1p(-LIMITS.unfilled_probability),
         np.log(LIMITS.unfilled_probability),
     )
-    return float(fillings.sum()) + float(each.sum()) + where
+    return log + float(fillings.sum())
 
 
 def compute_log_prior_of_unknown_change_rate(change_kinds: Ints, has_change: Bools) -> float:

@@ -12,13 +12,14 @@ from estimators.numerics.group_sums import GroupSums, NoiseMoments, compute_rms_
 from estimators.numerics.sandwich import compute_sandwich_meat
 
 #: Kinds of boundaries with evidence of a change besides the units: the machine backs out of where
-#: it drove to; a record ends and another begins; a hint (a boom movement); near certainty (a filled
-#: bucket); a statement.
+#: it drove to; a record ends and another begins; a hint (a boom movement); a better one (a boom
+#: that is extended); near certainty (a filled bucket); a statement.
 TURNED: Final = 2
 RESTARTED: Final = 3
 HINTED: Final = 4
-FILLED: Final = 5
-NAMED: Final = 6
+DUMPED: Final = 5
+FILLED: Final = 6
+NAMED: Final = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +33,8 @@ class UnitLevels:
         gram: (r, r) information about β within units and from its prior.
         cross: (r,) right-hand side of the same equations.
         kind: (n - 1,) kind of each boundary: 0 no change possible, 1 a change that only the units
-            indicate; `TURNED`, `RESTARTED`, `HINTED`, `FILLED` and `NAMED` have other evidence.
-            Boundaries of a kind are exchangeable.
+            indicate; `TURNED`, `RESTARTED`, `HINTED`, `DUMPED`, `FILLED` and `NAMED` have other
+            evidence. Boundaries of a kind are exchangeable.
     """
 
     y: Floats

@@ -1,8 +1,10 @@
 """Cycles that boom or digging show where masses tell none, or others."""
 
+import numpy as np
 import polars as pl
 import pytest
 
+from analysis.cycles.boom_dumps import group_boom_out_times_into_dumps
 from tests.analysis.cycles.drawn import NS, PERIOD_S, drawn_shift
 from tests.analysis.cycles.test_cycles import found
 
@@ -129,3 +131,15 @@ def test_a_start_that_creeps_while_it_dumps_has_no_part_in_the_load() -> None:
     )
     table = found(frames | {"manoeuvres": pl.concat([masses, is_creeping]).sort("start_t_ns")})
     assert table["payload_kg"].to_list() == pytest.approx(LOADS)
+
+
+@pytest.mark.parametrize(("drives_ns", "dumps"), [([], 1), ([9 * NS], 2)])
+def test_a_boom_that_is_out_again_soon_has_dumped_twice_only_if_the_machine_drove(
+    drives_ns: list[int], dumps: int
+) -> None:
+    """Out until 6 s and again from 12 s; in between it is retracted: the bucket is shaken."""
+    out_ns = np.array([4, 5, 6, 12, 13]) * NS
+    spans = group_boom_out_times_into_dumps(
+        out_ns, np.arange(7, 12) * NS, np.array(drives_ns, np.int64)
+    )
+    assert len(spans) == dumps

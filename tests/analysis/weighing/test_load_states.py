@@ -18,7 +18,7 @@ from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
-from estimators.joint.unit_levels import FILLED, HINTED, NAMED, UnitLevels
+from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, NAMED, UnitLevels
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
@@ -202,7 +202,9 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
         found = weigh(hinted, *rest, machine(POOLED))
         assert found is not None
         motion, states = found.fit.motion, found.fit.states
-        assert classify_load_change_evidence(motion).tolist() == [HINTED if raised_rad else 1] * 4
+        assert classify_load_change_evidence(motion).tolist() == (
+            [DUMPED, HINTED] * 2 if raised_rad else [1] * 4
+        )
         assert states is not None
         probable[raised_rad] = states.single_probability
     # so few starts do not settle it: it then says "states or scatter"

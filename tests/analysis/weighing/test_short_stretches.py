@@ -10,18 +10,21 @@ from analysis.weighing.load_changes import (
     find_manoeuvre_of_stretches,
 )
 from analysis.weighing.motion_samples import MotionSamples
-from estimators.joint.unit_levels import FILLED, HINTED, TURNED
+from estimators.joint.unit_levels import DUMPED, FILLED, HINTED, TURNED
 
 #: Samples of a manoeuvre, of one too short to tell a mass, and of the stand between.
 LONG, SHORT, STAND = 200, 20, 100
 
 
-def manoeuvres(boom: list[float], digs: list[bool]) -> MotionSamples:
+def manoeuvres(
+    boom: list[float], digs: list[bool], *, backs_out_with: float = 0.0
+) -> MotionSamples:
     """A long manoeuvre, a short one and a long one, with stands between them.
 
     Args:
         boom: how far the boom is out in each of the two stands, in rad.
         digs: whether the machine digs in each.
+        backs_out_with: how far the boom is out in most of the first manoeuvre.
     """
     sizes = [LONG, STAND, SHORT, STAND, LONG]
     part = np.repeat(np.arange(5), sizes)
@@ -32,6 +35,7 @@ def manoeuvres(boom: list[float], digs: list[bool]) -> MotionSamples:
         here = np.flatnonzero(part == 1 + 2 * stand)
         arm[here[30:60]] = boom[stand]
         dug[here] = digs[stand]
+    arm[LONG // 3 : LONG] = backs_out_with
     ones = np.ones(n)
     return MotionSamples(
         acceleration=ones,
@@ -67,11 +71,12 @@ def test_it_goes_with_the_one_behind_where_the_boom_dumps_before_it(
     assert units.tolist() == [0, with_number, 2]
 
 
-def test_digging_between_manoeuvres_is_a_filling_and_a_boom_a_hint() -> None:
+def test_digging_between_manoeuvres_is_a_filling_a_boom_a_dump_and_its_return_a_hint() -> None:
     assert classify_load_change_evidence(manoeuvres([0.8, 0.8], [False, True])).tolist() == [FILLED]
-    assert classify_load_change_evidence(manoeuvres([0.8, 0.0], [False, False])).tolist() == [
-        HINTED
-    ]
+    dumped = manoeuvres([0.8, 0.0], [False, False])
+    assert classify_load_change_evidence(dumped).tolist() == [DUMPED]
+    returned = manoeuvres([0.0, 0.0], [False, False], backs_out_with=0.8)
+    assert classify_load_change_evidence(returned).tolist() == [HINTED]
     assert classify_load_change_evidence(manoeuvres([0.0, 0.0], [False, False])).tolist() == [1]
 
 
@@ -84,7 +89,7 @@ def test_digging_between_manoeuvres_is_a_filling_and_a_boom_a_hint() -> None:
         ((1.0, -1.0, -1.0), 0.0, 1),
         ((-1.0, -1.0, 1.0), 0.0, 1),
         # a boom tells better
-        ((1.0, 1.0, -1.0), 0.8, HINTED),
+        ((1.0, 1.0, -1.0), 0.8, DUMPED),
     ],
 )
 def test_backing_out_of_where_it_arrived_is_a_hint_where_no_boom_is(
