@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.findings.channel_limits import LIMITS as CHANNEL_LIMITS
-from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2
+from analysis.findings.constant_forces import compute_gravity_by_pitch_m_s2, has_pitch_channel
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import get_column_values
@@ -14,6 +14,9 @@ from analysis.stages.signals.grid_rate import count_rows_in_duration
 from estimators.arrays import Floats
 
 _BOOM: Final = "boom_rad"
+_PITCH: Final = "pitch_rad"
+#: Factors that correct a pitch: of the wrong sign, in degrees, or both.
+PITCH_FACTORS: Final = (-1.0, float(np.radians(1.0)), -float(np.radians(1.0)))
 
 
 class StartAndRestSpectra(NamedTuple):
@@ -25,17 +28,28 @@ class StartAndRestSpectra(NamedTuple):
     start_count: int
 
 
-def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
-    """Regress the accelerometer on the wheels' acceleration.
+class WheelAndImuBlocks(NamedTuple):
+    """Means over blocks of a drive, (blocks,) each.
 
-    Returns:
-        Slope and its standard deviation, dimensionless; None if the log has too little motion.
+    Attributes:
+        wheels_m_s2: acceleration of the wheels.
+        imu_m_s2: reading of the accelerometer, without the gravity that the pitch shows.
+        pitch_rad: pitch; 0 where it is not measured.
+        rows: grid rows of a block.
     """
+
+    wheels_m_s2: Floats
+    imu_m_s2: Floats
+    pitch_rad: Floats
+    rows: int
+
+
+def average_wheels_and_imu_while_driving(inputs: FindingInputs) -> WheelAndImuBlocks | None:
+    """Means of the wheels' acceleration and the accelerometer; None if the log has too few."""
     if ACC not in inputs.aligned.columns or not inputs.select_measured_channels(ACC):
         return None
     rate_hz = inputs.machine.settings.align.rate_hz
     size = max(round(CHANNEL_LIMITS.gain_span_s * rate_hz), 1)
-    span_s = size / rate_hz
     count = inputs.aligned.height // size
     if count < CHANNEL_LIMITS.gain_min_spans:
         return None
@@ -43,16 +57,61 @@ def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[f
     def average_blocks(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
+    def average_block_pairs(x: Floats) -> Floats:
+        means = average_blocks(x)
+        return (means[1:] + means[:-1]) / 2.0
+
+    moves = average_blocks((~inputs.is_standing_sample).astype(float)) > 0.0
     speed = average_blocks(get_column_values(inputs.aligned, "speed_x_m_s"))
-    reads = average_blocks(
+    x = np.diff(speed) / (size / rate_hz)
+    y = average_block_pairs(
         get_column_values(inputs.aligned, ACC) - compute_gravity_by_pitch_m_s2(inputs)
     )
-    moves = average_blocks((~inputs.is_standing_sample).astype(float)) > 0.0
-    x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
+    pitch = np.zeros(x.size)
+    if has_pitch_channel(inputs):
+        pitch = average_block_pairs(get_column_values(inputs.aligned, _PITCH))
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
     if used.sum() < CHANNEL_LIMITS.gain_min_spans:
         return None
-    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    return WheelAndImuBlocks(x[used], y[used], pitch[used], size)
+
+
+def find_pitch_factor(inputs: FindingInputs) -> tuple[float, float]:
+    """Factor of the pitch with which the accelerometer fits the wheels, if it does not as it is.
+
+    Returns:
+        The factor, 1 if the pitch fits or another one is not clear, and the mean square of what is
+        left with it over that without it.
+    """
+    blocks = average_wheels_and_imu_while_driving(inputs)
+    if blocks is None or not inputs.select_measured_channels(_PITCH):
+        return 1.0, 1.0
+    gravity_m_s2 = inputs.machine.machine.gravity_m_s2
+    known = np.column_stack([blocks.wheels_m_s2, np.ones(blocks.wheels_m_s2.size)])
+
+    def compute_mean_square_of_rest(factor: float) -> float:
+        change = np.sin(factor * blocks.pitch_rad) - np.sin(blocks.pitch_rad)
+        rest = blocks.imu_m_s2 - gravity_m_s2 * change
+        rest = rest - known @ np.linalg.lstsq(known, rest, rcond=None)[0]
+        return float((rest**2).mean())
+
+    present = compute_mean_square_of_rest(1.0)
+    left = {factor: compute_mean_square_of_rest(factor) / present for factor in PITCH_FACTORS}
+    best = min(left, key=left.__getitem__)
+    return (best, left[best]) if left[best] < CHANNEL_LIMITS.pitch_left_1 else (1.0, 1.0)
+
+
+def fit_imu_to_wheel_acceleration_gain_and_std(inputs: FindingInputs) -> tuple[float, float] | None:
+    """Regress the accelerometer on the wheels' acceleration.
+
+    Returns:
+        Slope and its standard deviation, dimensionless; None if the log has too little motion.
+    """
+    blocks = average_wheels_and_imu_while_driving(inputs)
+    if blocks is None:
+        return None
+    x, y, size = blocks.wheels_m_s2, blocks.imu_m_s2, blocks.rows
+    x, y, span_s = x - x.mean(), y - y.mean(), size / inputs.machine.settings.align.rate_hz
     # noise of the speed would look like an acceleration that the accelerometer does not measure
     reads_speed = (
         0.0

@@ -54,6 +54,10 @@ class ChannelLimits:
     gain_span_s: float = 0.1
     #: and their fewest.
     gain_min_spans: int = 50
+    #: Mean square that a pitch of another sign or unit leaves of the accelerometer beside the
+    #: wheels over what it leaves as it is, below which it is wrong: 0.03 and less in drives on
+    #: slopes of 5 %, 0.9 and more where the pitch is right or the ground level.
+    pitch_left_1: float = 0.25
     #: Smallest fraction that is motion of what the wheels' acceleration shows; the rest is its
     #: noise,
     gain_motion_fraction: float = 0.3

@@ -5,7 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.accelerometer_response import fit_imu_to_wheel_acceleration_gain_and_std
+from analysis.findings.accelerometer_response import (
+    find_pitch_factor,
+    fit_imu_to_wheel_acceleration_gain_and_std,
+)
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, ACCELERATIONS, FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -45,6 +48,9 @@ _FORCE_UNITS: Final = {
 
 def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
     """Find a channel or side whose sign contradicts the others."""
+    factor, left_1 = find_pitch_factor(inputs)
+    if factor != 1.0:  # whatever else then contradicts the accelerometer
+        return find_wrong_pitch(inputs, factor, left_1) if factor == -1.0 else []
     found = [*_find_flipped_axis(inputs), *_find_flipped_side(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
@@ -137,6 +143,30 @@ def _find_flipped_side(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
+def find_wrong_pitch(inputs: FindingInputs, factor: float, left_1: float) -> list[Symptom]:
+    """Propose the factor of a pitch that contradicts accelerometer and wheels.
+
+    Args:
+        inputs: the log.
+        factor: factor with which the pitch agrees with them.
+        left_1: fraction of the contradiction, as a mean square, that is left with it.
+    """
+    setting, value = inputs.propose_scale_settings(("pitch_rad",), factor)
+    reading = " and ".join(
+        ["in degrees"] * (abs(factor) < 1.0) + ["with the other sign"] * (factor < 0.0)
+    )
+    return [
+        Symptom(
+            LIMITS.sign_rank,
+            f"taken {reading}, the pitch explains all but {left_1:.1%} of what accelerometer and "
+            "wheels differ by (mean square)",
+            channel="pitch_rad",
+            setting=setting,
+            value=value,
+        )
+    ]
+
+
 def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     """Find wheel speeds whose turning direction contradicts the gyroscope."""
     gyro = "yaw_rate_rad_s"
@@ -179,6 +209,9 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
 
 def find_wrong_channel_unit(inputs: FindingInputs) -> list[Symptom]:
     """Find ratios of speed, acceleration and force that match a common unit conversion."""
+    factor, left_1 = find_pitch_factor(inputs)
+    if factor != 1.0:
+        return [] if factor == -1.0 else find_wrong_pitch(inputs, factor, left_1)
     # a mass off by a unit ratio may be due to the unit of the acceleration
     found = (
         _find_wrong_unit_by_gravity(inputs)

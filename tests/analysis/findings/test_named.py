@@ -5,7 +5,7 @@ import pytest
 
 from analysis.findings import CAUSES
 from analysis.simulation import Scenario, simulate_campaign
-from benchmarks.findings_rows import AXES, design, needed, replayed
+from benchmarks.findings_rows import AXES, design, needed, own_machine, replayed, simulated
 from benchmarks.weighed import DERIVED, machine
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
 from replay.pipeline import run
@@ -14,7 +14,7 @@ from tests.analysis.findings.kept import OR, PLAIN, UPDATE, log_name, read_kept
 from tests.analysis.weighing.weighed import RICH, RUNS, merged
 from tests.trials.drawn_designs import join_designs
 from tests.trials.fault_injection import FAULTS, Fault
-from tests.twins import mark_slow_after
+from tests.twins import mark_heavy_after, mark_slow_after
 
 #: Sizes that are found on this machine with a margin; those of others are as they are said.
 SIZES = {
@@ -312,3 +312,25 @@ def test_every_fault_names_causes_of_the_table() -> None:
 
 def test_what_is_kept_of_the_frame_is_its_schema(named: Named) -> None:
     assert named(("force late", 3.0)).schema["value"] == pl.String
+
+
+#: Of a machine on hills whose pitch is read so many times as large, what is found first.
+PITCHES = {-1.0: "sign_flipped", 57.29578: "wrong_unit", 1.0: None}
+
+
+@pytest.mark.parametrize("factor", mark_heavy_after(2, PITCHES))
+def test_a_pitch_of_the_wrong_sign_or_in_degrees_is_named_on_hills(factor: float) -> None:
+    hills = {"terrain": {"hills_deg": 3.0, "hills_length_m": 20.0}}
+    (log,) = simulated(join_designs(design(1, odd=False), hills), ())
+    own = copy_machine_with_simulated_channels(own_machine(log.scenario, (), AXES), log)
+    pitch = own.channels["pitch_rad"].model_copy(update={"scale": factor})
+    own = own.model_copy(update={"channels": {**own.channels, "pitch_rad": pitch}})
+    findings = run([MemoryLog(log)], own).frames["findings"]
+    of_pitch = findings.filter(pl.col("channel") == "pitch_rad")
+    if PITCHES[factor] is None:
+        assert of_pitch.is_empty()
+        return
+    first = findings.row(0, named=True)
+    assert (first["cause"], first["channel"]) == (PITCHES[factor], "pitch_rad")
+    assert first["setting"] == "channels.pitch_rad.scale"
+    assert float(first["value"]) == pytest.approx(1.0, rel=1e-4)
