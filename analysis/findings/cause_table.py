@@ -35,7 +35,8 @@ CAUSES: Final = (
     Cause(
         "sign_flipped",
         "a channel, or one side of it, has the wrong sign",
-        f"{_BOTH} to determine which channel; slopes for a pitch; a drive in which force and acceleration change",
+        f"{_BOTH} to determine which channel; slopes for a pitch; a drive in which force and "
+        "acceleration change",
         sign_causes.find_flipped_sign,
         withholds=True,
         explains=(
@@ -58,7 +59,8 @@ CAUSES: Final = (
     Cause(
         "wrong_unit",
         "a channel is in another unit than the machine file states",
-        f"{_BOTH}, or its z axis at standstill; slopes for a pitch; for the force the machine's empty mass",
+        f"{_BOTH}, or its z axis at standstill; slopes for a pitch; for the force the machine's "
+        "empty mass",
         sign_causes.find_wrong_channel_unit,
         withholds=True,
         explains=(*_OF_FIT, "imu_misaligned", "offset", "slope", "wrong_scale"),
