@@ -141,8 +141,10 @@ class WeighingLimits:
     warming_fraction: float = 0.15
     #: Standard deviations from which a term is significant: 99 % of sound logs have at most 3,
     missing_term_min_std: float = 3.0
-    #: if the log determines what it moves a mass to this share, or it is collinear with others,
-    missing_term_max_effect_std: float = 0.02
+    #: if the log determines what it moves a mass to this share, or it is collinear with others, and
+    #: to the second one if it is beyond doubt (an axle that lets go on the way was, 7 to 10 std),
+    missing_term_max_effect_std: tuple[float, float] = (0.02, 0.05)
+    certain_term_min_std: float = 6.0
     #: and it moves a mass by so many of its standard uncertainties.
     missing_term_min_relative_effect: float = 0.5
     #: Widths of a gain at low speed, and steps of a gain, as fractions of the largest speed.
