@@ -31,11 +31,13 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     signals = inputs.check_inputs.signals
     if signals is None:
         return []
+    at_limit = [symptom.channel for symptom in find_speed_stuck_at_its_largest(inputs)]
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
         name: spans
         for name in inputs.sensors_in_log
-        if not _do_readings_repeat_by_resolution(inputs, name)
+        if name not in at_limit
+        and not _do_readings_repeat_by_resolution(inputs, name)
         and (spans := signals.frozen_spans.get(name) or find_noiseless_stretches_ns(inputs, name))
     }
     if not of_channel:
@@ -130,14 +132,14 @@ def does_machine_stand_between(
 
 
 def find_saturation(inputs: FindingInputs) -> list[Symptom]:
-    """Find force readings that accumulate at an extreme value."""
+    """Find force readings that accumulate at an extreme value, or a speed that stays at one."""
     signals = inputs.check_inputs.signals
     if signals is None or not (clipped := signals.clipped_fraction_and_limit_by_channel):
         return []
     name = max(clipped, key=lambda each: clipped[each][0])
     share, extreme = clipped[name]
     if not share:
-        return []
+        return find_speed_stuck_at_its_largest(inputs)
     if name in FORCES:
         count = sum(1 for each, _ in clipped.values() if each > 0.0)
         at = inputs.force_newtons_per_channel_unit(name) * abs(extreme) * max(count, 1)
@@ -168,6 +170,34 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
             keeps_answer=does_exclusion_keep_answer(inputs, found),
         )
     ]
+
+
+def find_speed_stuck_at_its_largest(inputs: FindingInputs) -> list[Symptom]:
+    """Find a speed that is frozen at its largest reading whenever it is, while others change."""
+    signals = inputs.check_inputs.signals
+    if signals is None:
+        return []
+    for name in inputs.speed_channels:
+        spans = signals.frozen_spans.get(name)
+        if not spans:
+            continue
+        unix_ns, readings = inputs.unfiltered_readings[name]
+        firsts = np.abs(readings[np.searchsorted(unix_ns, [begin for begin, _ in spans])])
+        largest = float(np.abs(readings).max())
+        if firsts.min() < LIMITS.stuck_at_largest_1 * largest:
+            continue
+        total_s = sum(end - begin for begin, end in spans) / 1e9
+        return [
+            Symptom(
+                total_s / LIMITS.frozen_total_s,
+                f"it stays at its largest reading, {largest:.4g}, for {total_s:.1f} s in "
+                f"{len(spans)} stretches, while others change",
+                channel=name,
+                span_ns=inputs.convert_unix_to_aligned_ns(*spans[0]),
+                explains=("imu_misaligned",),
+            )
+        ]
+    return []
 
 
 def _do_readings_repeat_by_resolution(inputs: FindingInputs, channel: str) -> bool:

@@ -67,6 +67,8 @@ class ChannelLimits:
     # channel_causes
     #: Time in s for which a channel repeats itself, all in all, from which it counts.
     frozen_total_s: float = 0.3
+    #: Part of its largest reading from which a frozen speed is at its limit: to rounding.
+    stuck_at_largest_1: float = 0.999
     #: Fraction of the readings that accumulate at an extreme if it clips them.
     clipped_fraction: float = 0.001
     #: Fraction of readings in motion that repeat the one before if noise is below the resolution.

@@ -31,7 +31,7 @@ _OF_ITS_QUANTITY: Final[Mapping[str, tuple[str, ...]]] = {
 #: Checks that only certain causes account for; any cause that affects the mass accounts for the
 #: others.
 _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
-    "frozen_s": ("frozen",),
+    "frozen_s": ("frozen", "saturated"),
     "clipped_share": ("saturated",),
     "clock_drift_s": ("clock_drift", "clock_jump", "irregular_sampling"),
     "imu_tilt_deg": ("imu_misaligned", "imu_bias", "slope", "wrong_unit", "sign_flipped"),

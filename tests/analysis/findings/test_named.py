@@ -1,13 +1,18 @@
 """A small twin of `make findings`: each fault is named first, a log without one says nothing."""
 
+from pathlib import Path
+
 import polars as pl
 import pytest
 
 from analysis.findings import CAUSES
 from analysis.simulation import Scenario, simulate_campaign
 from benchmarks.findings_rows import AXES, design, needed, own_machine, replayed, simulated
+from benchmarks.own_rate import Cell, logged, machine_of
 from benchmarks.weighed import DERIVED, machine
+from replay import open_log
 from replay.inputs.derived_logs import MemoryLog, copy_machine_with_simulated_channels
+from replay.logs import TimeAxis
 from replay.pipeline import run
 from tests.analysis.findings.conftest import BY_NAME, Named
 from tests.analysis.findings.kept import OR, PLAIN, UPDATE, log_name, read_kept
@@ -334,3 +339,15 @@ def test_a_pitch_of_the_wrong_sign_or_in_degrees_is_named_on_hills(factor: float
     assert (first["cause"], first["channel"]) == (PITCHES[factor], "pitch_rad")
     assert first["setting"] == "channels.pitch_rad.scale"
     assert float(first["value"]) == pytest.approx(1.0, rel=1e-4)
+
+
+def test_a_speed_that_stays_at_its_largest_reading_is_saturated(tmp_path: Path) -> None:
+    cell = Cell(50.0, 5.0, derived=False)
+    drive = logged(cell, 3320)
+    limit_m_s = 0.7 * drive["speed"].max()
+    drive.with_columns(pl.col("speed").clip(-limit_m_s, limit_m_s)).write_csv(tmp_path / "car.csv")
+    with open_log(tmp_path / "car.csv", time=TimeAxis("t", "s")) as log:
+        findings = run(log, machine_of(cell, stated=False)).frames["findings"]
+    first = findings.row(0, named=True)
+    assert (first["cause"], first["channel"]) == ("saturated", "speed_x_m_s")
+    assert "frozen" not in findings["cause"]
