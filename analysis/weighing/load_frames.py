@@ -31,6 +31,8 @@ from analysis.weighing.motion_samples import Ints
 from analysis.weighing.nuisance_frames import make_frame_without_rows
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 
+#: Words before the probability where masses do not tell one load from several.
+SINGLE_LOAD_PROBABILITY: Final = "a single load has a probability of"
 _NOT_EMPTY: Final = (
     "settings.loads.empty_from_s and empty_to_s select none of the loads: payloads are "
     "differences to the machine's empty mass"
@@ -263,12 +265,12 @@ def _describe_load_states(fit: JointFit, machine: Machine) -> str:
             key=lambda reading: reading[0],
         )
         texts = [
-            f"{count} {'load' if count == 1 else 'loads'} with manoeuvres that scatter by "
-            f"{scatter_kg:.3g} kg"
+            f"{count} {'load' if count == 1 else 'loads'}"
+            + f" with manoeuvres that scatter by {scatter_kg:.3g} kg" * (scatter_kg > 0.0)
             for count, scatter_kg in readings
         ]
         said.append(
-            f"states or scatter: {texts[0]}, or {texts[1]}; a single load has a probability of "
+            f"states or scatter: {texts[0]}, or {texts[1]}; {SINGLE_LOAD_PROBABILITY} "
             f"{states.single_probability:.0%}"
         )
     if states.assumes_scatter:

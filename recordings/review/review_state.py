@@ -21,6 +21,7 @@ from analysis.model.check_names import replace_former_check_names, replace_forme
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
+from analysis.weighing.load_frames import SINGLE_LOAD_PROBABILITY
 from estimators.errors import format_count
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import format_finding, read_findings_of_run
@@ -279,7 +280,9 @@ def describe_missing_cycles(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     if loads["withheld"].all():
         return str(loads["withheld_for"][0])
     if loads.height == 1:
-        return f"{format_count(int(loads['manoeuvres'][0]), 'usable start')}, one load throughout"
+        said = loads["said"][0] or ""
+        starts = format_count(int(loads["manoeuvres"][0]), "usable start")
+        return f"{starts}, {said if SINGLE_LOAD_PROBABILITY in said else 'one load throughout'}"
     return f"none of {loads.height} load states can be identified as loaded or empty"
 
 
