@@ -48,7 +48,7 @@ _SIDES: Final = {
 }
 _AXLES: Final = {
     "front": ("front", "fl", "fr", "vl", "vr", "vorn", "vorne", "avant", "delantera"),
-    "rear": ("rear", "rl", "rr", "hl", "hr", "hinten", "arrière", "arriere", "trasera"),
+    "rear": ("rear", "rl", "rr", "hl", "hr", "hinten", "back", "arrière", "arriere", "trasera"),
 }
 _AXES: Final = {
     "x": ("x", "ax", "longitudinal", "long", "längs", "laengs"),
