@@ -14,6 +14,7 @@ import polars as pl
 from replay.logs import Log
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.recognise_limits import LIMITS
+from replay.recognise.standard_topics import is_topic_of_set_points
 from replay.recognise.words import ColumnMeaning, interpret_column_name
 
 _SIDES: Final = ("left", "right")
@@ -37,7 +38,8 @@ def recognise_joints_of_log(log: Log, topic_rows: pl.DataFrame) -> Recognition:
     found = Recognition()
     for row in topic_rows.sort("messages", descending=True).iter_rows(named=True):
         is_joints = row["type"].rpartition("/")[2] == "JointState"
-        if is_joints and row["messages"] and not row["problem"]:
+        is_read = row["messages"] and not row["problem"]
+        if is_joints and is_read and not is_topic_of_set_points(row["topic"]):
             recognise_joints(log, row["topic"], row["start_ns"], found)
     return found
 
