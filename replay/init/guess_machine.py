@@ -25,6 +25,7 @@ from replay.recognise.joints import recognise_joints_of_log
 from replay.recognise.profile import FieldProfile, ask_about_joint_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.standard_topics import (
+    choose_topics_of_one_machine,
     propose_channels_by_message_type,
 )
 from replay.recognise.table import recognise_channels_of_table, recognise_fields_of_messages
@@ -40,6 +41,7 @@ _TO_ANSWER = (
 )
 BRAKES_QUESTION: Final = _TO_ANSWER[1]
 _JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
+_WHICH_MACHINE: Final = "which of {} this file is for: the draft takes the first"
 _SET_POINT: Final = "whether '{}' was measured: by its name it is a set-point, not channels.{}"
 #: Topic (None in a table) and field of a column.
 Source = tuple[str | None, str]
@@ -225,11 +227,15 @@ def _format_wheel_unit_comment(guess: ChannelGuess) -> str:
 
 def _recognise_fields(log: Log, topics: pl.DataFrame) -> Recognition:
     """Recognise the fields of messages by their types, else by their names."""
-    found = recognise_joints_of_log(log, topics)
-    by_type = propose_channels_by_message_type(topics)
+    machine = choose_topics_of_one_machine(topics)
+    found = recognise_joints_of_log(log, machine.topics)
+    by_type = propose_channels_by_message_type(machine.topics)
     found.channels += [e for e in by_type if e.column not in found.recognised_channels]
-    found = recognise_fields_of_messages(log, found)
-    for each in propose_channels_by_message_type(topics, are_set_points=True):
+    found = recognise_fields_of_messages(log, machine.topics, found)
+    if machine.namespaces:
+        names = ", ".join(f"'{_replace_unprintable(each)}'" for each in machine.namespaces)
+        found.add_question_of_subject("machine", _WHICH_MACHINE.format(names))
+    for each in propose_channels_by_message_type(machine.topics, are_set_points=True):
         if each.column not in found.filled_or_proposed_channels:
             source = _replace_unprintable(each.source_text)
             found.add_question_of_subject("column", _SET_POINT.format(source, each.column))

@@ -82,3 +82,35 @@ def test_a_command_to_joints_is_no_drive(tmp_path: Path) -> None:
         tmp_path, {("/joint_commands", "JointState"): 90, ("/joint_states", "JointState"): 40}
     )
     assert set(channels.values()) == {"/joint_states"}
+
+
+def test_the_channels_are_of_one_machine_of_several_and_the_draft_asks_which(
+    tmp_path: Path,
+) -> None:
+    kinds = {"joint_states": "JointState", "imu": "Imu"}
+    rows = {"/r0": 30, "/r1": 40, "/r2": 30}
+    log = {(f"{r}/{name}", kind): n for r, n in rows.items() for name, kind in kinds.items()}
+    # only the second has a pose, and another's IMU has most messages
+    channels, questions = drafted(
+        tmp_path, log | {("/r2/imu", "Imu"): 90, ("/r1/odom", "Odometry"): 20}
+    )
+    assert {topic.split("/")[1] for topic in channels.values()} == {"r1"}
+    assert "which of '/r1', '/r0', '/r2' this file is for: the draft takes the first" in questions
+
+
+def test_sides_and_sensors_of_one_machine_are_no_other_machines(tmp_path: Path) -> None:
+    channels, questions = drafted(
+        tmp_path,
+        {
+            ("/left/imu", "Imu"): 30,
+            ("/right/imu", "Imu"): 20,
+            ("/wheels/odom", "Odometry"): 20,
+            ("/wheels/joint_states", "JointState"): 20,
+            ("/camera/odom", "Odometry"): 30,
+        },
+    )
+    assert channels["specific_force_x_m_s2"] == "/left/imu"
+    assert channels["speed_x_m_s"] == "/wheels/odom"
+    assert [each for each in questions if "this file" in each] == [
+        "which of '/wheels', '/camera' this file is for: the draft takes the first"
+    ]
