@@ -42,6 +42,8 @@ _TO_ANSWER = (
 BRAKES_QUESTION: Final = _TO_ANSWER[1]
 _JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
 _WHICH_MACHINE: Final = "which of {} this file is for: the draft takes the first"
+#: Channels of both sides, and the one that they make unnecessary.
+_OF_BOTH_SIDES: Final = {"speed_{}_m_s": "speed_x_m_s", "torque_{}_N_m": "force_x_N"}
 _SET_POINT: Final = "whether '{}' was measured: by its name it is a set-point, not channels.{}"
 #: Topic (None in a table) and field of a column.
 Source = tuple[str | None, str]
@@ -235,8 +237,11 @@ def _recognise_fields(log: Log, topics: pl.DataFrame) -> Recognition:
     if machine.namespaces:
         names = ", ".join(f"'{_replace_unprintable(each)}'" for each in machine.namespaces)
         found.add_question_of_subject("machine", _WHICH_MACHINE.format(names))
+    filled = found.filled_or_proposed_channels
+    for side_channel, whole in _OF_BOTH_SIDES.items():
+        filled |= {whole} if found.has_channel_of_both_sides(side_channel) else set()
     for each in propose_channels_by_message_type(machine.topics, are_set_points=True):
-        if each.column not in found.filled_or_proposed_channels:
+        if each.column not in filled:
             source = _replace_unprintable(each.source_text)
             found.add_question_of_subject("column", _SET_POINT.format(source, each.column))
     return found

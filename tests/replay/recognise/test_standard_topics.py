@@ -78,10 +78,10 @@ def test_a_set_point_is_no_speed_and_is_asked_about_only_alone(topic: str, tmp_p
 
 
 def test_a_command_to_joints_is_no_drive(tmp_path: Path) -> None:
-    channels, _ = drafted(
-        tmp_path, {("/joint_commands", "JointState"): 90, ("/joint_states", "JointState"): 40}
-    )
+    log = {("/joint_commands", "JointState"): 90, ("/joint_states", "JointState"): 40}
+    channels, questions = drafted(tmp_path, log | {("/cmd_vel", "Twist"): 20})
     assert set(channels.values()) == {"/joint_states"}
+    assert not any("set-point" in each for each in questions)
 
 
 def test_the_channels_are_of_one_machine_of_several_and_the_draft_asks_which(
