@@ -48,7 +48,9 @@ def _digest_recording(path: Path) -> dict[str, Any]:
     try:
         run = read_recording(path, stored_names=True).with_fingerprint()
     except RecordingError as fault:
-        return {"fault": f"cannot be read ({str(fault)[-_LONGEST:]})"}
+        # without the path of the copy, and a remedy that is for one's own recording
+        said = str(fault).removeprefix(f"{path}: ").partition(";")[0]
+        return {"fault": f"cannot be read: {said[:_LONGEST]}; ask for the bundle as it was written"}
     taken = run.provenance.fingerprint
     assert taken is not None
     return {
