@@ -73,16 +73,20 @@ def list_bundle_files_and_faults(folder: Path) -> tuple[list[str], list[tuple[st
         raise EvidenceError(f"{folder}: {fault}; `payscope calibrate` writes one")
     good: list[str] = []
     bad: list[tuple[str, str]] = []
+    is_runs_empty = False
     for number, (name, mode) in enumerate(iter_bundle_entry_names_and_modes(folder)):
         if number >= LIMITS.bundle_max_files:
             raise EvidenceError(
                 f"{folder}: more than {LIMITS.bundle_max_files} entries, so it is not a bundle; "
                 "give the folder of one bundle"
             )
+        is_runs_empty &= not name.startswith(f"{RUNS}/")
         if stat.S_ISLNK(mode):
             bad.append((name, "is a link, which a bundle cannot contain; it was not followed"))
         elif stat.S_ISDIR(mode):
-            if name != RUNS:
+            if name == RUNS:  # comes before what it contains
+                is_runs_empty = True
+            else:
                 bad.append(
                     (f"{name}/", "is a folder, which a bundle cannot contain; it was not opened")
                 )
@@ -92,6 +96,8 @@ def list_bundle_files_and_faults(folder: Path) -> tuple[list[str], list[tuple[st
             bad.append((name, "does not belong to a bundle"))
         else:
             good.append(name)
+    if is_runs_empty:
+        bad.append((f"{RUNS}/", "is an empty folder, which a bundle cannot contain"))
     if not good and not any(name in (*REQUIRED, *UNLISTED) for name, _ in bad):
         raise EvidenceError(f"{folder}: no evidence in this folder; `payscope calibrate` writes it")
     return sorted(good), sorted(bad)

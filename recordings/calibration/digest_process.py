@@ -20,6 +20,8 @@ _MOST_CPU_S: Final = 600
 _LONGEST: Final = 200
 #: Most pages of a PDF; a report has a dozen.
 _MOST_PAGES: Final = 500
+#: End of a PDF as it was written at once; what is appended may draw over its pages.
+_PDF_END: Final = b"%%EOF"
 #: Text at the end of a page: its number and the number of pages.
 _COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
 
@@ -48,7 +50,9 @@ def _digest_recording(path: Path) -> dict[str, Any]:
     try:
         run = read_recording(path, stored_names=True).with_fingerprint()
     except RecordingError as fault:
-        return {"fault": f"cannot be read ({str(fault)[-_LONGEST:]})"}
+        # without the path of the copy, and a remedy that is for one's own recording
+        said = str(fault).removeprefix(f"{path}: ").partition(";")[0]
+        return {"fault": f"cannot be read: {said[:_LONGEST]}; ask for the bundle as it was written"}
     taken = run.provenance.fingerprint
     assert taken is not None
     return {
@@ -72,6 +76,10 @@ def extract_words_or_fault_of_pdf(path: Path) -> dict[str, Any]:
         texts = [_COUNTER.sub("", page.extract_text()) for page in pages]
     except (PyPdfError, ValueError, KeyError, TypeError, RecursionError, MemoryError) as fault:
         return {"fault": f"cannot be read ({type(fault).__name__}: {str(fault)[:_LONGEST]})"}
+    _, _, after = path.read_bytes().partition(_PDF_END)
+    if after.strip():
+        what = f"has {len(after):,} bytes after its end, which nothing is compared with"
+        return {"fault": f"{what}; ask for the bundle as it was written"}
     return {"words": [word for text in texts for word in text.split()]}
 
 

@@ -6,7 +6,7 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 from pydantic import ValidationError
@@ -26,6 +26,13 @@ PROPERTY = "payscope"
 #: Version of recordings, raised whenever the meaning of their content changes: 2 has settings by
 #: stage, 3 frames in blocks.
 FORMAT = 3
+#: What is wrong with a file, by words of Rerun's message.
+_FAULTS: Final = {
+    "without footer": "its end is missing, or something was appended",
+    "exceeds file size": "its end is missing",
+    "too small": "its end is missing",
+    "CRC": "a checksum does not match",
+}
 
 
 def read_recording(path: str | Path, *, stored_names: bool = False) -> Run:
@@ -201,12 +208,18 @@ def _convert_errors_to_one_line(path: Path) -> Generator[None]:
     try:
         yield
     except (RuntimeError, ValueError) as error:
-        said = (str(error).splitlines() or [type(error).__name__])[0]
-        reason = said.removeprefix(f"Failed to read RRD file at {path}: ")
         raise RecordingError(
-            f"{path}: damaged or not finished ({reason}); recover its complete rows with "
-            f"`rerun rrd optimize {path} -o recovered.rrd`"
+            f"{path}: damaged or not finished ({describe_rerun_fault(str(error))}); recover its "
+            f"complete rows with `rerun rrd optimize {path} -o recovered.rrd`"
         ) from error
+
+
+def describe_rerun_fault(said_by_rerun: str) -> str:
+    """Describe what is wrong with a file that Rerun cannot read, without its advice on its API."""
+    return next(
+        (fault for words, fault in _FAULTS.items() if words in said_by_rerun),
+        "a part of it cannot be decoded",
+    )
 
 
 def _read_manifest_and_provenance(

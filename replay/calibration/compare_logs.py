@@ -312,14 +312,19 @@ def find_log_path(
     item = f"logs: {log.log}"
     places: list[Path] | None = None
     for file in log.files:
-        named = paths_by_name.get(file.name, [])
+        named = [path for path in paths_by_name.get(file.name, ()) if not path.is_symlink()]
         same = [path.parent for path in named if file_sha256(path) == file.sha256]
         if not same:
             if named:
                 what = f"'{file.name}' differs from the file in the evidence"
                 checked_bundle.add_finding(BundleOutcome.TAMPERED, item, what)
             else:
-                what = f"'{file.name}' is not in the folder of logs"
+                what = (
+                    f"'{file.name}' is a link in the folder of logs, and no link is followed; "
+                    "copy the log there, or give the folder that it is in"
+                    if file.name in paths_by_name
+                    else f"'{file.name}' is not in the folder of logs"
+                )
                 checked_bundle.add_finding(BundleOutcome.INCOMPLETE, item, what)
             return None
         places = same if places is None else [place for place in places if place in same]
@@ -335,14 +340,15 @@ def find_log_path(
 
 
 def _find_files_below_folder_by_name(folder: Path, names: set[str]) -> dict[str, list[Path]]:
-    """Find the regular files with these names in a folder tree; links are not followed."""
+    """Find the regular files and links with these names in a folder tree; no link is followed."""
     found: dict[str, list[Path]] = {}
     for number, entry in enumerate(_iter_entries_of_folder_tree(folder, 0)):
         if number >= LIMITS.searched_files:
             raise EvidenceError(
                 f"{folder}: more than {LIMITS.searched_files} entries; give a smaller one"
             )
-        if entry.name in names and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
+        mode = entry.stat(follow_symlinks=False).st_mode
+        if entry.name in names and (stat.S_ISREG(mode) or stat.S_ISLNK(mode)):
             found.setdefault(entry.name, []).append(Path(entry.path))
     return found
 

@@ -4,7 +4,7 @@ A channel is guessed only if a message type or a column's name leaves little dou
 numeric fields are listed as comments to choose from.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
@@ -24,35 +24,14 @@ from replay.machines.toml_file import format_toml
 from replay.recognise.joints import recognise_joints_of_log
 from replay.recognise.profile import FieldProfile, ask_about_joint_efforts, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
+from replay.recognise.standard_topics import (
+    choose_topics_of_one_machine,
+    propose_channels_by_message_type,
+)
 from replay.recognise.table import recognise_channels_of_table, recognise_fields_of_messages
 from replay.recognise.words import interpret_column_name
 
-_COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
-
-#: Channel that each field fills, by the last part of the message type.
-_BY_TYPE: dict[str, dict[str, str]] = {
-    "Imu": {
-        "specific_force_x_m_s2": "linear_acceleration.x",
-        "specific_force_y_m_s2": "linear_acceleration.y",
-        "specific_force_z_m_s2": "linear_acceleration.z",
-        "roll_rate_rad_s": "angular_velocity.x",
-        "pitch_rate_rad_s": "angular_velocity.y",
-        "yaw_rate_rad_s": "angular_velocity.z",
-    },
-    "Odometry": {"speed_x_m_s": "twist.twist.linear.x"},
-    "TwistStamped": {"speed_x_m_s": "twist.linear.x"},
-    "Twist": {"speed_x_m_s": "linear.x"},
-    "NavSatFix": {"latitude_deg": "latitude", "longitude_deg": "longitude"},
-    "WrenchStamped": {"force_x_N": "wrench.force.x", "torque_z_N_m": "wrench.torque.z"},
-}
-#: Short names that are common for columns of tables.
-_SHORT = {
-    "position_m": "position_x_m",
-    "speed_m_s": "speed_x_m_s",
-    "velocity_m_s": "speed_x_m_s",
-    "force_N": "force_x_N",
-    "acceleration_m_s2": "acc_x_m_s2",
-}
+_COLUMNS: Final = frozenset(column.name for column in CHANNEL_COLUMNS)
 
 #: Questions on settings that have a default and affect every answer, asked after missing items. The
 #: second is asked unless a replay of the draft answers it.
@@ -62,6 +41,10 @@ _TO_ANSWER = (
 )
 BRAKES_QUESTION: Final = _TO_ANSWER[1]
 _JOINT_UNIT = 'are the joints\' velocities in m/s? if they are in rad/s, scale = "wheel_radius_m"'
+_WHICH_MACHINE: Final = "which of {} this file is for: the draft takes the first"
+#: Channels of both sides, and the one that they make unnecessary.
+_OF_BOTH_SIDES: Final = {"speed_{}_m_s": "speed_x_m_s", "torque_{}_N_m": "force_x_N"}
+_SET_POINT: Final = "whether '{}' was measured: by its name it is a set-point, not channels.{}"
 #: Topic (None in a table) and field of a column.
 Source = tuple[str | None, str]
 
@@ -95,13 +78,13 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    by_type = [*_keep_first_guess_of_each_channel(topics)]
-    told = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics, by_type)
-    guesses = [*_make_channel_guesses(told), *by_type]
+    told = recognise_channels_of_table(log) if is_table else _recognise_fields(log, topics)
+    by_type = propose_channels_by_message_type(topics) if is_table else []
+    guesses = _make_channel_guesses([*told.channels, *by_type])
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # channels proposed in comments are asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
-    found = {guess.column for guess in guesses} | (open_columns & set(_COLUMNS))
+    found = {guess.column for guess in guesses} | (open_columns & _COLUMNS)
     formulas = {each.column: each.derive for each in told.channels if not each.is_comment}
     derived = {column: formula for column, formula in formulas.items() if formula}
     found |= set(derived)
@@ -184,10 +167,10 @@ def _make_log_section_lines(time_axis: TimeAxis) -> list[str]:
     return [f"{key} = {format_toml(value)}" for key, value in keys.items() if value is not None]
 
 
-def _make_channel_guesses(recognition: Recognition) -> list[ChannelGuess]:
+def _make_channel_guesses(proposals: Sequence[ChannelProposal]) -> list[ChannelGuess]:
     return [
         ChannelGuess(each.column, each.topic, each.field, each.unit, each.reason)
-        for each in recognition.channels
+        for each in proposals
         if each.field and not each.is_comment
     ]
 
@@ -244,36 +227,24 @@ def _format_wheel_unit_comment(guess: ChannelGuess) -> str:
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
-def _recognise_fields(log: Log, topics: pl.DataFrame, by_type: list["ChannelGuess"]) -> Recognition:
+def _recognise_fields(log: Log, topics: pl.DataFrame) -> Recognition:
     """Recognise the fields of messages by their types, else by their names."""
-    found = recognise_joints_of_log(log, topics)
-    new = [each for each in by_type if each.column not in found.recognised_channels]
-    found.channels += [ChannelProposal(g.column, g.topic, g.field, None, "") for g in new]
-    return recognise_fields_of_messages(log, found)
-
-
-def _keep_first_guess_of_each_channel(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
-    taken: set[str] = set()
-    for guess in _iter_guesses_by_message_type(topics):
-        if guess.column not in taken:
-            taken.add(guess.column)
-            yield guess
-
-
-def _iter_guesses_by_message_type(topics: pl.DataFrame) -> Iterator[ChannelGuess]:
-    for row in topics.sort("messages", descending=True).to_dicts():
-        if row["problem"] or not row["messages"]:
-            continue
-        kind = row["type"].rpartition("/")[2]
-        fields = set(row["fields"])
-        if row["topic"] == TABLE:
-            for field in row["fields"]:
-                column = _SHORT.get(field, field)
-                if column in _COLUMNS:
-                    yield ChannelGuess(column, None, field)
-        for column, field in _BY_TYPE.get(kind, {}).items():
-            if field in fields:
-                yield ChannelGuess(column, row["topic"], field)
+    machine = choose_topics_of_one_machine(topics)
+    found = recognise_joints_of_log(log, machine.topics)
+    by_type = propose_channels_by_message_type(machine.topics)
+    found.channels += [e for e in by_type if e.column not in found.recognised_channels]
+    found = recognise_fields_of_messages(log, machine.topics, found)
+    if machine.namespaces:
+        names = ", ".join(f"'{_replace_unprintable(each)}'" for each in machine.namespaces)
+        found.add_question_of_subject("machine", _WHICH_MACHINE.format(names))
+    filled = found.filled_or_proposed_channels
+    for side_channel, whole in _OF_BOTH_SIDES.items():
+        filled |= {whole} if found.has_channel_of_both_sides(side_channel) else set()
+    for each in propose_channels_by_message_type(machine.topics, are_set_points=True):
+        if each.column not in filled:
+            source = _replace_unprintable(each.source_text)
+            found.add_question_of_subject("column", _SET_POINT.format(source, each.column))
+    return found
 
 
 def _derive_missing_channels(channels: set[str]) -> dict[str, str]:

@@ -157,14 +157,15 @@ def _group_elements_by_list(column_names: Sequence[str]) -> dict[str, tuple[str,
     return found
 
 
-def list_columns_of_log(log: Log) -> list[LogColumn]:
+def list_columns_of_log(log: Log, topics: pl.DataFrame | None = None) -> list[LogColumn]:
     """List the columns of a log with their units and the meanings of their names.
 
     Args:
         log: an opened log; messages of standard types, whose fields have fixed names, are left out.
+        topics: rows of the topics to list; None for all.
     """
     found: list[LogColumn] = []
-    for row in log.topics().iter_rows(named=True):
+    for row in (log.topics() if topics is None else topics).iter_rows(named=True):
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
         is_empty = not row["messages"] or row["problem"]

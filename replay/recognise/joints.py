@@ -5,6 +5,7 @@ assumed to rotate, which the draft asks to confirm; joints named only by a side 
 the machine.
 """
 
+import re
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
@@ -13,9 +14,18 @@ import polars as pl
 from replay.logs import Log
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.recognise_limits import LIMITS
+from replay.recognise.standard_topics import is_topic_of_set_points
 from replay.recognise.words import ColumnMeaning, interpret_column_name
 
 _SIDES: Final = ("left", "right")
+#: Short names of the corners of a machine, by side: front, rear, back or middle, in either order,
+#: and vorn or hinten.
+_CORNERS: Final = {
+    "left": ("fl", "rl", "bl", "ml", "lf", "lr", "lb", "lm", "vl", "hl"),
+    "right": ("fr", "rr", "br", "mr", "rf", "rb", "rm", "vr", "hr"),
+}
+#: Words of a joint's name that do not say where it is.
+_ANY_JOINT: Final = frozenset(("joint", "jnt", "motor", "drive"))
 
 
 def recognise_joints_of_log(log: Log, topic_rows: pl.DataFrame) -> Recognition:
@@ -28,7 +38,8 @@ def recognise_joints_of_log(log: Log, topic_rows: pl.DataFrame) -> Recognition:
     found = Recognition()
     for row in topic_rows.sort("messages", descending=True).iter_rows(named=True):
         is_joints = row["type"].rpartition("/")[2] == "JointState"
-        if is_joints and row["messages"] and not row["problem"]:
+        is_read = row["messages"] and not row["problem"]
+        if is_joints and is_read and not is_topic_of_set_points(row["topic"]):
             recognise_joints(log, row["topic"], row["start_ns"], found)
     return found
 
@@ -103,7 +114,30 @@ def find_wheel_joints_by_side(joint_names: Sequence[str]) -> WheelJoints:
     counts = {len(joints) for joints in by_side.values()}
     # joints not named as wheels are a drive if there is one per side; more are a robot's limbs
     alike = len(counts) == 1 and (counts == {1} or (bool(wheels) and counts != {0}))
-    return WheelJoints(by_side if alike else {}, bool(wheels))
+    corners = {} if wheels else find_joints_named_by_corner(joint_names)
+    return WheelJoints(corners or (by_side if alike else {}), bool(wheels or corners))
+
+
+def find_joints_named_by_corner(joint_names: Sequence[str]) -> dict[str, list[str]]:
+    """Find the joints named by nothing but a corner, such as `fl` or `rear_right_joint`.
+
+    A leg has several joints at its corner, and each has a further word.
+
+    Returns:
+        Joints by side; empty unless both sides have equally many, two at least.
+    """
+    by_side: dict[str, list[str]] = {side: [] for side in _SIDES}
+    for name in joint_names:
+        words = [w for w in re.split(r"[\W\d_]+", name.lower()) if w and w not in _ANY_JOINT]
+        said = [interpret_column_name(word) for word in words]
+        sides = [each.side for each in said if each.axle is None]
+        axles = [each.axle for each in said if each.side is None]
+        for side, short in _CORNERS.items():
+            is_spelled_out = sides == [side] and len(axles) == 1 and axles[0] is not None
+            if is_spelled_out or (len(words) == 1 and words[0] in short):
+                by_side[side].append(name)
+    left, right = by_side.values()
+    return by_side if len(left) == len(right) > 1 else {}
 
 
 def _propose_torque_and_speed_of_side(

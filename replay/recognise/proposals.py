@@ -13,7 +13,7 @@ from replay.recognise.words import ColumnMeaning
 SIDES: Final = ("left", "right")
 AXLES: Final = ("front", "rear")
 #: Kinds of questions about what no column states, in the order in which they are asked.
-ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
+ORDER: Final = ("machine", "gear", "radius", "column", "side", "unit", "sign")
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,8 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from typing import Final
 
+import polars as pl
+
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import find_unit_in_name
 from replay.logs import Log
@@ -43,24 +45,29 @@ def recognise_channels_of_table(log: Log) -> Recognition:
     Args:
         log: an opened table.
     """
-    return _recognise_channels_by_name(log, Recognition())
+    return _recognise_channels_by_name(log, None, Recognition())
 
 
-def recognise_fields_of_messages(log: Log, recognition: Recognition) -> Recognition:
+def recognise_fields_of_messages(
+    log: Log, topics: pl.DataFrame, recognition: Recognition
+) -> Recognition:
     """Recognise channels by names of fields and topics if the message types determine no force.
 
     Args:
         log: an opened log of messages.
+        topics: rows of its topics that may be used.
         recognition: channels that the message types determine.
     """
     filled = recognition.recognised_channels
     if "force_x_N" in filled or {"torque_left_N_m", "torque_right_N_m"} <= filled:
         return recognition
-    return _recognise_channels_by_name(log, recognition)
+    return _recognise_channels_by_name(log, topics, recognition)
 
 
-def _recognise_channels_by_name(log: Log, recognition: Recognition) -> Recognition:
-    columns = list_columns_of_log(log)
+def _recognise_channels_by_name(
+    log: Log, topics: pl.DataFrame | None, recognition: Recognition
+) -> Recognition:
+    columns = list_columns_of_log(log, topics)
     reader = ColumnReader(log, columns)
     known = Counter(column.field for column in columns if column.field in _KNOWN)
     for column in columns:

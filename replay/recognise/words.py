@@ -48,7 +48,7 @@ _SIDES: Final = {
 }
 _AXLES: Final = {
     "front": ("front", "fl", "fr", "vl", "vr", "vorn", "vorne", "avant", "delantera"),
-    "rear": ("rear", "rl", "rr", "hl", "hr", "hinten", "arrière", "arriere", "trasera"),
+    "rear": ("rear", "rl", "rr", "hl", "hr", "hinten", "back", "arrière", "arriere", "trasera"),
 }
 _AXES: Final = {
     "x": ("x", "ax", "longitudinal", "long", "längs", "laengs"),
@@ -63,7 +63,8 @@ _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
 #: Words for setpoints, limits and ends of intervals, which are not readings of a sensor.
 _NO_READING: Final = frozenset((
     "goal", "setpoint", "setpt", "soll", "sollwert", "target", "demand", "demanded", "desired",
-    "wanted", "command", "commanded", "cmd", "request", "requested", "reference", "ref",
+    "wanted", "command", "commands", "commanded", "cmd", "cmdvel",
+    "setpoints", "targets", "request", "requested", "reference", "ref",
     "consigne", "limit", "limits", "min", "max", "minimum", "maximum", "peak", "threshold",
     "error", "std", "deviation", "covariance", "cov", "variance", "var", "sigma",
     "grenze", "grenzwert",

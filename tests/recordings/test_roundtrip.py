@@ -1,7 +1,9 @@
 """`read_recording` gives back exactly what `write_recording` was given."""
 
+import re
 import struct
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -278,6 +280,27 @@ def test_a_recording_of_another_program_is_said_in_one_line(tmp_path: Path):
     other.disconnect()
     with pytest.raises(RecordingError, match="not one that payscope wrote"):
         read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (lambda data: data + bytes(2), "its end is missing, or something was appended"),
+        (lambda data: data[:-50], "its end is missing"),
+        (lambda data: data[:10], "its end is missing"),
+        (lambda data: data[:-200] + bytes(9) + data[-191:], "a checksum does not match"),
+    ],
+)
+def test_what_is_wrong_with_a_recording_is_said_without_reruns_words(
+    change: Callable[[bytes], bytes], fault: str, tmp_path: Path
+) -> None:
+    run = Run({"stage": pl.DataFrame({"t_ns": pl.int_range(9, eager=True)})})
+    path = write_recording(run, tmp_path / "shift.rrd")
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(RecordingError) as error:
+        read_recording(path)
+    assert fault in str(error.value)
+    assert not re.search("RrdReader|footer|decode frame|Arrow", str(error.value))
 
 
 def test_a_truncated_recording_names_the_remedy_and_the_remedy_saves_its_complete_rows(

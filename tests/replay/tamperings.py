@@ -360,6 +360,9 @@ TAMPERINGS: dict[str, Tampering] = {
         at_last(lambda f: (f / "more").mkdir()),
         TAMPERED, TAMPERED, "files",
         "more/: is a folder, which a bundle cannot contain; it was not opened"),
+    "an added folder of recordings": Tampering(
+        at_last(lambda f: (f / "runs").mkdir()),
+        TAMPERED, TAMPERED, "files", "runs/: is an empty folder, which a bundle cannot contain"),
     "an added recording": Tampering(
         lambda b: ((b.folder / "runs").mkdir(), (b.folder / "runs/x.rrd").write_bytes(b"RRF2")),
         TAMPERED, TAMPERED, "files", "runs/x.rrd: is a recording that the evidence does not name"),

@@ -41,6 +41,7 @@ from replay.logs.tables.times import (
     find_second_fraction_column,
     find_seconds_of_fraction,
     find_seconds_of_stamp,
+    unwrap_counter,
 )
 
 #: Names of a time column, letters only, in the order in which they are searched.
@@ -129,7 +130,7 @@ class TableTimes:
             stamps = (counted.cast(pl.Float64) * every_ns).round().cast(pl.Int64)
             note = f"the rows have no time: they are read at {self.rate_hz:g} rows per second"
             return RowTimes(stamps.alias("log_time_ns"), (note,))
-        one = self._convert_local_times(self._convert_one_time_column(cells))
+        one = self._convert_local_times(unwrap_counter(self._convert_one_time_column(cells)))
         return self._add_second_fractions(one, cells)
 
     def _convert_local_times(self, times: RowTimes) -> RowTimes:

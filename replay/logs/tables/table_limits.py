@@ -100,6 +100,14 @@ class TableLimits:
     #: Fraction of ASCII bytes above which a text that is not UTF-8 is read as Western (cp1252).
     ascii_min_fraction: float = 0.7
 
+    # times
+    #: Most typical steps from the last reading before a counter overflows to the next one: a few
+    #: rows may be missing, and a longer pause tells nothing.
+    overflow_steps: float = 5.0
+    #: The same, at most, as a fraction of the counter's range: two records of a minute at 1 Hz are
+    #: no counter of 16 bits.
+    overflow_fraction: float = 0.01
+
 
 #: The values in use.
 LIMITS: Final = TableLimits()

@@ -14,6 +14,7 @@ import polars as pl
 
 from analysis.model.physical_units import NS
 from estimators.arrays import Floats
+from estimators.errors import format_count
 from replay.logs.tables.header import ColumnName, reduce_to_lower_case_letters
 from replay.logs.tables.table_limits import LIMITS
 
@@ -30,6 +31,11 @@ _PLACE: Final = re.compile(r"(?:.*[./])?(?:.*stamp_)?", re.IGNORECASE)
 _WHOLE_NUMBER: Final = re.compile(r"\d+(?:[.,]0*)?")
 _WHOLE_SECONDS: Final = ("sec", "secs", "second", "seconds", "s", "ss")
 _BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
+#: Time in ns after which counters of a controller begin again.
+_COUNTERS_NS: Final = {
+    f"2^{bits} {unit}": 2**bits * NS_PER_UNIT[unit]
+    for bits, unit in ((16, "ms"), (32, "ms"), (32, "us"))
+}
 #: Time in ns (two hours) below which a float resolves 0.001 ns, and need not be split.
 _EXACT_NS: Final = 2.0**43
 
@@ -215,6 +221,38 @@ def correct_labview_epoch(log_times: pl.Series) -> CorrectedTimes:
     return CorrectedTimes(
         log_times - int(_LABVIEW.at_1970) * _LABVIEW.unit_ns, f"its times are {_LABVIEW.name}"
     )
+
+
+def unwrap_counter(times: RowTimes) -> RowTimes:
+    """Let times go on where a counter of ms or us has overflowed; other times are kept.
+
+    It has overflowed where its readings are between 0 and a power of two of its unit, and each fall
+    is that power, but for a few typical steps.
+
+    Args:
+        times: log times of the rows, in their order.
+    """
+    known = times.stamps.drop_nulls()
+    low, high = known.min(), known.max()
+    steps = known.diff().drop_nulls()
+    falls = steps.filter(steps < 0)
+    forward = steps.filter(steps > 0).median()
+    if not falls.len() or not isinstance(forward, float):
+        return times
+    for text, period_ns in _COUNTERS_NS.items():
+        is_within = isinstance(low, int) and isinstance(high, int) and 0 <= low <= high < period_ns
+        most_ns = min(LIMITS.overflow_steps * forward, LIMITS.overflow_fraction * period_ns)
+        missed_ns = falls + period_ns
+        if not is_within or not ((missed_ns > 0) & (missed_ns <= most_ns)).all():
+            continue
+        overflows = (times.stamps.forward_fill().diff() < 0).fill_null(value=False).cum_sum()
+        note = (
+            f"its times are a counter that overflows at {text}, after {period_ns / 1e9:.10g} s: "
+            f"they go on from {format_count(falls.len(), 'row')} where it begins again"
+        )
+        whole = times.stamps + overflows.cast(pl.Int64) * period_ns
+        return RowTimes(whole.alias(times.stamps.name), (*times.notes, note), times.names_no_zone)
+    return times
 
 
 def find_second_fraction_column(

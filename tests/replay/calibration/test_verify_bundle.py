@@ -110,6 +110,11 @@ def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> 
     found = verify_third()
     assert found.outcome is INCOMPLETE
     assert "'load-2.csv' is not in the folder of logs" in items(found)
+    (some / "load-2.csv").symlink_to(logs / "load-2.csv")
+    found = verify_third()
+    assert found.outcome is INCOMPLETE
+    assert "'load-2.csv' is a link in the folder of logs, and no link is followed" in items(found)
+    (some / "load-2.csv").unlink()
     shutil.copy(some / "load-1.csv", some / "load-2.csv")
     found = verify_third()
     assert found.outcome is TAMPERED

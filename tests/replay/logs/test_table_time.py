@@ -8,7 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.logs.tables.times import NS_PER_UNIT, TimeError, convert_times_to_ns
+from replay.logs.tables.times import (
+    NS_PER_UNIT,
+    RowTimes,
+    TimeError,
+    convert_times_to_ns,
+    unwrap_counter,
+)
 
 UNITS = st.sampled_from(sorted(NS_PER_UNIT))
 
@@ -84,3 +90,32 @@ def test_integers_of_every_width_are_times(dtype: pl.DataType) -> None:
 def test_what_is_no_time_is_refused(values: list[object]) -> None:
     with pytest.raises(TimeError, match=r"not a time|not times"):
         convert_times_to_ns(pl.Series(values), "s")
+
+
+COUNTERS = {"2^32 us": (32, 20_000, "us"), "2^32 ms": (32, 20, "ms"), "2^16 ms": (16, 20, "ms")}
+
+
+@pytest.mark.parametrize("name", COUNTERS)
+def test_a_counter_that_overflows_goes_on_and_a_note_says_so(name: str) -> None:
+    bits, step, unit = COUNTERS[name]
+    # without the row after the overflow, and with one that has no time
+    whole = [2**bits - 1000 * step + step * k for k in range(2000) if k != 1000]
+    counted = pl.Series([*(each % 2**bits for each in whole), None])
+    found = unwrap_counter(RowTimes(convert_times_to_ns(counted, unit)))
+    assert found.stamps.to_list() == [*(each * NS_PER_UNIT[unit] for each in whole), None]
+    assert [name in note and "1 row where" in note for note in found.notes] == [True]
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        [*range(0, 60_000, 20), *range(0, 60_000, 20)],
+        [*range(0, 65_000, 1000), *range(0, 65_000, 1000)],
+        [*range(40, 65_536, 20), *range(300, 9_000, 20)],
+        [*range(70_000, 135_530, 20), *range(70_000, 80_000, 20)],
+    ],
+    ids=["a minute", "at 1 Hz", "after a pause", "not from 0"],
+)
+def test_a_second_record_is_no_counter_that_overflows(times: list[int]) -> None:
+    stamps = RowTimes(convert_times_to_ns(pl.Series(times), "ms"))
+    assert unwrap_counter(stamps) is stamps

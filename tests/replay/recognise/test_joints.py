@@ -49,10 +49,14 @@ def _drafted(path: Path) -> tuple[dict[str, dict[str, Any]], list[str]]:
     return tomllib.loads(text).get("channels", {}), questions
 
 
+SIDES = ("left", "right")
 WHEELS = {
     "two": ["left_wheel_joint", "right_wheel_joint"],
     "four": ["front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"],
     "four, short": ["fl_wheel", "fr_wheel", "rl_wheel", "rr_wheel"],
+    "named by the corner": ["fl", "fr", "rl", "rr"],
+    "by the corner, six": [f"{side}{axle}_joint" for side in "lr" for axle in "fmb"],
+    "by the corner, in words": [f"{axle}_{side}" for axle in ("front", "back") for side in SIDES],
     "behind an arm": [*(f"arm_{k}" for k in range(9)), "wheel_left", "wheel_right"],
 }
 
@@ -81,8 +85,14 @@ def test_the_draft_of_four_wheels_weighs(tmp_path: Path) -> None:
     assert mass_kg == pytest.approx(MASS_KG, rel=0.01)
 
 
-def test_limbs_are_no_wheels(tmp_path: Path) -> None:
-    limbs = ["left_hip", "left_knee", "right_hip", "right_knee"]
+@pytest.mark.parametrize(
+    "limbs",
+    [
+        ["left_hip", "left_knee", "right_hip", "right_knee"],
+        [f"{corner}_{part}" for corner in ("FL", "FR", "RL", "RR") for part in ("hip", "calf")],
+    ],
+)
+def test_limbs_are_no_wheels(limbs: list[str], tmp_path: Path) -> None:
     channels, questions = _drafted(_written(tmp_path, limbs))
     assert set(channels) == set()
     assert any("a force" in question for question in questions)
