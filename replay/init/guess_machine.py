@@ -22,7 +22,12 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import format_toml
 from replay.recognise.joints import recognise_joints_of_log
-from replay.recognise.profile import FieldProfile, ask_about_joint_efforts, profile_fields
+from replay.recognise.profile import (
+    FieldProfile,
+    ask_about_joint_efforts,
+    ask_about_twist_frame,
+    profile_fields,
+)
 from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.standard_topics import (
     choose_topics_of_one_machine,
@@ -149,7 +154,11 @@ def draft_machine_file(log: Log, time_axis: TimeAxis | None) -> tuple[str, list[
     is_unsure = any(_format_wheel_unit_comment(guess) for guess in guesses)
     profiles = profile_fields(log)
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *ask_about_joint_efforts(used, profiles)]
+    to_answer = [
+        *([_JOINT_UNIT] if is_unsure else []),
+        *ask_about_joint_efforts(used, profiles),
+        *ask_about_twist_frame(used, profiles),
+    ]
     lines += [f"# to answer: {sentence}" for sentence in (*to_answer, *_TO_ANSWER)]
     rest = [*_make_unused_column_comments(profiles, used), *iter_topic_notes(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]

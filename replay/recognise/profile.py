@@ -199,3 +199,31 @@ def ask_about_joint_efforts(
         if (each.topic, each.field) in efforts and each.low is not None and each.low >= 0.0
     ]
     return ["; ".join([_EFFORT_UNIT, *unsigned])]
+
+
+def ask_about_twist_frame(
+    used_fields: Collection[tuple[str, str]], field_profiles: Sequence[FieldProfile]
+) -> list[str]:
+    """Ask for the frame of a twist whose y component is no drift of a machine that drives along x.
+
+    Args:
+        used_fields: topic and field of each channel.
+        field_profiles: profiles of the log's fields.
+    """
+    largest = {
+        (each.topic, each.field): max(abs(each.low), abs(each.high))
+        for each in field_profiles
+        if each.low is not None and each.high is not None
+    }
+    questions: list[str] = []
+    for topic, field in used_fields:
+        across = (topic, f"{field.removesuffix('.x')}.y")
+        if not field.endswith("linear.x") or across not in largest:
+            continue
+        if largest[across] > LIMITS.twist_across_fraction * largest.get((topic, field), 0.0):
+            questions.append(
+                f"is the twist of {topic} in the frame of the machine? {across[1]} reaches "
+                f"{largest[across]:.3g} m/s, as in the frame of the map, where the x component is "
+                "only a part of the speed"
+            )
+    return questions

@@ -67,6 +67,9 @@ class RecogniseLimits:
     values_per_pass: int = 8_000_000
     #: Fewest fields that are read in one pass, which bounds the number of passes over a long table.
     fields_per_pass: int = 16
+    #: Largest y component of a twist over the largest x component from which it may be in another
+    #: frame: machines that drive along x slide by less, and a heading of 6° on the map gives it.
+    twist_across_fraction: float = 0.1
 
     # words
     #: Letters beyond which a word may be part of a compound: Zugkraft, Motordrehzahl.

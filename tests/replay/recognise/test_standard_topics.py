@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import open_log
+from replay.recognise.profile import FieldProfile, ask_about_twist_frame
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 TYPES: Any = STORE.types
@@ -114,3 +115,17 @@ def test_sides_and_sensors_of_one_machine_are_no_other_machines(tmp_path: Path) 
     assert [each for each in questions if "this file" in each] == [
         "which of '/wheels', '/camera' this file is for: the draft takes the first"
     ]
+
+
+@pytest.mark.parametrize(("across_m_s", "asks"), [(1.35, True), (0.05, False)])
+def test_a_twist_that_is_as_large_across_is_asked_about(across_m_s: float, asks: bool) -> None:
+    """As of drivers that publish the velocity in the frame of the map."""
+    fields = {"twist.twist.linear.x": 2.8, "twist.twist.linear.y": across_m_s}
+    profiles = [
+        FieldProfile("/odom", name, None, 50.0, 9, -size_m_s, 0.0, size_m_s, "")
+        for name, size_m_s in fields.items()
+    ]
+    questions = ask_about_twist_frame([("/odom", "twist.twist.linear.x")], profiles)
+    assert [each.startswith("is the twist of /odom in the frame") for each in questions] == (
+        [True] * asks
+    )
