@@ -26,6 +26,7 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 T = TypeVar("T")
+R = TypeVar("R")
 
 
 def integrate_path_positions_and_length_m(
@@ -137,12 +138,12 @@ def find_manoeuvre_direction_of_samples(manoeuvre_of_sample: Ints, speed: Floats
     return out
 
 
-def cache_on_samples(compute: Callable[[T], Ints]) -> Callable[[T], Ints]:
+def cache_on_samples(compute: Callable[[T], R]) -> Callable[[T], R]:
     """Compute a result once per samples object, and cache it on the object."""
     name = compute.__name__
 
     @wraps(compute)
-    def look_up(samples: T) -> Ints:
+    def look_up(samples: T) -> R:
         if name not in vars(samples):
             vars(samples)[name] = compute(samples)
         return vars(samples)[name]

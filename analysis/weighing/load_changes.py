@@ -117,14 +117,15 @@ def classify_load_change(
         and motion.earlier_stop_count[end_row] == motion.earlier_stop_count[begin_row]
     ):
         return 0
-    span, stand = slice(boom_begin_row, boom_end_row + 1), slice(end_row, begin_row + 1)
+    span = slice(boom_begin_row, boom_end_row + 1)
     arms = motion.boom_and_bucket_angles_rad
     if any(compute_finite_range(arm[span]) > LIMITS.arm_movement_rad for arm in arms):
-        out_rad = [
-            np.nanmax(away_rad[stand], initial=0.0) - away_rad[boom_begin_row]
-            for away_rad in compute_arm_deflections_rad(motion)
-        ]
-        return DUMPED if max(out_rad) > LIMITS.arm_movement_rad else HINTED
+        is_extended = any(
+            np.nanmax(np.abs(arm[end_row : begin_row + 1] - usual_rad), initial=0.0)
+            > abs(arm[boom_begin_row] - usual_rad) + LIMITS.arm_movement_rad
+            for arm, usual_rad in zip(arms, find_usual_arm_angles_rad(motion), strict=True)
+        )
+        return DUMPED if is_extended else HINTED
     silent = (
         motion.long_gap_count is not None
         and motion.long_gap_count[end_row] != motion.long_gap_count[begin_row]
@@ -133,12 +134,11 @@ def classify_load_change(
 
 
 @cache_on_samples
-def compute_arm_deflections_rad(motion: MotionSamples) -> list[Floats]:
-    """Deflection of boom and bucket from where they usually are while driving, (n,) each."""
-    return [
-        np.abs(arm - np.nanmedian(arm[motion.is_fittable]))
-        for arm in motion.boom_and_bucket_angles_rad
-    ]
+def find_usual_arm_angles_rad(motion: MotionSamples) -> list[float]:
+    """Median angle of boom and bucket while driving, each; NaN if it is not known."""
+    driving = [arm[motion.is_fittable] for arm in motion.boom_and_bucket_angles_rad]
+    known = [angle_rad[np.isfinite(angle_rad)] for angle_rad in driving]
+    return [float(np.median(each)) if each.size else np.nan for each in known]
 
 
 def compute_finite_range(values: Floats) -> float:
