@@ -24,6 +24,7 @@ def driven(name: str, seed: int) -> Run:
         return replayed(OTHER_MACHINES[name](seed), Path(folder))
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, (100, 0, 1)))
 @pytest.mark.parametrize("name", mark_heavy_after(1, OTHER_MACHINES))
 def test_there_is_no_pile(name: str, seed: int) -> None:
@@ -32,6 +33,7 @@ def test_there_is_no_pile(name: str, seed: int) -> None:
     assert "external_force" not in set(made.frames["findings"]["cause"])
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, (100, 101, 102)))
 @pytest.mark.parametrize(
     "name", ["a car whose motor brakes", "a bus that never stands", "a cart", "a rack"]

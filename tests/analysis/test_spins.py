@@ -201,6 +201,7 @@ def test_without_a_channel_there_is_no_yaw_axis_and_a_note_names_it(missing):
     assert list_reasons_for_no_answer(turned["excitation"], turned["gate"], loader.settings) == []
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     # fewer than 4 of 6 logs hold once in 450 times
     ("logs", "least"),

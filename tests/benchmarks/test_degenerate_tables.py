@@ -193,6 +193,7 @@ LONG = (
 )
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "case",
     [case for case in ONCE_FAULTS if case not in LONG]

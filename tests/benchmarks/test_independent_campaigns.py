@@ -17,6 +17,7 @@ def _no_more(*_: object) -> None:
     raise AssertionError("made again")
 
 
+@pytest.mark.heavy
 def test_a_campaign_of_payloads_goes_on_where_it_ended(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ SEEDS = range(3)
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("fault", "quantity", "seeds"),
     mark_heavy_after(
@@ -38,6 +39,7 @@ def test_what_is_said_of_a_faulty_log_is_within_three_standard_uncertainties(
     assert np.max(np.abs(found)) < 3.0
 
 
+@pytest.mark.heavy
 def test_what_spins_tell_an_arc_is_a_covariance_where_priors_alone_tell_terms_apart():
     """Its yaw rate's noise was more than what told quadratic from viscous friction."""
     rows = turned("slope, wheels alone", 641009).rows

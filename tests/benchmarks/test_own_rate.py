@@ -18,6 +18,7 @@ HARD = (
 )
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("cell", mark_slow_after(2, HARD[::-1]), ids=str)
 def test_it_opens_as_with_its_true_noise_stated_and_the_interval_holds(cell: Cell) -> None:
     table = logged(cell, 101)
@@ -33,6 +34,7 @@ def test_no_cell_has_a_cutoff_above_what_its_rate_can_hold() -> None:
     assert all(each.cutoff_hz <= 0.45 * each.rate_hz for each in filtered)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "cell",
     mark_heavy_after(1, [Cell(1.0, 20.0, derived=True), Cell(50.0, 2.0, derived=True)]),

@@ -157,6 +157,7 @@ def test_a_loop_that_has_taken_long_is_compiled(
     assert mine(0, 1, 2) == "compiled"
 
 
+@pytest.mark.heavy
 def test_what_another_process_has_compiled_is_used(loop: Callable[..., CompiledLoop]) -> None:
     before = loop()
     assert before(0, 1, 2) == 1

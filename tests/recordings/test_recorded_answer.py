@@ -8,6 +8,7 @@ from recordings import read_recording, write_recording
 from recordings.rrd.recording_texts import make_texts_of_run
 
 
+@pytest.mark.heavy
 def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_path):
     """It has no loads, and its checks have neither consequence nor remedy: they all withhold."""
     run = drives(30.0)

@@ -11,7 +11,7 @@ from tests.replay.attack_list import ATTACKS, Attack
 from tests.replay.made_evidence import Made
 from tests.replay.sledge import Payscope
 
-pytestmark = pytest.mark.usefixtures("kept_replays")
+pytestmark = [pytest.mark.usefixtures("kept_replays"), pytest.mark.heavy]
 
 #: Where a signature may be there that holds, by whomever.
 SIGNED_ANEW = ("signature", "own key", "chain")

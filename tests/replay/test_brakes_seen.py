@@ -101,6 +101,7 @@ def test_explain_apply_mends_it(payscope: Payscope, slide: Path, tmp_path: Path)
 
 
 class TestInit:
+    @pytest.mark.heavy
     def test_a_draft_of_a_log_whose_force_sees_the_brakes_lets_braking_weigh(
         self, payscope: Payscope, slide: Path, tmp_path: Path
     ) -> None:

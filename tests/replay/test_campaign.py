@@ -75,6 +75,7 @@ def masses_of_bag(tmp_path_factory: pytest.TempPathFactory) -> pl.Series:
     return masses_of_one_load(tmp_path_factory.mktemp("bag") / "one.bag")
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("suffix", mark_heavy_after(1, [".mcap", ".csv", ""]))
 def test_every_format_gives_the_same_masses(
     masses_of_bag: pl.Series, tmp_path: Path, suffix: str

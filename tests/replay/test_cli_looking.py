@@ -70,6 +70,7 @@ class TestShow:
                 assert payscope("show", recording, stage, *words).status == 0
                 assert pl.read_parquet(parquet).equals(frame)
 
+    @pytest.mark.heavy
     def test_the_suffix_of_the_output_says_the_format(
         self, payscope: Payscope, recording: Path, tmp_path: Path
     ) -> None:
@@ -181,6 +182,7 @@ class TestInit:
         answer = json.loads(payscope("run", table, "-m", made, "--json").out)
         assert answer["mass_kg"]["pooled"] == pytest.approx(120.0, rel=0.02)
 
+    @pytest.mark.heavy
     @pytest.mark.parametrize(
         "name",
         mark_slow_after(

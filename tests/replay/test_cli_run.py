@@ -262,6 +262,7 @@ class TestRun:
         )
 
 
+@pytest.mark.heavy
 def test_the_installed_command_answers(tmp_path: Path) -> None:
     script = Path(sys.executable).with_name("payscope")
     left = subprocess.run([script, "--version"], capture_output=True, text=True, check=True)

@@ -8,6 +8,7 @@ import pytest
 from tests.replay.haul import haul, replay_haul
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(("cold_1", "is_named"), [(0.0, False), (2.0, True)])
 def test_friction_that_falls_is_named_and_is_part_of_the_uncertainty(
     cold_1: float, is_named: bool, tmp_path: Path

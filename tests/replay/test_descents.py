@@ -10,6 +10,7 @@ from tests.replay.haul import GRAVITY_M_S2, LOADS_KG, haul, replay_haul
 from tests.twins import mark_slow_after
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [1, 2, 3]))
 def test_brakes_that_hold_a_descent_are_no_part_of_a_payload(seed: int, tmp_path: Path) -> None:
     """They were fitted as friction, slip and losses: tonnes came out twice as large."""
@@ -30,6 +31,7 @@ def test_descents_that_no_pitch_shows_are_named_first(seed: int, tmp_path: Path)
     assert findings["cause"][0] == "slope", findings
 
 
+@pytest.mark.heavy
 def test_level_ground_has_no_descents(tmp_path: Path) -> None:
     findings = replay_haul(haul(np.random.default_rng(1), grade_rad=0.0), tmp_path)["findings"]
     assert "slope" not in findings["cause"], findings

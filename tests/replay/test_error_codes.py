@@ -10,6 +10,7 @@ import pytest
 from tests.replay.haul import haul, replay_haul
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("column", "rows", "code"),
     [
@@ -43,6 +44,7 @@ def test_the_proposed_range_leaves_error_codes_out(
     assert (off_kg < 2.0 * mended["u_kg"]).all()
 
 
+@pytest.mark.heavy
 def test_the_proposed_range_keeps_the_motion_of_a_machine_that_mostly_stands(
     tmp_path: Path,
 ) -> None:

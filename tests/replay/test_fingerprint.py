@@ -38,6 +38,7 @@ def test_one_line_shows_it_and_json_and_recording_hold_it_whole(
     }
 
 
+@pytest.mark.heavy
 def test_another_setting_and_another_name_of_the_log_change_what_they_should(
     payscope: Payscope, log: Path, machine_file: Path
 ) -> None:

@@ -64,6 +64,7 @@ def undeclared(frames: dict[str, pl.DataFrame]) -> list[str]:
     return wrong
 
 
+@pytest.mark.heavy
 def test_every_column_of_a_run_has_its_declared_place_and_dtype(replayed: Run) -> None:
     assert undeclared(dict(replayed.frames)) == []
 

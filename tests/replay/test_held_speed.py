@@ -52,6 +52,7 @@ def test_it_weighs_as_the_speed_of_its_sensor_does(table: pl.DataFrame, tmp_path
     assert any("the grid is at 10 Hz" in note for note in found.provenance.notes)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("held_rows", mark_heavy_after(1, [1, 2, 5]))
 def test_noise_that_falls_as_fast_as_braking_takes_no_driving_apart(
     held_rows: int, tmp_path: Path
@@ -80,6 +81,7 @@ def test_a_speed_that_is_not_held_has_no_note(table: pl.DataFrame, tmp_path: Pat
     assert not any("holds each reading" in note for note in notes)
 
 
+@pytest.mark.heavy
 def test_no_finding_blames_an_accelerometer_that_the_log_has_not(
     table: pl.DataFrame, tmp_path: Path
 ) -> None:

@@ -71,5 +71,6 @@ def test_seven_loads_in_seven_files_are_seven_in_order_and_shuffled(
         assert abs(load["mass_kg"] - mass_kg) < 2.0 * load["u_kg"]
 
 
+@pytest.mark.heavy
 def test_the_same_load_in_three_files_is_one_load(tmp_path: Path) -> None:
     assert len(loads(tmp_path, [14_000.0] * 3)) == 1

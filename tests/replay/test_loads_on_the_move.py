@@ -67,6 +67,7 @@ def test_each_load_is_told_where_the_machine_creeps(seed: int, tmp_path: Path) -
     assert (np.abs(off_kg) < 0.1 * np.array(LOADS_KG)).all(), payloads
 
 
+@pytest.mark.heavy
 def test_a_machine_that_creeps_as_often_without_a_load_has_one_mass(tmp_path: Path) -> None:
     loads = weigh(haul((0.0,) * 5, np.random.default_rng(4)), tmp_path)
     assert loads.height == 1

@@ -39,6 +39,7 @@ def test_the_replay_of_all_manoeuvres_finds_their_phases_and_the_forces_that_dro
         assert np.abs(error.mean()) < 60.0, name
 
 
+@pytest.mark.heavy
 def test_the_truth_beside_the_log_names_each_manoeuvre_and_the_loaded_machine(tmp_path):
     scenario = load_scenario_file(PLANAR)
     (path,) = simulate_scenario_to_logs(scenario, tmp_path / "planar.csv")

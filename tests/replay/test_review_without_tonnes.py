@@ -111,6 +111,7 @@ def test_a_target_of_no_load_is_no_judgement(payscope: Payscope, machine_file: P
     assert "10/10/20" not in said.out
 
 
+@pytest.mark.heavy
 def test_cycles_that_a_reviewer_rejects_are_the_reason(
     payscope: Payscope, machine_file: Path
 ) -> None:

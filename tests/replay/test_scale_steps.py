@@ -9,6 +9,7 @@ import pytest
 from tests.replay.haul import haul, replay_haul
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(("column", "factor"), [("force_N", 1.356), ("speed_m_s", 0.6214)])
 def test_a_unit_that_changes_in_the_middle_is_found(
     column: str, factor: float, tmp_path: Path
@@ -24,6 +25,7 @@ def test_a_unit_that_changes_in_the_middle_is_found(
     assert int(found["start_t_ns"][0]) / 1e9 == pytest.approx(80.0, abs=5.0)
 
 
+@pytest.mark.heavy
 def test_a_machine_that_keeps_its_scale_has_no_step(tmp_path: Path) -> None:
     findings = replay_haul(haul(np.random.default_rng(4), grade_rad=0.0), tmp_path)["findings"]
     assert "scale_step" not in findings["cause"], findings

@@ -145,6 +145,7 @@ def test_a_scenario_file_of_a_shift_reads_back(tmp_path: Path) -> None:
         assert load_scenario_file(path) == scenario
 
 
+@pytest.mark.heavy
 def test_a_shift_is_replayed(tmp_path: Path) -> None:
     paths = simulate_scenario_to_logs(SHIFT, tmp_path / "shift.bag")
     with ExitStack() as stack:

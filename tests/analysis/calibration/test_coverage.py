@@ -19,6 +19,7 @@ def held(plan, campaigns=FEWER):
     return ours, without_u, by_19, alone
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "plan",
     mark_slow_after(

@@ -115,6 +115,7 @@ def test_one_load_throughout_is_no_cycle() -> None:
     assert summed(frames)["cycles"] == 0
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("noise_kg", mark_heavy_after(1, [5.0, 30.0]))
 def test_intervals_of_payloads_and_of_the_sum_hold_what_they_say(noise_kg: float) -> None:
     held: list[bool] = []

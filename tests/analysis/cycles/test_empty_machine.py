@@ -94,6 +94,7 @@ class TestWhatTellsTheScale:
 
 
 class TestUncertainty:
+    @pytest.mark.heavy
     @pytest.mark.parametrize("ticket_kg", mark_slow_after(2, [0.1, 100.0, 1.0, 10.0]))
     def test_is_never_wider_for_a_ticket(self, ticket_kg: float):
         alone = summary(replayed(1.0, KNOWN))

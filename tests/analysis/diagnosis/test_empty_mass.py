@@ -54,6 +54,7 @@ def first(log: Weighed) -> dict[str, object]:
     return log.replayed.frames["findings"].row(0, named=True)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("times", mark_heavy_after(1, [1 / 3.9, 0.5, 0.65]))
 def test_a_mass_far_below_the_empty_machine_is_withheld_as_a_negative_payload(times):
     log = scaled(times)

@@ -37,6 +37,7 @@ class TestWheelsAgainstTheAccelerometer:
         assert found.verdict.can_weigh
         assert abs(found.error_u) <= 2.0
 
+    @pytest.mark.heavy
     @pytest.mark.parametrize("noise_m_s", mark_heavy_after(1, [0.01, 0.3]))
     def test_one_that_moves_it_leaves_no_answer(self, noise_m_s: float, tmp_path: Path) -> None:
         car = driven(noise_m_s)
@@ -65,6 +66,7 @@ class TestWheelsAgainstTheAccelerometer:
             in found.check("wheel_imu_residual").meaning
         )
 
+    @pytest.mark.heavy
     def test_a_speed_with_noise_hides_no_part_of_the_accelerometer(self, tmp_path: Path) -> None:
         gain = driven(0.3).replayed(tmp_path).check("acceleration_gain").value
         assert gain == pytest.approx(1.0, abs=0.15)
@@ -81,6 +83,7 @@ def a_moment(tmp_path_factory: pytest.TempPathFactory) -> tuple[float, Judged]:
 class TestFrozen:
     """A force that repeats one reading while the car goes on."""
 
+    @pytest.mark.heavy
     def test_a_moment_of_a_long_log_is_left_out_and_told(
         self, a_moment: tuple[float, Judged]
     ) -> None:
@@ -115,6 +118,7 @@ class TestFrozen:
         findings = found.run.frames["findings"]
         assert findings.filter(findings["cause"] == "frozen")["severity"].to_list() == ["withhold"]
 
+    @pytest.mark.heavy
     def test_a_setting_that_allows_it_leaves_it_in(self, tmp_path: Path) -> None:
         found = (
             driven()
@@ -128,6 +132,7 @@ class TestFrozen:
 class TestLimits:
     """A torque that an engine does not exceed, and one that a sensor does not show."""
 
+    @pytest.mark.heavy
     def test_a_torque_at_the_engines_limit_weighs(self, tmp_path: Path) -> None:
         found = Car.driven(limit_N=2500.0).replayed(tmp_path)
         assert found.check("frozen_s").passed

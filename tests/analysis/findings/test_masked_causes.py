@@ -11,6 +11,7 @@ from tests.analysis.findings.conftest import Named
 from tests.twins import mark_slow_after
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("hides", "size", "other", "cause"),
     mark_slow_after(
@@ -37,6 +38,7 @@ def test_behind_a_sign_or_a_unit_stands_what_it_hides(
     assert found["rank"].to_list() == list(range(1, found.height + 1))
 
 
+@pytest.mark.heavy
 def test_a_sign_and_a_unit_stand_before_all_else(named: Named) -> None:
     found = named(("accelerometer of the wrong sign", 1.0), ("speed in km/h", 1.0))
     assert found["cause"].to_list() == ["sign_flipped", "wrong_unit"]

@@ -220,6 +220,7 @@ def test_steps_of_a_coarse_speed_are_no_spikes_and_hide_none(named: Named) -> No
     assert channels["quantised"].startswith("speed")
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [8_600_207, 8_600_311]))
 def test_a_speed_of_a_fifth_of_a_metre_a_second_is_a_finding_and_no_fault(
     named: Named, seed: int

@@ -68,6 +68,7 @@ def test_a_sound_machine_on_a_cross_slope_in_curves_has_no_finding(seed: int) ->
     assert "side_difference" not in found.failed
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "seed",
     mark_slow_after(
@@ -180,6 +181,7 @@ def test_a_gain_that_drifts_as_if_loads_were_taken_one_after_another_is_named(se
     assert try_fault(BY_NAME["gain drifts"], 0.2, seed).is_named(("gain_drift",))
 
 
+@pytest.mark.heavy
 def test_loads_that_are_taken_one_after_another_are_no_drift() -> None:
     three = {"campaign": {"loads_kg": [0, 200, 400], "runs": 3}}
     replayed = weighed(merged(RUNS, RICH, three)).replayed

@@ -149,6 +149,7 @@ def test_every_decision_and_every_estimate_equals_the_replays(
     assert_as_in_replay(excitation, settings, noise if known else None)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("coulomb", mark_heavy_after(1, [False, True]))
 def test_noise_of_the_log_refuses_and_corrects_on_board_as_in_replay(
     drive, excitation_of, noise, coulomb

@@ -23,6 +23,7 @@ def test_one_trial_has_no_interval_and_missing_values_do_not_count() -> None:
     assert (rls["error_kg"], rls["error_kg_high"]) == (None, None)
 
 
+@pytest.mark.heavy
 def test_the_bootstrap_interval_holds_the_true_root_mean_square_nearly_always() -> None:
     rng = np.random.default_rng(11)
     # errors of two sizes, as windows of different phases have

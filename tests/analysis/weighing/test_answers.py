@@ -170,6 +170,7 @@ class TestBraking:
 
 
 class TestPriors:
+    @pytest.mark.heavy
     def test_a_machine_of_which_more_is_known_is_weighed_better(self):
         """One way and full throttle, load transfer and mass are nearly one."""
         known = clean("settings.priors.load_transfer_s2_m=0.001")

@@ -73,6 +73,7 @@ def swing_of(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     return None if springs is None else estimate_body_swing(measured, motion, springs)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("height_m", mark_heavy_after(1, [0.5, 0.25, -0.4]))
 def test_wheels_tell_the_lever_arm_and_the_springs(height_m: float) -> None:
     for seed in range(3):

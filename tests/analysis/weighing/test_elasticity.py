@@ -80,6 +80,7 @@ def weighed(path: Path) -> Run:
 
 
 # where the strokes disagree by more than the belt moves the mass (seed 3), it is not named
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(2, (0, 1, 2, 4, 5)))
 def test_a_belt_between_motor_and_mass_widens_and_is_named(tmp_path: Path, seed: int) -> None:
     found = weighed(logged(tmp_path / "rack.csv", seed, at_the_motor=True))

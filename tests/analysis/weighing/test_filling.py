@@ -37,6 +37,7 @@ def test_what_a_long_log_tells_of_a_growth_that_moves_no_mass_is_no_evidence() -
         assert np.isnan(unknown.load_growth_over_std)
 
 
+@pytest.mark.heavy
 def test_where_nothing_fills_the_machine_a_growth_is_in_the_uncertainty() -> None:
     """A late force or a changing efficiency looks alike: the mass without the growth is within."""
     fills = {"loading": {"fill_kg_s": FILLS_KG_S[1]}, "starts": {"directions": "alternating"}}

@@ -25,6 +25,7 @@ def test_a_rack_is_weighed_beside_its_spring(seed: int, tmp_path: Path) -> None:
     assert "place" in set(made.frames["budget"]["cause"])
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, [0, 6, 10]))
 def test_an_arm_whose_weight_pulls_by_its_place_has_one_load(seed: int, tmp_path: Path) -> None:
     drawn = arm(seed)

@@ -134,6 +134,7 @@ def drive_and_cut_throttle(seed: int, brake: float) -> pl.DataFrame:
     return pl.DataFrame(read, schema=["t", "force", "speed"], orient="row")
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(2, range(8)))
 @pytest.mark.parametrize("brake", mark_heavy_after(1, [0.0, -0.3]))
 def test_noise_of_the_force_hides_no_slip(tmp_path: Path, seed: int, brake: float) -> None:

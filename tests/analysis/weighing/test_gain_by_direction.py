@@ -130,6 +130,7 @@ def test_a_load_of_a_half_of_the_machine_is_no_gain() -> None:
     assert to_and_fro(0.5).weighing.by_direction is None
 
 
+@pytest.mark.heavy
 def test_a_log_without_such_a_gain_has_none() -> None:
     log = to_and_fro(0.0)
     assert log.weighing.by_direction is None

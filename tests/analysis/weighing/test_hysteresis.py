@@ -68,6 +68,7 @@ def test_a_force_without_play_has_no_such_term(replayed, cell: Cell) -> None:
     assert "hysteresis" not in found.frames["findings"]["cause"]
 
 
+@pytest.mark.heavy
 def test_a_machine_file_that_expects_it_always_has_the_term(replayed) -> None:
     (row,) = hysteresis(replayed(DERIVED, 3111, 0.0, hysteresis_share=0.01))
     assert abs(row["posterior"]) < 3.0 * row["posterior_std"]

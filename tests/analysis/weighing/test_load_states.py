@@ -56,6 +56,7 @@ def two():
 
 
 class TestTwoLoads:
+    @pytest.mark.heavy
     def test_each_has_a_mass_and_the_payload_is_their_difference(self, two):
         loads = two.frames["loads"]
         assert loads["manoeuvres"].to_list() == [5, 5]
@@ -252,6 +253,7 @@ def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
     )
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_heavy_after(1, [30932002, 30932004]))
 def test_a_load_that_a_load_transfer_explains_as_well_is_said_with_both(seed):
     """Empty forward and loaded in reverse: a share that changes with the acceleration is alike."""
@@ -349,5 +351,6 @@ class TestALoadThatChangesUnderWay:
         assert load["manoeuvres"] == 5
         assert abs(load["mass_kg"] - 3614.0) < 2.0 * load["u_kg"] < 200.0
 
+    @pytest.mark.heavy
     def test_loads_that_change_standing_are_no_such_thing(self, two):
         assert "within" not in "".join(two.frames["loads"]["said"])

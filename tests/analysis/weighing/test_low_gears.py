@@ -18,6 +18,7 @@ from tests.twins import mark_heavy_after, mark_slow_after
 
 
 #: Without the terms of gears the mass is 5 u off, or none.
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_heavy_after(1, [405, 406]))
 def test_a_car_with_gears_has_one_load_and_the_mass_that_its_top_gear_moves(
     seed: int, tmp_path: Path
@@ -28,6 +29,7 @@ def test_a_car_with_gears_has_one_load_and_the_mass_that_its_top_gear_moves(
     assert abs(load["mass_kg"] - moves_kg) < 2.0 * load["u_kg"]
 
 
+@pytest.mark.heavy
 def test_a_cart_has_no_gears(tmp_path: Path) -> None:
     terms = set(replayed(cart(0), tmp_path).frames["nuisances"]["term"])
     assert not terms & {term.name for term in LOW_GEARS}

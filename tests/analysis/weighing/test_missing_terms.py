@@ -119,6 +119,7 @@ def test_a_force_that_no_term_describes_is_named_by_its_curvature(replayed) -> N
     assert "not linear in the acceleration" in evidence
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("cell", mark_slow_after(1, [DERIVED, MEASURED]), ids=str)
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3310, 3313)))
 def test_a_sound_log_is_not_widened(replayed, cell: Cell, seed: int) -> None:

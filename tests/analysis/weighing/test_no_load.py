@@ -11,6 +11,7 @@ from tests.analysis.without_bucket import WITHOUT_BUCKET
 from tests.twins import mark_heavy_after, mark_slow_after
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(6)))
 @pytest.mark.parametrize("name", mark_heavy_after(1, ["a rack", "an arm"]))
 def test_no_load_is_said_that_the_machine_could_not_carry(

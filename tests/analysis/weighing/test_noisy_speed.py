@@ -27,6 +27,7 @@ class WhiteNoise:
         return self.variances / samples
 
 
+@pytest.mark.heavy
 def test_every_stretch_that_is_fitted_moves() -> None:
     log = weighed(merged(RICH, SLOW))
     motion = log.weighing.fit.motion

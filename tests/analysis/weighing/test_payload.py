@@ -88,6 +88,7 @@ def test_a_heavy_payload_holds_its_uncertainty_where_rolling_resistance_grows_wi
     assert terms["weight_viscous"] > 0.0
 
 
+@pytest.mark.heavy
 def test_without_any_of_it_the_payload_is_little_wider_for_it():
     load, _ = weighed("none")
     assert abs(load["payload_kg"] - LOAD_KG) < 2.5 * load["payload_u_kg"]

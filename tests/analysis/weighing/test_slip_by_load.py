@@ -63,6 +63,7 @@ def drive(seed: int, stiffness_share: float) -> tuple[pl.DataFrame, float]:
     return pl.DataFrame(read, schema=["t", "force", "speed"], orient="row"), empty_to_s
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(4)))
 @pytest.mark.parametrize("stiffness_share", mark_heavy_after(1, [0.0, 1.0]))
 def test_a_payload_holds_whether_the_load_presses_the_tracks_or_not(

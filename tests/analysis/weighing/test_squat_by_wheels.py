@@ -50,6 +50,7 @@ def test_wheels_of_an_unknown_radius_may_be_wrong_themselves() -> None:
     assert abs(unknown.error_u) < 3.0
 
 
+@pytest.mark.heavy
 def test_wheels_that_are_wrong_by_less_than_their_uncertainty_are_no_squat() -> None:
     """Wheels 5 % larger than stated, known to 2 %."""
     larger = {"wheel_radius_m": 0.42, "wheel_radius_u_m": 0.02 * 0.42}

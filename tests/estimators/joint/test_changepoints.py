@@ -85,6 +85,7 @@ class TestPartitions:
         kind = np.tile([0, 0, 0, RESTARTED], 5)[:-1]
         assert max(state_of([3600.0] * 20, seed=seed, kind=kind)) == 0
 
+    @pytest.mark.heavy
     def test_loads_that_change_wherever_the_machine_turns_are_told_by_that(self):
         """Two manoeuvres each, one deviation of their difference apart."""
         levels = np.tile(np.repeat([3600.0, 3621.0], 2), 16)

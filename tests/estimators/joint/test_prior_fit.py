@@ -47,6 +47,7 @@ def fits(draws=300):
 
 
 class TestWhatItSays:
+    @pytest.mark.heavy
     def test_its_intervals_hold_the_truth_as_often_as_they_say(self):
         held = [
             np.abs(found.theta - theta) < 1.96 * found.parameter_stds for found, theta in fits()

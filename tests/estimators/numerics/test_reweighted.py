@@ -8,6 +8,7 @@ from estimators.numerics.reweighted import AT_ONCE
 from tests.twins import mark_heavy_after
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("method", mark_heavy_after(1, [huber, fgls]), ids=["huber", "fgls"])
 def test_every_window_of_full_batches_is_that_of_the_window_alone(method):
     generator = np.random.default_rng(8)

@@ -18,6 +18,7 @@ def columns_of(A, names):
     return A[..., [planar_rows.PARAMETERS.index(name) for name in names]]
 
 
+@pytest.mark.heavy
 @given(column, column, column, column, column, column, column)
 def test_the_two_rows_are_those_of_the_whole_regressor_which_hold_no_other_parameter(
     force_x, force_y, force_z, v, lateral, omega, omega_dot

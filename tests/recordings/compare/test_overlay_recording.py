@@ -83,6 +83,7 @@ def test_a_legend_names_what_both_draw_once(drives, tmp_path: Path) -> None:
     assert {"A speed", "B speed"} <= named
 
 
+@pytest.mark.heavy
 def test_of_a_long_log_the_difference_is_drawn_in_bins(drives, tmp_path: Path) -> None:
     a = drives(700.0)
     path = write_overlay_recording(a, heavier(a), tmp_path / "ab.rrd", "", is_same_log=True)

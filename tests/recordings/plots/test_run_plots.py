@@ -151,6 +151,7 @@ def test_a_line_holds_the_numbers_of_its_column_and_breaks_where_there_are_none(
         assert np.isnan(numbers[inside]).any()
 
 
+@pytest.mark.heavy
 def test_more_points_than_fit_are_drawn_by_the_mean_and_the_extremes_of_each_bin(drives):
     run = drives(900.0)
     axes = panels(draw_run_overview(run))["Force (N)"]
@@ -264,6 +265,7 @@ def is_alike(pair: tuple[dict, str]) -> bool:
 PAIRS = sorted(product(KINDS, FIGURES), key=is_alike)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("options", "figure"),
     mark_slow_after(sum(not is_alike(pair) for pair in PAIRS), PAIRS),

@@ -3,6 +3,7 @@
 from html.parser import HTMLParser
 
 import polars as pl
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -86,6 +87,7 @@ STRANGE = st.text(
 PLAIN = Elements(page(2, "plain"))
 
 
+@pytest.mark.heavy
 @settings(max_examples=20)
 @given(STRANGE)
 @example("{{ 7 * 7 }}")

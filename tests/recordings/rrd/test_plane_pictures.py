@@ -81,6 +81,7 @@ def test_a_run_without_calibration_and_excitation_has_no_picture() -> None:
     assert make_plane_pictures(Run({})) == {}
 
 
+@pytest.mark.heavy
 def test_everything_is_in_view_and_the_run_is_read_back_unchanged(drives, tmp_path: Path) -> None:
     import rerun as rr
 

@@ -75,6 +75,7 @@ def test_fields_of_a_log_that_are_named_like_ours_are_not_taken_for_the_time(
     assert read_run_of_time_range(path, 1.0, 3.0).frames["raw/table"].equals(raw[1:4])
 
 
+@pytest.mark.heavy
 def test_a_finding_of_the_whole_log_is_one_of_every_stretch(drives, tmp_path: Path):
     path = write_recording(drives(60.0), tmp_path / "shift.rrd")
     assert read_run_of_time_range(path, 30.0, 40.0).frames["findings"]["cause"].to_list() == [

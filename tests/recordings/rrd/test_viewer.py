@@ -54,6 +54,7 @@ class TestViewer:
         assert min(sizes) > 20_000
         assert len({each.png.read_bytes() for each in drawn}) == len(drawn)
 
+    @pytest.mark.heavy
     @pytest.mark.parametrize("tab", mark_slow_after(1, ["Estimates", "Calibration"]))
     def test_each_of_five_methods_is_seen(self, drives, tmp_path: Path, tab: str):
         path = write_recording(drives(60.0), tmp_path / "shift.rrd")

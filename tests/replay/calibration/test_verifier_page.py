@@ -432,6 +432,7 @@ def campaign(seed: int) -> tuple[dict[str, Any], pl.DataFrame, Any]:
     return evidence, frame, ours
 
 
+@pytest.mark.heavy
 def test_its_fit_is_ours_for_campaigns_of_every_kind(verifier: Verifier) -> None:
     """Several days, loads off the line, a known day, shared masses, few and many readings."""
     seen = set[str]()
@@ -470,6 +471,7 @@ def test_numbers_are_printed_as_the_report_prints_them(verifier: Verifier) -> No
             assert own == f"{value:,.{digits}f}"
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("opened", [(380, "light"), (380, "dark"), (1280, "dark")], indirect=True)
 def test_it_is_accessible_and_fits_a_phone(opened: Any, made: Made) -> None:
     from axe_playwright_python.sync_playwright import Axe

@@ -36,6 +36,7 @@ def test_the_former_names_are_in_the_file_and_its_fingerprint(folder: Path) -> N
     assert stored.with_fingerprint() == stored
 
 
+@pytest.mark.heavy
 def test_it_compares_equal_in_both_orders(folder: Path, payscope: Payscope) -> None:
     for pair in (("now.rrd", "former.rrd"), ("former.rrd", "now.rrd")):
         said = payscope("compare", *(folder / name for name in pair), "--json")

@@ -108,6 +108,7 @@ def test_elements_and_times_are_as_the_log_gives_them(bag: Path, tmp_path: Path)
         assert_one_line(fault.value)
 
 
+@pytest.mark.heavy
 def test_a_run_gives_the_same_answer(tmp_path: Path) -> None:
     short = Scenario()
     campaign = short.campaign.model_copy(update={"loads_kg": (50.0,), "runs": 2})

@@ -73,6 +73,7 @@ def test_a_run_with_a_recording_that_has_no_result_leaves_with_1(
     assert "no rule in" in said.out
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     ("words", "part"),
     [

@@ -12,6 +12,8 @@ from replay.fleet.gathered_tables import open_results_of_fleet
 from replay.fleet.write_fleet_page import FleetReport, write_fleet_report
 from tests.replay.shift_review import HOSTILE
 
+pytestmark = pytest.mark.heavy
+
 PHONE, DESK = 380, 1280
 SCREENS = [(PHONE, "light"), (PHONE, "dark"), (DESK, "light"), (DESK, "dark")]
 

@@ -78,6 +78,7 @@ def test_memory_is_declared_by_the_size_of_the_log() -> None:
     assert limits.compute_memory_bytes_for_log(10**9) == 2**30 + 2 * 10**9
 
 
+@pytest.mark.heavy
 def test_a_log_that_hangs_is_listed_with_its_limit_and_costs_nobody_else(
     run_in: Run, fleet_folder: Path, tmp_path: Path
 ) -> None:

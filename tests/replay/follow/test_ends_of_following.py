@@ -53,6 +53,7 @@ def followed() -> tuple[FollowedLogState, list[FollowedRow]]:
     return following, [row for row in rows if row.gate is not None]
 
 
+@pytest.mark.heavy
 def test_ctrl_c_in_the_middle_of_a_poll_loses_no_row(monkeypatch: pytest.MonkeyPatch) -> None:
     before = signal.getsignal(signal.SIGINT)
     after_rows(monkeypatch, 1000, interrupt)

@@ -141,6 +141,7 @@ def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
         assert mine == theirs, name
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(
     "recorder", mark_slow_after(len(CONTAINERS), [*CONTAINERS, *PACKED_OTHERWISE])
 )

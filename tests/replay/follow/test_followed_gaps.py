@@ -31,6 +31,7 @@ def complete_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate_scenario_to_logs(plan, tmp_path_factory.mktemp("whole") / "whole.mcap")[0]
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("is_late", mark_heavy_after(1, [True, False]))
 def test_a_topic_that_is_missing_at_an_end_is_followed_as_in_the_replay(
     complete_log: Path, tmp_path: Path, is_late: bool

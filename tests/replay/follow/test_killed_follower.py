@@ -318,6 +318,7 @@ def test_a_recorder_that_is_killed_loses_its_torn_chunk_and_the_next_file_goes_o
     assert last["manoeuvres"] >= 3
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("step_s", mark_heavy_after(1, [-30.0, 30.0]))
 def test_a_clock_that_is_set_costs_no_row_twice(
     step_s: float, sources: dict[str, Path], tmp_path: Path, payscope: Payscope

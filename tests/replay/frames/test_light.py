@@ -73,6 +73,7 @@ def assert_alike(compiled: list[Any], by_python: list[Any], path: Path) -> None:
         assert alike, path
 
 
+@pytest.mark.heavy
 def test_both_ways_give_the_same_rows_and_losses_of_every_log(
     own_data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,6 +34,7 @@ def written(tmp_path: Path, file: DialectFile) -> Path:
     return path
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("name", mark_heavy_after(1, SETS))
 def test_a_dialect_is_read_as_it_was_driven(
     tmp_path: Path, name: str, subtests: pytest.Subtests

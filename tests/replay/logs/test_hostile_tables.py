@@ -19,6 +19,7 @@ CASES = {n: (".csv", data) for n, data in hostile().items() if n != LONG} | pack
 SEEDS = range(0, 200, 8)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_heavy_after(1, SEEDS))
 def test_a_damaged_table_is_one_line_or_declared_losses(tmp_path: Path, seed: int) -> None:
     suffix, data = damaged(seed)

@@ -77,6 +77,7 @@ def damaged(path: Path) -> None:
 
 
 # an error where a file is closed leaves it open
+@pytest.mark.heavy
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize("log_format", FORMATS)

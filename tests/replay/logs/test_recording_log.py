@@ -20,6 +20,7 @@ from tests.twins import mark_heavy_after
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("name", mark_heavy_after(1, ["straight.mcap", "planar.mcap", "table.csv"]))
 def test_a_replay_of_the_recording_equals_that_of_the_log_bit_for_bit(
     name: str, tmp_path: Path
@@ -64,6 +65,7 @@ def test_it_is_not_replaced_by_its_own_replay_also_with_force(
     assert recorded.read_bytes() == before
 
 
+@pytest.mark.heavy
 def test_a_field_that_was_not_recorded_and_a_recording_without_channels_are_one_line(
     recorded: Path, tmp_path: Path
 ) -> None:

@@ -179,6 +179,7 @@ def test_claims_are_given_of_the_payload_range_as_well(found: dict[str, ItemResu
     assert constant["of_load_range_percent"] == pytest.approx(34.2, abs=0.1)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("output_format", mark_heavy_after(1, ["md", "csv"]))
 def test_files_are_written_all_or_none(
     found: dict[str, ItemResult], tmp_path: Path, output_format: str

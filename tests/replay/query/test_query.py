@@ -42,6 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.heavy
 def test_topics_are_tables_by_name_and_in_a_word(folder: Path) -> None:
     log = str(folder / "one.bag")
     read = open_log(log).read("/wheels", ["effort[left]"])

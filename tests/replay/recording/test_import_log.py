@@ -103,6 +103,7 @@ def test_a_log_without_a_machine_file_shows_its_columns_with_joints_by_name(
     assert "payscope init axis.bag -o axis.toml" in said(tmp_path)
 
 
+@pytest.mark.heavy
 def test_a_machine_file_beside_the_log_replays_it(bag: Path, tmp_path: Path) -> None:
     machine = (REPO / "examples/linear_axis_ros.toml").read_text()
     bag.with_suffix(".toml").write_text(machine)

@@ -47,6 +47,7 @@ def test_a_moment_beyond_all_time_or_beside_the_stretch_is_one_line(
     assert not (tmp_path / "page.png").exists()
 
 
+@pytest.mark.heavy
 @pytest.mark.filterwarnings("error")
 def test_a_stretch_of_one_sample_is_drawn(
     payscope: Payscope, recording: Path, tmp_path: Path

@@ -14,7 +14,7 @@ from replay.review.write_review import ShiftReview
 from tests.replay.shift_review import shift_folder, verdict
 from tests.replay.sledge import Payscope, join_to_one_line
 
-pytestmark = pytest.mark.usefixtures("kept_replays")
+pytestmark = [pytest.mark.usefixtures("kept_replays"), pytest.mark.heavy]
 
 DESK, PHONE = 1280, 380
 

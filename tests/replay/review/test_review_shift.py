@@ -54,6 +54,7 @@ def folder(reviewed: ShiftReview, tmp_path: Path) -> Path:
     return Path(shutil.copytree(reviewed.folder, tmp_path / "review"))
 
 
+@pytest.mark.heavy
 def test_the_energy_of_each_cycle_is_the_simulators_own_work(
     reviewed: ShiftReview,
 ) -> None:
@@ -100,6 +101,7 @@ def test_the_folder_holds_the_ledger_twice_the_recording_and_the_page(
     assert kept["payload_kg"].to_list() == reviewed.ledger["payload_kg"].to_list()
 
 
+@pytest.mark.heavy
 def test_a_second_review_does_not_replay_unless_something_that_counts_has_changed(
     driven: tuple[list[Path], Path, Any], folder: Path
 ) -> None:

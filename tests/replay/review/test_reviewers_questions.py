@@ -11,7 +11,7 @@ from replay.review.review_shift import ReviewOptions, review_shift
 from tests.replay.shift_review import shift_folder
 from tests.twins import mark_slow_after
 
-pytestmark = pytest.mark.usefixtures("kept_replays")
+pytestmark = [pytest.mark.usefixtures("kept_replays"), pytest.mark.heavy]
 
 MOST_CLICKS = 2
 

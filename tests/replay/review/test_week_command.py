@@ -60,6 +60,7 @@ def counted(folder: Path) -> pl.DataFrame:
     return pl.read_parquet(folder / PARQUET).filter("counted")
 
 
+@pytest.mark.heavy
 def test_a_week_is_the_sum_of_its_days(on_day: Callable[..., Path], payscope: Payscope) -> None:
     folders = [on_day(day) for day in range(3)]
     done = payscope("review", "--week", *map(str, folders), "--json")
@@ -136,6 +137,7 @@ def test_a_limit_of_the_friction_needs_a_week(reviewed: Path, payscope: Payscope
     assert "--week" in done.err
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("scheme", mark_heavy_after(1, ["light", "dark"]))
 def test_the_page_is_accessible_and_scrolls_down_only_on_a_phone(
     on_day: Callable[..., Path], payscope: Payscope, chromium: Any, tmp_path: Path, scheme: str

@@ -59,6 +59,7 @@ def test_without_a_setting_to_vary_it_shows_one(
     )
 
 
+@pytest.mark.heavy
 def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
     payscope: Payscope, log: Path, machine_file: Path
 ) -> None:

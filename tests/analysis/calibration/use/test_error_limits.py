@@ -98,6 +98,7 @@ def test_the_guard_band_leaves_the_risk_that_was_asked_for():
         assert (row.verdict == "within") == (row.outside_1 <= 0.05)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("name", mark_heavy_after(1, ["OIML R 134 0.5", "OIML R 134 1"]))
 def test_what_is_said_to_be_within_is_within(name):
     """Of later masses few are accepted and err by more than the limit."""

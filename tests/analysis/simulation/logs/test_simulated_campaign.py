@@ -82,6 +82,7 @@ def test_a_delay_between_samples_shows_what_was_between_them():
     )
 
 
+@pytest.mark.heavy
 def test_the_same_seed_gives_the_same_log_bit_for_bit_and_another_seed_another():
     for mine, again in zip(logs(), logs(), strict=True):
         for name in mine.topics:

@@ -1,6 +1,7 @@
 """Machines that are drawn, and the ground and habits of the field laid over them."""
 
 import numpy as np
+import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from benchmarks.shift_logs import drawn_shift
@@ -49,6 +50,7 @@ def test_field_physics_spans_what_the_field_has():
     assert 0.2 < sag_deg.max() <= 0.3
 
 
+@pytest.mark.heavy
 def test_nearly_all_machines_start_on_the_ground_that_is_drawn_for_them():
     driven = 0
     for seed in range(20):

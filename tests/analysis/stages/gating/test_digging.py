@@ -202,6 +202,7 @@ def test_a_machine_that_drives_on_is_in_no_pile() -> None:
     assert find_digging_starts(rolling, MACHINE).height <= 1
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("seed", mark_slow_after(1, range(3)))
 @pytest.mark.parametrize("name", mark_heavy_after(1, WITHOUT_BUCKET))
 def test_machines_without_a_bucket_have_no_pile(name: str, seed: int, tmp_path: Path) -> None:

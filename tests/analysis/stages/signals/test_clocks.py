@@ -59,6 +59,7 @@ def test_a_drift_is_found_whatever_the_latency(drift_ppm, rate_hz, latency):
     assert found["span_s"] == pytest.approx(SPAN_S, abs=0.3)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("latency", mark_heavy_after(1, [jitter, queues]))
 def test_the_standard_deviation_is_that_of_the_drift(latency):
     found = [row(stamped(seed=seed, latency=latency)) for seed in range(200)]

@@ -78,6 +78,7 @@ def test_nothing_leaks_over_a_gap(causal):
         assert np.ptp(y[times >= t[200]]) < 1e-6
 
 
+@pytest.mark.heavy
 @settings(deadline=None)
 @given(st.lists(st.integers(16, 60), min_size=1, max_size=8), st.integers(0, 2**32 - 1))
 def test_stretches_of_a_burst_are_filtered_as_scipy_filters_each(lengths, seed):

@@ -94,6 +94,7 @@ def test_a_column_does_not_depend_on_what_else_is_asked_for(
     )
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("encoding", mark_slow_after(2, ["cdr_le", "ros1", "cdr_be", "xcdr2_le"]))
 @RANDOM_TYPES
 @given(types=types(), seed=st.integers(0, 2**32), data=st.data())
